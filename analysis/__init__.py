@@ -1,0 +1,4 @@
+"""Recording to table, table to one trustworthy row a second, rows to held windows.
+
+Uses ``acquisition``; knows nothing of ``hybrid``.
+"""

@@ -1,0 +1,4 @@
+"""The simulation model, the trained calibrator on top of it, and what both are worth.
+
+Uses ``analysis`` and ``acquisition``.
+"""
