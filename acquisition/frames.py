@@ -1,0 +1,71 @@
+"""The two values that walk through acquisition: a frame (bytes off a wire) and a sample (one number)."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Literal
+
+Protocol = Literal["can", "nmea0183", "mavlink"]
+
+
+class Quality(IntEnum):
+    """What is known of a value, in the flags of QARTOD."""
+
+    GOOD = 1
+    NOT_EVALUATED = 2
+    SUSPECT = 3
+    BAD = 4
+    MISSING = 9
+
+
+class FrameFlag(IntFlag):
+    """What a CAN frame was, besides its identifier and data."""
+
+    NONE = 0
+    STANDARD_ID = 1
+    REMOTE = 2
+    ERROR = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Bytes as they came off one wire, with the times of their reception; nothing is decoded yet.
+
+    ``payload`` is one CAN frame's data, one NMEA 0183 line without its line end, or one MAVLink datagram.
+    ``stamped_ns`` is the UTC time that a log file or a gateway gave the frame, if any.
+    """
+
+    origin: str
+    protocol: Protocol
+    payload: bytes
+    received_ns: int
+    monotonic_ns: int
+    identifier: int = 0
+    flags: FrameFlag = FrameFlag.NONE
+    stamped_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One value of one quantity in the house's unit, with its three times.
+
+    ``measured_ns`` is the UTC time that the recording stamps the value with; ``source_ns`` is what the
+    source itself said (None if it said nothing), on the clock named by ``clock``.
+    """
+
+    quantity: str
+    value: float
+    source: str
+    received_ns: int
+    monotonic_ns: int
+    measured_ns: int
+    source_ns: int | None = None
+    clock: str = "receiver"
+    quality: Quality = Quality.NOT_EVALUATED
+
+
+def now_ns() -> tuple[int, int]:
+    """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns]."""
+    return time.time_ns(), time.monotonic_ns()

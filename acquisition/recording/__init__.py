@@ -1,0 +1,1 @@
+"""The MCAP recording: the only place that knows the file format."""

@@ -1,0 +1,67 @@
+"""A table to a recording: what an import and a simulated trial have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.channels import BY_NAME
+from acquisition.errors import InputError
+from acquisition.frames import Quality, Sample
+from acquisition.recording.writer import RecordingWriter
+from acquisition.trial import Trial
+
+
+def write_table(
+    table: pd.DataFrame,
+    path: Path | str,
+    trial: Trial,
+    source: str | Mapping[str, str] = "table",
+    qualities: Mapping[str, NDArray[np.uint8]] | None = None,
+) -> int:
+    """Write a table's channels as a recording, in the order of its rows, and return the number of samples.
+
+    ``table`` has a UTC index named ``time`` and columns named as the channels, in their units; NaN cells are
+    not written. ``source`` says where the values come from, for all or by column; ``qualities`` gives flags
+    by column, :attr:`Quality.NOT_EVALUATED` where it is silent. The file appears under its name only when it
+    is complete. Raises :class:`InputError` for a column that is no channel, :class:`StorageError` when the
+    file cannot be written.
+    """
+    unknown = [name for name in table.columns if name not in BY_NAME]
+    if unknown:
+        raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
+    target = Path(path)
+    partial = target.with_name(f".{target.name}.part")
+    try:
+        with RecordingWriter(partial, trial) as writer:
+            _write_rows(writer, table, source, qualities or {})
+        partial.replace(target)
+    finally:
+        partial.unlink(missing_ok=True)
+    return int(table.notna().to_numpy().sum())
+
+
+def _write_rows(
+    writer: RecordingWriter,
+    table: pd.DataFrame,
+    source: str | Mapping[str, str],
+    qualities: Mapping[str, NDArray[np.uint8]],
+) -> None:
+    index = pd.DatetimeIndex(table.index)
+    times_ns = index.as_unit("ns").asi8.tolist()  # pandas 3 counts in microseconds unless told
+    names = [str(name) for name in table.columns]
+    sources = [source if isinstance(source, str) else source.get(name, "table") for name in names]
+    flags = [qualities.get(name) for name in names]
+    values = table.to_numpy(dtype=float)
+    present = np.isfinite(values)
+    for row, time_ns in enumerate(times_ns):
+        for column in np.flatnonzero(present[row]):
+            flag = flags[column]
+            quality = Quality.NOT_EVALUATED if flag is None else Quality(int(flag[row]))
+            value = float(values[row, column])
+            name, origin = names[column], sources[column]
+            writer.write_sample(Sample(name, value, origin, time_ns, 0, time_ns, time_ns, "table", quality))

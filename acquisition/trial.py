@@ -1,0 +1,59 @@
+"""What a recording says of itself: the ship, the place, the tangent plane's origin, the crew's notes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from importlib.metadata import PackageNotFoundError, version
+
+
+def software_version() -> str:
+    """The installed version of Seatrial, written into every product."""
+    try:
+        return f"seatrial {version('seatrial')}"
+    except PackageNotFoundError:
+        return "seatrial (not installed)"
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """The run sheet of one recording. ``None`` and the empty string mean: not known.
+
+    The origin is that of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to.
+    """
+
+    name: str = ""
+    vessel: str = ""
+    place: str = ""
+    origin_latitude_deg: float | None = None
+    origin_longitude_deg: float | None = None
+    water_depth_m: float | None = None
+    draught_m: float | None = None
+    crew_notes: str = ""
+
+    @property
+    def origin(self) -> tuple[float, float] | None:
+        """Latitude and longitude of the origin [deg], if both are known."""
+        if self.origin_latitude_deg is None or self.origin_longitude_deg is None:
+            return None
+        return self.origin_latitude_deg, self.origin_longitude_deg
+
+    def as_metadata(self) -> dict[str, str]:
+        """The MCAP metadata record ``trial``: text to text; what is not known is left out."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        texts = {key: str(value) for key, value in values.items() if value not in (None, "")}
+        if "name" in texts:
+            texts["trial"] = texts.pop("name")
+        return {**texts, "software_version": software_version()}
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, str]) -> Trial:
+        """The inverse of :meth:`as_metadata`; keys that this version does not know are passed over."""
+        texts = dict(metadata)
+        texts["name"] = texts.pop("trial", "")
+        known: dict[str, str | float] = {}
+        for field in fields(cls):
+            if texts.get(field.name):
+                numeric = "float" in str(field.type)
+                known[field.name] = float(texts[field.name]) if numeric else texts[field.name]
+        return cls(**known)  # type: ignore[arg-type]
