@@ -1,0 +1,282 @@
+"""A trial's TOML file as frozen objects: the trial, its sources and how they are recorded.
+
+Each source says which of the 13 channels it provides; where several provide one, the order in the file is
+the order of preference. ``clock = "source"`` stamps a source's samples with the time that the source itself
+tells; the default stamps them with the time of reception and keeps the source's own beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, ConfigDict, Discriminator, PositiveFloat
+from pydantic.dataclasses import dataclass
+
+from acquisition.channels import BY_NAME, NAMES
+from acquisition.errors import ConfigurationError
+from acquisition.toml_file import load_toml, read_text
+from acquisition.trial import Trial
+from acquisition.units import scale_to
+
+_STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
+
+
+def _known_channel(name: str) -> str:
+    if name not in BY_NAME:
+        near = get_close_matches(name, BY_NAME, n=1, cutoff=0.4) or list(NAMES)
+        raise ValueError(f"is no channel; did you mean {' '.join(near)}?")
+    return name
+
+
+ChannelName = Annotated[str, AfterValidator(_known_channel)]
+Clock = Literal["receiver", "source"]
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Signal:
+    """One signal of a DBC file that carries a channel; the unit is that of the file's physical value."""
+
+    message: str
+    signal: str
+    unit: str
+
+
+@dataclass(frozen=True, config=_STRICT)
+class NamedValue:
+    """One MAVLink NAMED_VALUE_FLOAT that carries a channel."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Thrusters:
+    """The numbers that TRD sentences give the thrusters: odd at the bow, even at the stern."""
+
+    port: int = 2
+    starboard: int = 4
+    tunnel: int = 1
+
+
+def _check_units(mapped: dict[str, Signal] | dict[str, NamedValue]) -> Any:
+    for channel, entry in mapped.items():
+        try:
+            scale_to(BY_NAME[channel].unit, entry.unit)
+        except ConfigurationError as error:
+            raise ValueError(f"{channel}: {error}") from error
+    return mapped
+
+
+@dataclass(frozen=True, config=_STRICT)
+class CanSource:
+    """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
+
+    ``options`` go to python-can's interface as they are (bitrate, port, hop_limit ...).
+    """
+
+    name: str
+    type: Literal["can"]
+    interface: str
+    channel: str
+    channels: tuple[ChannelName, ...]
+    options: dict[str, str | int | float | bool] = field(default_factory=dict)
+    clock: Clock = "receiver"
+    dbc: Path | None = None
+    signals: Annotated[dict[ChannelName, Signal], AfterValidator(_check_units)] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class SerialSource:
+    """NMEA 0183 on a serial line."""
+
+    name: str
+    type: Literal["serial"]
+    device: str
+    channels: tuple[ChannelName, ...]
+    baud_rate: int = 4800
+    clock: Clock = "receiver"
+    thrusters: Thrusters = field(default_factory=Thrusters)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class UdpSource:
+    """NMEA 0183 in UDP datagrams that are sent to this address and port."""
+
+    name: str
+    type: Literal["udp"]
+    port: int
+    channels: tuple[ChannelName, ...]
+    address: str = "127.0.0.1"
+    clock: Clock = "receiver"
+    thrusters: Thrusters = field(default_factory=Thrusters)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class TcpSource:
+    """NMEA 0183 from a TCP server, a multiplexer or gateway, that we connect to."""
+
+    name: str
+    type: Literal["tcp"]
+    port: int
+    channels: tuple[ChannelName, ...]
+    address: str = "127.0.0.1"
+    clock: Clock = "receiver"
+    thrusters: Thrusters = field(default_factory=Thrusters)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class FileSource:
+    """NMEA 0183 sentences from a text file, read once from beginning to end."""
+
+    name: str
+    type: Literal["file"]
+    path: Path
+    channels: tuple[ChannelName, ...]
+    clock: Clock = "receiver"
+    thrusters: Thrusters = field(default_factory=Thrusters)
+
+
+@dataclass(frozen=True, config=_STRICT)
+class MavlinkSource:
+    """MAVLink in UDP datagrams that are sent to this address and port, from one system."""
+
+    name: str
+    type: Literal["mavlink"]
+    port: int
+    channels: tuple[ChannelName, ...]
+    address: str = "127.0.0.1"
+    system_id: int = 1
+    clock: Clock = "receiver"
+    named_values: Annotated[dict[ChannelName, NamedValue], AfterValidator(_check_units)] = field(
+        default_factory=lambda: {
+            "port_angle_deg": NamedValue(name="port_ang", unit="deg"),
+            "starboard_angle_deg": NamedValue(name="stbd_ang", unit="deg"),
+            "tunnel_rpm": NamedValue(name="tunnel_rpm", unit="rpm"),
+        }
+    )
+
+
+LineSource = SerialSource | UdpSource | TcpSource | FileSource
+AnySource = CanSource | LineSource | MavlinkSource
+
+
+@dataclass(frozen=True, config=_STRICT)
+class Origin:
+    """The origin of the trial's tangent plane, WGS 84."""
+
+    latitude_deg: float
+    longitude_deg: float
+
+
+@dataclass(frozen=True, config=_STRICT)
+class TrialSection:
+    """The run sheet. Without an origin the first fix becomes the origin."""
+
+    name: str
+    vessel: str = ""
+    place: str = ""
+    origin: Origin | None = None
+    water_depth_m: float | None = None
+    draught_m: float | None = None
+    crew_notes: str = ""
+
+
+@dataclass(frozen=True, config=_STRICT)
+class RecordingSection:
+    """How often what was received is handed to the system (flush) and forced onto the disk (sync)."""
+
+    flush_s: PositiveFloat = 0.2
+    sync_s: PositiveFloat = 0.5
+    queue_frames: int = 50_000
+
+
+@dataclass(frozen=True, config=_STRICT)
+class _File:
+    trial: TrialSection
+    source: tuple[Annotated[AnySource, Discriminator("type")], ...]
+    recording: RecordingSection = field(default_factory=RecordingSection)
+
+
+@dataclass(frozen=True)
+class TrialConfig:
+    """A validated trial configuration and the text it came from, which goes into the recording."""
+
+    trial: Trial
+    sources: tuple[AnySource, ...]
+    recording: RecordingSection
+    text: str
+    path: Path
+
+    @property
+    def missing_channels(self) -> tuple[str, ...]:
+        """Those of the 13 channels that no source provides."""
+        provided = {name for source in self.sources for name in source.channels}
+        return tuple(name for name in NAMES if name not in provided)
+
+
+def load_config(path: Path | str) -> TrialConfig:
+    """Read and check a trial's configuration.
+
+    Relative paths in it are relative to the file itself. Raises :class:`ConfigurationError` naming the line.
+    """
+    file = load_toml(path, _File)
+    if not file.source:
+        raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
+    _check_names(file.source, path)
+    folder = Path(path).resolve().parent
+    return TrialConfig(
+        trial=_trial(file.trial),
+        sources=tuple(_resolved(source, folder, path) for source in file.source),
+        recording=file.recording,
+        text=read_text(path),
+        path=Path(path),
+    )
+
+
+def _trial(section: TrialSection) -> Trial:
+    return Trial(
+        name=section.name,
+        vessel=section.vessel,
+        place=section.place,
+        origin_latitude_deg=section.origin.latitude_deg if section.origin else None,
+        origin_longitude_deg=section.origin.longitude_deg if section.origin else None,
+        water_depth_m=section.water_depth_m,
+        draught_m=section.draught_m,
+        crew_notes=section.crew_notes,
+    )
+
+
+def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    names = [source.name for source in sources]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(
+                f"two sources are called {name!r}", where=str(path), fix="give each its own name"
+            )
+        if not name.replace("_", "").replace("-", "").isalnum():
+            raise ConfigurationError(
+                f"source name {name!r} cannot be part of a topic",
+                where=str(path),
+                fix="use letters, digits, - and _",
+            )
+
+
+def _resolved(source: AnySource, folder: Path, path: Path | str) -> AnySource:
+    """The source with its file paths made absolute and checked."""
+    if isinstance(source, FileSource):
+        return replace(source, path=folder / source.path)
+    if isinstance(source, CanSource) and source.dbc is not None:
+        dbc = folder / source.dbc
+        if not dbc.exists():
+            raise ConfigurationError(
+                f"DBC file {dbc} does not exist", where=f"{path}, source {source.name!r}"
+            )
+        return replace(source, dbc=dbc)
+    if isinstance(source, CanSource) and source.signals:
+        raise ConfigurationError(
+            "has signals but no dbc file", where=f"{path}, source {source.name!r}", fix="add dbc = FILE"
+        )
+    return source

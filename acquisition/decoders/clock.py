@@ -1,0 +1,82 @@
+"""The clock of a source, as it announces it, and the three times of a sample."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterable
+
+from acquisition.config import Clock
+from acquisition.frames import Frame, Quality, Sample
+
+_LONGEST_EXTRAPOLATION_NS = 5_000_000_000
+_EPOCH = dt.date(1970, 1, 1)
+_NANO = 1_000_000_000
+_DAY_NS = 86_400 * _NANO
+
+
+def utc_ns(date: dt.date, seconds_of_day: float) -> int:
+    """A date and the seconds since its midnight as ns since 1970.
+
+    >>> utc_ns(dt.date(1970, 1, 2), 0.5)
+    86400500000000
+    """
+    return (date - _EPOCH).days * _DAY_NS + round(seconds_of_day * 1e6) * 1000
+
+
+class SourceClock:
+    """The UTC time that a source announces now and then, carried on by our monotonic clock.
+
+    With ``stamps`` "source" it decides the measured time of the source's samples; with "receiver" what the
+    source says is only kept beside the time of reception.
+    """
+
+    def __init__(self, stamps: Clock, name: str) -> None:
+        self.stamps = stamps
+        self.name = name
+        self._announced: tuple[int, int] | None = None
+
+    def announce(self, source_ns: int, frame: Frame) -> None:
+        """The source said that it is ``source_ns`` UTC."""
+        self._announced = (source_ns, frame.monotonic_ns)
+
+    def at(self, frame: Frame) -> int | None:
+        """The source's UTC time when ``frame`` was received; None if it has not said it of late."""
+        if self._announced is None:
+            return None
+        source_ns, monotonic_ns = self._announced
+        elapsed_ns = frame.monotonic_ns - monotonic_ns
+        return source_ns + elapsed_ns if 0 <= elapsed_ns <= _LONGEST_EXTRAPOLATION_NS else None
+
+    def date_at(self, frame: Frame) -> dt.date | None:
+        """The source's date, where it is known."""
+        now = self.at(frame)
+        return None if now is None else _EPOCH + dt.timedelta(days=now // _DAY_NS)
+
+    def samples(
+        self,
+        frame: Frame,
+        source: str,
+        values: Iterable[tuple[str, float]],
+        source_ns: int | None = None,
+        quality: Quality = Quality.NOT_EVALUATED,
+    ) -> list[Sample]:
+        """Samples of one frame with their three times; ``source_ns`` is what the message itself said."""
+        told_ns = source_ns if source_ns is not None else self.at(frame)
+        received_ns = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns
+        use_source = self.stamps == "source" and told_ns is not None
+        measured_ns = told_ns if use_source and told_ns is not None else received_ns
+        clock = self.name if use_source else "receiver"
+        return [
+            Sample(
+                quantity,
+                value,
+                source,
+                frame.received_ns,
+                frame.monotonic_ns,
+                measured_ns,
+                told_ns,
+                clock,
+                quality,
+            )
+            for quantity, value in values
+        ]

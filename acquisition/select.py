@@ -1,0 +1,52 @@
+"""One source a channel: the preferred one while it is alive, the next one when it falls silent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from acquisition.config import AnySource
+from acquisition.frames import Sample
+
+SILENT_NS = 2_500_000_000
+
+
+@dataclass(slots=True)
+class _Holder:
+    source: str
+    rank: int
+    last_ns: int
+
+
+class Selector:
+    """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
+
+    The order of the configuration's sources is the order of preference. Of two devices or messages on one
+    line the first that came keeps the channel until it has been silent for 2.5 s.
+    """
+
+    def __init__(self, sources: tuple[AnySource, ...]) -> None:
+        self._rank = {
+            (source.name, channel): rank for rank, source in enumerate(sources) for channel in source.channels
+        }
+        self._holders: dict[str, _Holder] = {}
+
+    def admit(self, sample: Sample) -> tuple[bool, str]:
+        """Whether the sample is the channel's, and a text for the event log if the channel changed hands.
+
+        Call once a sample, in order of reception.
+        """
+        rank = self._rank.get((sample.source.split("/", maxsplit=1)[0], sample.quantity))
+        if rank is None:
+            return False, ""
+        holder = self._holders.get(sample.quantity)
+        if holder is None:
+            self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)
+            return True, ""
+        if holder.source == sample.source:
+            holder.last_ns = sample.monotonic_ns
+            return True, ""
+        if rank < holder.rank or sample.monotonic_ns - holder.last_ns > SILENT_NS:
+            text = f"{sample.quantity}: from {holder.source} to {sample.source}"
+            self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)
+            return True, text
+        return False, ""

@@ -1,0 +1,47 @@
+"""Where frames come from: one file a transport, one dict that says which file serves which type.
+
+A source yields frames with their times of reception and knows nothing of what is in them.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Protocol
+
+from acquisition.config import AnySource
+from acquisition.frames import Frame
+
+# Imported when first used: a trial without CAN needs no python-can.
+_CLASSES = {
+    "can": ("acquisition.sources.can_bus", "CanBus"),
+    "serial": ("acquisition.sources.serial_line", "SerialLine"),
+    "udp": ("acquisition.sources.network", "UdpLines"),
+    "tcp": ("acquisition.sources.network", "TcpLines"),
+    "file": ("acquisition.sources.logfile", "LogFile"),
+    "mavlink": ("acquisition.sources.mavlink_link", "MavlinkLink"),
+}
+
+
+class Source(Protocol):
+    """What the pipeline asks of a transport."""
+
+    name: str
+
+    def open(self) -> None:
+        """Connect. Raises :class:`~acquisition.errors.SourceError` if that cannot be done."""
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        """What came within the time, perhaps nothing; None when nothing will ever come again.
+
+        Raises :class:`~acquisition.errors.SourceError` when the transport has failed.
+        """
+
+    def close(self) -> None:
+        """Let go of the transport; harmless when it is not open."""
+
+
+def make_source(config: AnySource) -> Source:
+    """The source that a configuration section describes, not yet open."""
+    module, name = _CLASSES[config.type]
+    source: Source = getattr(import_module(module), name)(config)
+    return source

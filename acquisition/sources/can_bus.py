@@ -1,0 +1,72 @@
+"""CAN frames from any interface that python-can knows."""
+
+from __future__ import annotations
+
+import can
+
+from acquisition.config import CanSource
+from acquisition.errors import SourceError
+from acquisition.frames import Frame, FrameFlag, now_ns
+
+_MOST_FRAMES_AT_ONCE = 200
+
+
+def open_bus(config: CanSource) -> can.BusABC:
+    """Open the bus of a configuration section. Raises :class:`SourceError`."""
+    try:
+        return can.Bus(
+            interface=config.interface,
+            channel=config.channel,
+            receive_own_messages=False,
+            **config.options,
+        )
+    except (can.CanError, OSError, ValueError, TypeError, ImportError, AttributeError) as error:
+        raise SourceError(
+            f"CAN bus {config.interface}:{config.channel} cannot be opened",
+            where=f"source {config.name!r}",
+            why=str(error),
+            fix="connect the interface, or correct `interface`, `channel` and `options`",
+        ) from error
+
+
+class CanBus:
+    """One bus; frames are stamped when python-can hands them over."""
+
+    def __init__(self, config: CanSource) -> None:
+        self.name = config.name
+        self._config = config
+        self._bus: can.BusABC | None = None
+
+    def open(self) -> None:
+        self._bus = open_bus(self._config)
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        if self._bus is None:
+            raise SourceError("is not open", where=f"source {self.name!r}")
+        frames: list[Frame] = []
+        try:
+            message = self._bus.recv(timeout_s)
+            while message is not None:
+                frames.append(self._frame(message))
+                message = self._bus.recv(0.0) if len(frames) < _MOST_FRAMES_AT_ONCE else None
+        except (can.CanError, OSError) as error:
+            raise SourceError("CAN bus failed", where=f"source {self.name!r}", why=str(error)) from error
+        return frames
+
+    def close(self) -> None:
+        if self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None
+
+    def _frame(self, message: can.Message) -> Frame:
+        received_ns, monotonic_ns = now_ns()
+        flags = FrameFlag.NONE
+        if not message.is_extended_id:
+            flags |= FrameFlag.STANDARD_ID
+        if message.is_remote_frame:
+            flags |= FrameFlag.REMOTE
+        if message.is_error_frame:
+            flags |= FrameFlag.ERROR
+        return Frame(
+            self.name, "can", bytes(message.data), received_ns, monotonic_ns, message.arbitration_id, flags
+        )

@@ -1,0 +1,108 @@
+"""NMEA 0183 lines over IP: UDP datagrams that are sent to us, TCP connections that we make."""
+
+from __future__ import annotations
+
+import socket
+
+from acquisition.config import MavlinkSource, TcpSource, UdpSource
+from acquisition.errors import SourceError
+from acquisition.frames import Frame
+from acquisition.sources.lines import LineAssembler
+
+_DATAGRAM_BYTES = 65_535
+_BUFFER_BYTES = 4 * 1024 * 1024
+_CONNECT_TIMEOUT_S = 3.0
+
+
+def bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
+    """A UDP socket bound to the section's address, with as large a buffer as the system allows."""
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        opened.bind((config.address, config.port))
+    except OSError as error:
+        opened.close()
+        raise SourceError(
+            f"UDP {config.address}:{config.port} cannot be listened on",
+            where=f"source {config.name!r}",
+            why=str(error.strerror),
+            fix="end the program that uses it, or correct `address` and `port`",
+        ) from error
+    return opened
+
+
+def receive_datagram(opened: socket.socket | None, name: str, timeout_s: float) -> bytes:
+    """The next datagram, or nothing after the timeout. Raises :class:`SourceError`."""
+    if opened is None:
+        raise SourceError("is not open", where=f"source {name!r}")
+    try:
+        opened.settimeout(timeout_s)
+        return opened.recv(_DATAGRAM_BYTES)
+    except (TimeoutError, BlockingIOError):
+        return b""
+    except OSError as error:
+        raise SourceError("network failed", where=f"source {name!r}", why=str(error.strerror)) from error
+
+
+class UdpLines:
+    """Datagrams of one or more sentences each."""
+
+    def __init__(self, config: UdpSource) -> None:
+        self.name = config.name
+        self._config = config
+        self._socket: socket.socket | None = None
+
+    def open(self) -> None:
+        self._socket = bind_udp(self._config)
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        datagram = receive_datagram(self._socket, self.name, timeout_s)
+        lines = LineAssembler(self.name)  # a datagram never continues the one before it
+        return lines.push(datagram) + lines.end()
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+class TcpLines:
+    """One connection to a multiplexer or gateway."""
+
+    def __init__(self, config: TcpSource) -> None:
+        self.name = config.name
+        self._config = config
+        self._socket: socket.socket | None = None
+        self._lines = LineAssembler(config.name)
+
+    def open(self) -> None:
+        address = (self._config.address, self._config.port)
+        try:
+            self._socket = socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
+        except OSError as error:
+            raise SourceError(
+                f"TCP {address[0]}:{address[1]} does not answer",
+                where=f"source {self.name!r}",
+                why=str(error),
+                fix="start the gateway, or correct `address` and `port`",
+            ) from error
+        self._lines = LineAssembler(self.name)
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        if self._socket is None:
+            raise SourceError("is not open", where=f"source {self.name!r}")
+        try:
+            self._socket.settimeout(timeout_s)
+            received = self._socket.recv(_DATAGRAM_BYTES)
+        except (TimeoutError, BlockingIOError):
+            return []
+        except OSError as error:
+            raise SourceError("connection failed", where=f"source {self.name!r}", why=str(error)) from error
+        if not received:
+            raise SourceError("the other end closed the connection", where=f"source {self.name!r}")
+        return self._lines.push(received)
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None

@@ -1,0 +1,52 @@
+"""NMEA 0183 lines from a serial port."""
+
+from __future__ import annotations
+
+import serial
+
+from acquisition.config import SerialSource
+from acquisition.errors import SourceError
+from acquisition.frames import Frame
+from acquisition.sources.lines import LineAssembler
+
+
+def open_port(config: SerialSource) -> serial.Serial:
+    """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
+    try:
+        return serial.Serial(config.device, config.baud_rate, timeout=0)
+    except (serial.SerialException, ValueError, OSError) as error:
+        raise SourceError(
+            f"serial line {config.device} cannot be opened",
+            where=f"source {config.name!r}",
+            why=str(error),
+            fix="connect it, or correct `device`",
+        ) from error
+
+
+class SerialLine:
+    """One serial port."""
+
+    def __init__(self, config: SerialSource) -> None:
+        self.name = config.name
+        self._config = config
+        self._port: serial.Serial | None = None
+        self._lines = LineAssembler(config.name)
+
+    def open(self) -> None:
+        self._port = open_port(self._config)
+        self._lines = LineAssembler(self.name)
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        if self._port is None:
+            raise SourceError("is not open", where=f"source {self.name!r}")
+        try:
+            self._port.timeout = timeout_s
+            first = self._port.read(1)
+            return self._lines.push(first + self._port.read(self._port.in_waiting)) if first else []
+        except (serial.SerialException, OSError, TypeError) as error:  # pyserial raises TypeError on unplug
+            raise SourceError("serial line failed", where=f"source {self.name!r}", why=str(error)) from error
+
+    def close(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
