@@ -12,7 +12,7 @@ from math import cos, isfinite, radians, sin
 import pymap3d
 
 from acquisition.channels import BY_NAME, CIRCULAR
-from acquisition.frames import Sample
+from acquisition.frames import Group, Sample
 from acquisition.trial import Trial
 
 _HEADING_KEEPS_NS = 500_000_000  # a heading older than this does not turn velocities into surge and sway
@@ -21,7 +21,7 @@ _HEADING_KEEPS_NS = 500_000_000  # a heading older than this does not turn veloc
 class Derivation:
     """The channels of one trial from what its decoders deliver, sample group by sample group.
 
-    A group is what came in one frame. Without an origin in ``trial`` the first fix becomes the origin;
+    A group is what came in one message. Without an origin in ``trial`` the first fix becomes the origin;
     ``origin`` then tells which it is.
     """
 
@@ -30,7 +30,7 @@ class Derivation:
         self.refused: Counter[str] = Counter()
         self._heading: dict[str, Sample] = {}
 
-    def channels(self, group: list[Sample]) -> list[Sample]:
+    def channels(self, group: Group) -> list[Sample]:
         """The channel samples in a group, in range, angles wrapped."""
         by_quantity = {sample.quantity: sample for sample in group}
         derived = [*group, *self._plane(by_quantity), *self._body_velocity(by_quantity)]

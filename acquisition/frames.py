@@ -66,6 +66,10 @@ class Sample:
     quality: Quality = Quality.NOT_EVALUATED
 
 
+Group = list[Sample]
+"""The samples of one message: they share source and times, so that pairs stay pairs."""
+
+
 def now_ns() -> tuple[int, int]:
     """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns]."""
     return time.time_ns(), time.monotonic_ns()

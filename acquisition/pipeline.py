@@ -44,9 +44,8 @@ class Processing:
         self._writer.write_raw(frame)
         decoders = self._decoders[frame.origin]
         for decoder in decoders:
-            samples = decoder.decode(frame)
-            if samples:
-                self._record(self._derivation.channels(samples))
+            for group in decoder.decode(frame):
+                self._record(self._derivation.channels(group))
         self._health.sources[frame.origin].refused = sum(each.refused.total() for each in decoders)
 
     def _record(self, samples: list[Sample]) -> None:

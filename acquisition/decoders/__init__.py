@@ -10,7 +10,7 @@ from collections import Counter
 from typing import Protocol
 
 from acquisition.config import AnySource, CanSource, MavlinkSource
-from acquisition.frames import Frame, Sample
+from acquisition.frames import Frame, Group
 
 
 class Decoder(Protocol):
@@ -19,8 +19,8 @@ class Decoder(Protocol):
     refused: Counter[str]
     """How many frames or values were refused, by reason."""
 
-    def decode(self, frame: Frame) -> list[Sample]:
-        """The samples in one frame; they share their times. Empty where there is nothing for us in it."""
+    def decode(self, frame: Frame) -> list[Group]:
+        """The samples in one frame, a group a message; empty where there is nothing for us in it."""
 
 
 def make_decoders(config: AnySource) -> list[Decoder]:

@@ -6,7 +6,7 @@ import datetime as dt
 from collections.abc import Iterable
 
 from acquisition.config import Clock
-from acquisition.frames import Frame, Quality, Sample
+from acquisition.frames import Frame, Group, Quality, Sample
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _EPOCH = dt.date(1970, 1, 1)
@@ -52,31 +52,22 @@ class SourceClock:
         now = self.at(frame)
         return None if now is None else _EPOCH + dt.timedelta(days=now // _DAY_NS)
 
-    def samples(
+    def group(
         self,
         frame: Frame,
         source: str,
         values: Iterable[tuple[str, float]],
         source_ns: int | None = None,
         quality: Quality = Quality.NOT_EVALUATED,
-    ) -> list[Sample]:
-        """Samples of one frame with their three times; ``source_ns`` is what the message itself said."""
+    ) -> list[Group]:
+        """One message's values as a group with their three times; no group where there is no value.
+
+        ``source_ns`` is what the message itself said of when it was measured.
+        """
         told_ns = source_ns if source_ns is not None else self.at(frame)
-        received_ns = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns
-        use_source = self.stamps == "source" and told_ns is not None
-        measured_ns = told_ns if use_source and told_ns is not None else received_ns
-        clock = self.name if use_source else "receiver"
-        return [
-            Sample(
-                quantity,
-                value,
-                source,
-                frame.received_ns,
-                frame.monotonic_ns,
-                measured_ns,
-                told_ns,
-                clock,
-                quality,
-            )
-            for quantity, value in values
-        ]
+        measured_ns, clock = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns, "receiver"
+        if self.stamps == "source" and told_ns is not None:
+            measured_ns, clock = told_ns, self.name
+        times = (frame.received_ns, frame.monotonic_ns, measured_ns, told_ns, clock)
+        group = [Sample(quantity, value, source, *times, quality) for quantity, value in values]
+        return [group] if group else []

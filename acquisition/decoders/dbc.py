@@ -18,7 +18,7 @@ from acquisition.config import Signal
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.errors import ConfigurationError
-from acquisition.frames import Frame, FrameFlag, Sample
+from acquisition.frames import Frame, FrameFlag, Group
 from acquisition.units import scale_to
 
 
@@ -74,7 +74,7 @@ class DbcDecoder:
             wanted = self._wanted.setdefault(frame_key(message), (message, []))
             wanted[1].append((channel, signal, scale_to(BY_NAME[channel].unit, entry.unit)))
 
-    def decode(self, frame: Frame) -> list[Sample]:
+    def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
             return []
         extended = not frame.flags & FrameFlag.STANDARD_ID
@@ -92,4 +92,4 @@ class DbcDecoder:
                 self.refused["not available"] += 1
             else:
                 values.append((channel, float(signal.raw_to_scaled(raw[signal.name], False)) * scale))
-        return self._clock.samples(frame, f"{frame.origin}/{frame.identifier & 0xFF}:{message.name}", values)
+        return self._clock.group(frame, f"{frame.origin}/{frame.identifier & 0xFF}:{message.name}", values)

@@ -10,7 +10,7 @@ from typing import Any
 from acquisition.channels import BY_NAME
 from acquisition.config import MavlinkSource
 from acquisition.decoders.clock import SourceClock
-from acquisition.frames import Frame, Sample
+from acquisition.frames import Frame, Group
 from acquisition.units import DEG_PER_RAD, scale_to
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
@@ -68,15 +68,15 @@ class MavlinkDecoder:
         self._parser = dialect.MAVLink(None)
         self._parser.robust_parsing = True
 
-    def decode(self, frame: Frame) -> list[Sample]:
+    def decode(self, frame: Frame) -> list[Group]:
         try:
             messages = self._parser.parse_buffer(frame.payload) or []
         except dialect.MAVError:
             self.refused["undecodable"] += 1
             return []
-        return [sample for message in messages for sample in self._samples(message, frame)]
+        return [group for message in messages for group in self._group(message, frame)]
 
-    def _samples(self, message: Any, frame: Frame) -> list[Sample]:
+    def _group(self, message: Any, frame: Frame) -> list[Group]:
         kind = message.get_type()
         if kind == "BAD_DATA":
             self.refused["bad data"] += 1
@@ -90,7 +90,7 @@ class MavlinkDecoder:
         values = self._named_value(message) if kind == "NAMED_VALUE_FLOAT" else []
         if kind in _READERS:
             values = _READERS[kind](message)
-        return self.clock.samples(
+        return self.clock.group(
             frame, f"{frame.origin}/{self._system_id}:{kind}", values, self._told(message)
         )
 

@@ -17,7 +17,7 @@ from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamErr
 
 from acquisition.config import Clock, Thrusters
 from acquisition.decoders.clock import SourceClock, utc_ns
-from acquisition.frames import Frame, Sample
+from acquisition.frames import Frame, Group
 from acquisition.units import KNOT_MPS
 
 Values = list[tuple[str, float]]
@@ -101,7 +101,7 @@ class Nmea0183Decoder:
         numbers = thrusters or Thrusters()
         self._thruster = {numbers.port: "port", numbers.starboard: "starboard", numbers.tunnel: "tunnel"}
 
-    def decode(self, frame: Frame) -> list[Sample]:
+    def decode(self, frame: Frame) -> list[Group]:
         sentence = split_sentence(frame.payload)
         if sentence is None:
             self.refused["no sound checksum"] += 1
@@ -109,14 +109,14 @@ class Nmea0183Decoder:
         tag, fields = sentence
         source, kind = f"{frame.origin}/{tag[:-3]}:{tag[-3:]}", tag[-3:]
         if kind == "TRD":
-            return self.clock.samples(frame, source, self._thruster_response(fields))
+            return self.clock.group(frame, source, self._thruster_response(fields))
         if kind not in _READERS and kind != "ZDA":
             return []
         message = self._parsed(frame)
         if message is None:
             return []
         told_ns = self._told_time(message, kind, frame)
-        return self.clock.samples(frame, source, _READERS[kind](message), told_ns) if kind != "ZDA" else []
+        return self.clock.group(frame, source, _READERS[kind](message), told_ns) if kind != "ZDA" else []
 
     def _parsed(self, frame: Frame) -> Any:
         try:

@@ -18,7 +18,7 @@ from nmea2000.input_formats import N2KFormat
 
 from acquisition.config import Clock
 from acquisition.decoders.clock import SourceClock, utc_ns
-from acquisition.frames import Frame, Sample
+from acquisition.frames import Frame, Group
 from acquisition.units import DEG_PER_RAD
 
 # A sequence number comes round after eight messages; parts further apart than this belong to two messages.
@@ -112,7 +112,7 @@ class Nmea2000Decoder:
         self._singles = NMEA2000Decoder(bound_format=N2KFormat.PYTHON_CAN)
         self._fast: dict[tuple[int, int], tuple[NMEA2000Decoder, int]] = {}
 
-    def decode(self, frame: Frame) -> list[Sample]:
+    def decode(self, frame: Frame) -> list[Group]:
         group, device = parameter_group(frame.identifier)
         if not self._passes_guards(frame, group):
             return []
@@ -126,7 +126,7 @@ class Nmea2000Decoder:
         told_ns = _told_time(fields) if group == _GNSS_POSITION else None
         values = [(name, value) for name, value in _READERS[group](fields) if value is not None]
         self.refused["not available"] += len(_READERS[group](fields)) - len(values)
-        return self.clock.samples(frame, f"{frame.origin}/{device}:{group}", values, told_ns)
+        return self.clock.group(frame, f"{frame.origin}/{device}:{group}", values, told_ns)
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
         if frame.flags:

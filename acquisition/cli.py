@@ -1,0 +1,132 @@
+"""The commands aboard: record, emulate, import, info. They parse, call and print; nothing else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
+
+
+def mount(app: typer.Typer) -> None:
+    """Add this package's commands to the command line."""
+    app.command("record", help="Record a trial; SIGINT and SIGTERM end it cleanly.")(record)
+    app.command("emulate", help="Play a recording onto the buses and lines of a configuration.")(emulate)
+    app.command("import", help="Turn a table (CSV, Parquet or .mat) into a recording.")(import_)
+    app.command("info", help="Say what is in a recording.")(info)
+
+
+def record(
+    config: Annotated[Path, typer.Argument(help="The trial's configuration, a TOML file.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the recording goes into.")],
+    duration: Annotated[float | None, typer.Option(help="End after so many seconds.")] = None,
+) -> None:
+    """Record a trial."""
+    from acquisition.config import load_config
+    from acquisition.live.terminal import missing, summary
+    from acquisition.record import record as run
+    from acquisition.record import stopped_by_signals
+
+    trial = load_config(config)
+    if trial.missing_channels:
+        typer.echo(f"no source provides {', '.join(trial.missing_channels)}", err=True)
+    with stopped_by_signals() as stop:
+        path, health = run(trial, output, duration, stop)
+    typer.echo(summary(health, path), err=True)
+    silent = missing(health.channels, frozenset(name for each in trial.sources for name in each.channels))
+    if silent:
+        typer.echo(f"warning: nothing came of {', '.join(silent)}", err=True)
+    typer.echo(path)
+
+
+def emulate(
+    recording: Annotated[Path, typer.Argument(help="The recording to play.")],
+    config: Annotated[
+        Path, typer.Argument(help="The configuration whose buses and lines it is played onto.")
+    ],
+    speed: Annotated[float, typer.Option(min=0.01, help="So many times as fast as it was.")] = 1.0,
+) -> None:
+    """Play a recording onto buses and lines."""
+    from acquisition.config import load_config
+    from acquisition.emulate import emulate as run
+    from acquisition.progress import bar
+
+    with bar("playing") as progress:
+        played = run(recording, load_config(config), speed, progress)
+    values = sum(played.counts.values())
+    typer.echo(
+        f"played {values:,} values of {len(played.counts)} channels in {played.packets:,} packets, "
+        f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late",
+        err=True,
+    )
+
+
+def import_(
+    table: Annotated[Path, typer.Argument(help="A CSV, Parquet or .mat file.")],
+    output: Output,
+    columns: Annotated[
+        Path | None, typer.Option(help="A column map: names and units of a foreign table.")
+    ] = None,
+    allow_missing: Annotated[
+        bool, typer.Option(help="Accept a table without some of the 13 channels.")
+    ] = False,
+    ignore_unknown: Annotated[bool, typer.Option(help="Pass over columns that are no channels.")] = False,
+) -> None:
+    """Turn a table into a recording."""
+    from acquisition.tabular import import_table
+
+    summary = import_table(table, output, columns, allow_missing=allow_missing, ignore_unknown=ignore_unknown)
+    typer.echo(str(summary), err=True)
+    typer.echo(output)
+
+
+def info(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    as_json: AsJson = False,
+) -> None:
+    """Say what is in a recording."""
+    from acquisition.info import describe
+
+    found = describe(file)
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    from rich.console import Console
+
+    console = Console()
+    state = (
+        "closed properly" if found["closed"] else "NOT CLOSED: the recorder was killed or is still writing"
+    )
+    console.print(f"[bold]{file}[/bold]  {state}", highlight=False)
+    console.print(
+        f"{found['start']} to {found['end']}, {found['duration_s']:.1f} s, {found['messages']:,} messages",
+        highlight=False,
+    )
+    console.print(", ".join(f"{key} {value}" for key, value in found["trial"].items()), style="dim")
+    console.print(_channel_table(found["channels"]))
+    for topic, count in found["raw"].items():
+        console.print(f"{topic}: {count:,} raw messages", highlight=False)
+
+
+def _channel_table(channels: dict[str, Any]) -> Table:
+    from rich.table import Table
+
+    from acquisition.channels import BY_NAME
+
+    table = Table(box=None, header_style="dim")
+    for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
+                           ("longest gap s", "right"), ("sources", "left")):  # fmt: skip
+        table.add_column(title, justify=justify)  # type: ignore[arg-type]
+    for name, each in sorted(channels.items(), key=lambda item: list(BY_NAME).index(item[0])):
+        table.add_row(
+            name, BY_NAME[name].unit, f"{each['count']:,}", f"{each['rate_hz']:.2f}",
+            f"{each['longest_gap_s']:.2f}", ", ".join(each["sources"]),
+        )  # fmt: skip
+    return table

@@ -1,0 +1,57 @@
+"""Channels to bytes, the mirror image of the decoders: what the emulator puts onto buses and lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from acquisition.config import AnySource, CanSource, MavlinkSource
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """What is sent at once: one CAN frame, one sentence with its line end, or one datagram."""
+
+    payload: bytes
+    identifier: int = 0
+    extended: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """The channel values of one instant: ``values`` in the channels' units, the fix in degrees.
+
+    ``latitude_deg`` and ``longitude_deg`` are given whenever both ``north_m`` and ``east_m`` are.
+    """
+
+    time_ns: int
+    values: dict[str, float]
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+
+    def both(self, first: str, second: str) -> tuple[float | None, float | None] | None:
+        """Two values that travel in one message; None if neither is there."""
+        pair = self.values.get(first), self.values.get(second)
+        return None if pair == (None, None) else pair
+
+
+class Encoder(Protocol):
+    """One source's way of saying an instant."""
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        """The packets that carry the moment's values, the announcement of the time first if it is wanted."""
+
+
+def make_encoder(config: AnySource) -> Encoder:
+    """The encoder for what a configuration section would receive."""
+    if isinstance(config, CanSource):
+        from acquisition.encoders.can_frames import CanEncoder
+
+        return CanEncoder(config)
+    if isinstance(config, MavlinkSource):
+        from acquisition.encoders.mavlink import MavlinkEncoder
+
+        return MavlinkEncoder(config)
+    from acquisition.encoders.nmea0183 import Nmea0183Encoder
+
+    return Nmea0183Encoder(config.thrusters, announces=config.clock == "source")

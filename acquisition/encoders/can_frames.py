@@ -1,0 +1,110 @@
+"""Channels to CAN frames: NMEA 2000 by the ``nmea2000`` library, thrusters by the vessel's DBC file."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Any
+
+from cantools.database.can import Message as DbcMessage
+from cantools.database.can import Signal as DbcSignal
+from nmea2000.encoder import create_encoder
+from nmea2000.input_formats import N2KFormat
+from nmea2000.message import NMEA2000Field, NMEA2000Message
+
+from acquisition.channels import BY_NAME
+from acquisition.config import CanSource
+from acquisition.decoders.dbc import find_signal, load_dbc
+from acquisition.encoders import Moment, Packet
+from acquisition.units import DEG_PER_RAD, scale_to
+
+_ADDRESS = 35
+_DAY_NS = 86_400_000_000_000
+_GROUND_REFERENCED_WIND = "True (ground referenced to North)"
+
+
+class CanEncoder:
+    """Everything one bus carries: standard parameter groups and the configured DBC signals."""
+
+    def __init__(self, config: CanSource) -> None:
+        self._announces = config.clock == "source"
+        self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
+        self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, float]]]] = {}
+        if config.dbc is not None:
+            self._load_signals(config)
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        packets = self._system_time(moment) if self._announces else []
+        if moment.latitude_deg is not None:
+            fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
+            packets += self._group(129025, "positionRapidUpdate", fix)
+        values = dict(moment.values)
+        for message, signals in self._dbc.values():
+            packets += _dbc_frame(message, signals, values)
+        if "heading_deg" in values:
+            heading = {"heading": values["heading_deg"] / DEG_PER_RAD, "reference": "True"}
+            packets += self._group(127250, "vesselHeading", heading)
+        if "yaw_rate_dps" in values:
+            packets += self._group(127251, "rateOfTurn", {"rate": values["yaw_rate_dps"] / DEG_PER_RAD})
+        if speeds := moment.both("surge_mps", "sway_mps"):
+            names = ("longitudinalSpeedGroundReferenced", "transverseSpeedGroundReferenced")
+            packets += self._group(130578, "vesselSpeedComponents", dict(zip(names, speeds, strict=True)))
+        if wind := moment.both("wind_direction_deg", "wind_speed_mps"):
+            packets += self._group(130306, "windData", _wind(*wind))
+        return packets
+
+    def _load_signals(self, config: CanSource) -> None:
+        if config.dbc is None:
+            return
+        database = load_dbc(config.dbc)
+        for channel, entry in config.signals.items():
+            message, signal = find_signal(database, entry, config.dbc)
+            scale = scale_to(BY_NAME[channel].unit, entry.unit)
+            self._dbc.setdefault(message.name, (message, {}))[1][channel] = (signal, scale)
+
+    def _system_time(self, moment: Moment) -> list[Packet]:
+        days, rest_ns = divmod(moment.time_ns, _DAY_NS)
+        fields = {
+            "source": "GPS",
+            "date": dt.date(1970, 1, 1) + dt.timedelta(days=days),
+            "time": rest_ns / 1e9,
+        }
+        return self._group(126992, "systemTime", fields, priority=3)
+
+    def _group(self, group: int, name: str, fields: dict[str, Any], priority: int = 2) -> list[Packet]:
+        """One parameter group as frames; fields that are None go out as not available."""
+        message = NMEA2000Message(
+            PGN=group,
+            id=name,
+            source=_ADDRESS,
+            destination=255,
+            priority=priority,
+            fields=[
+                NMEA2000Field(id=key, value=value, raw_value=value)
+                for key, value in fields.items()
+                if value is not None
+            ],
+        )
+        return [Packet(bytes(each.data), each.arbitration_id) for each in self._encoder.encode(message)]
+
+
+def _wind(direction_deg: float | None, speed_mps: float | None) -> dict[str, Any]:
+    angle_rad = None if direction_deg is None else direction_deg / DEG_PER_RAD
+    return {"windSpeed": speed_mps, "windAngle": angle_rad, "reference": _GROUND_REFERENCED_WIND}
+
+
+def _dbc_frame(
+    message: DbcMessage, signals: dict[str, tuple[DbcSignal, float]], values: dict[str, float]
+) -> list[Packet]:
+    """One DBC message with the signals that have a value now; all others go out as not available."""
+    if not any(channel in values for channel in signals):
+        return []
+    raw = {signal.name: _not_available(signal) for signal in message.signals}
+    for channel, (signal, scale) in signals.items():
+        if channel in values:
+            raw[signal.name] = round(float(signal.scaled_to_raw(values[channel] / scale)))
+    payload = message.encode(raw, scaling=False, strict=False)
+    return [Packet(payload, message.frame_id, message.is_extended_frame)]
+
+
+def _not_available(signal: DbcSignal) -> int:
+    return int(2 ** (signal.length - (1 if signal.is_signed else 0)) - 1)

@@ -1,0 +1,105 @@
+"""Channels to NMEA 0183 sentences, with more decimals than the minimum where the format allows them."""
+
+from __future__ import annotations
+
+import datetime as dt
+from math import floor
+
+from acquisition.config import Thrusters
+from acquisition.decoders.nmea0183 import checksum
+from acquisition.encoders import Moment, Packet
+from acquisition.units import KNOT_MPS
+
+_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+
+
+def sentence(body: str) -> bytes:
+    """A body between ``$`` and ``*`` made a sentence.
+
+    >>> sentence("RCTRD,2,400.5,R,,V,90.8")
+    b'$RCTRD,2,400.5,R,,V,90.8*55\\r\\n'
+    """
+    return f"${body}*{checksum(body.encode('ascii')):02X}\r\n".encode("ascii")
+
+
+def degrees_and_minutes(angle_deg: float, digits: int) -> str:
+    """An angle without its sign as ``ddmm.mmmmmm``; ``digits`` for the degrees.
+
+    >>> degrees_and_minutes(-10.5, 3)
+    '01030.000000'
+    """
+    micro_minutes = round(abs(angle_deg) * 60e6)
+    degrees, rest = divmod(micro_minutes, 60_000_000)
+    return f"{degrees:0{digits}d}{rest // 1_000_000:02d}.{rest % 1_000_000:06d}"
+
+
+class Nmea0183Encoder:
+    """GGA, HDT, ROT, VBW, MWD and TRD; ZDA first where the line announces the time."""
+
+    def __init__(self, thrusters: Thrusters, announces: bool) -> None:
+        self._announces = announces
+        self._thrusters = {
+            "port": thrusters.port,
+            "starboard": thrusters.starboard,
+            "tunnel": thrusters.tunnel,
+        }
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        bodies = self._navigation(moment) + self._wind(moment) + self._thruster_responses(moment)
+        if self._announces:
+            bodies.insert(0, _zda(moment.time_ns))
+        return [Packet(sentence(body)) for body in bodies]
+
+    def _navigation(self, moment: Moment) -> list[str]:
+        values, bodies = moment.values, []
+        if moment.latitude_deg is not None and moment.longitude_deg is not None:
+            bodies.append(_gga(moment.time_ns, moment.latitude_deg, moment.longitude_deg))
+        if "heading_deg" in values:
+            bodies.append(f"HEHDT,{values['heading_deg'] % 360.0:.4f},T")
+        if "yaw_rate_dps" in values:
+            bodies.append(f"TIROT,{values['yaw_rate_dps'] * 60.0:.3f},A")
+        if speeds := moment.both("surge_mps", "sway_mps"):
+            along, across = (_decimals(each, 1.0 / KNOT_MPS, 4) for each in speeds)
+            bodies.append(f"VDVBW,,,V,{along},{across},A,,V,,V")
+        return bodies
+
+    def _wind(self, moment: Moment) -> list[str]:
+        wind = moment.both("wind_direction_deg", "wind_speed_mps")
+        if wind is None:
+            return []
+        direction, speed = wind
+        knots, metres = _decimals(speed, 1.0 / KNOT_MPS, 3), _decimals(speed, 1.0, 3)
+        return [f"WIMWD,{_decimals(direction, 1.0, 3)},T,,M,{knots},N,{metres},M"]
+
+    def _thruster_responses(self, moment: Moment) -> list[str]:
+        bodies = []
+        for name, number in self._thrusters.items():
+            pair = moment.both(f"{name}_rpm", f"{name}_angle_deg")
+            if pair is not None:
+                rpm, angle_deg = pair
+                azimuth = "" if angle_deg is None else f"{angle_deg % 360.0:.3f}"
+                mode = "V" if rpm is None else "R"
+                bodies.append(f"RCTRD,{number},{_decimals(rpm, 1.0, 3)},{mode},,V,{azimuth}")
+        return bodies
+
+
+def _decimals(value: float | None, scale: float, digits: int) -> str:
+    return "" if value is None else f"{value * scale:.{digits}f}"
+
+
+def _clock(time_ns: int) -> tuple[dt.datetime, str]:
+    """The UTC date and ``hhmmss.ffffff`` of a time; whole microseconds, rounded down."""
+    moment = _EPOCH + dt.timedelta(microseconds=floor(time_ns / 1000))
+    return moment, moment.strftime("%H%M%S.%f")
+
+
+def _zda(time_ns: int) -> str:
+    moment, clock = _clock(time_ns)
+    return f"GPZDA,{clock},{moment:%d,%m,%Y},00,00"
+
+
+def _gga(time_ns: int, latitude_deg: float, longitude_deg: float) -> str:
+    _, clock = _clock(time_ns)
+    latitude = f"{degrees_and_minutes(latitude_deg, 2)},{'N' if latitude_deg >= 0 else 'S'}"
+    longitude = f"{degrees_and_minutes(longitude_deg, 3)},{'E' if longitude_deg >= 0 else 'W'}"
+    return f"GPGGA,{clock},{latitude},{longitude},4,12,0.6,0.0,M,0.0,M,,"

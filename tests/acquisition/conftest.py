@@ -1,0 +1,87 @@
+"""What the acquisition tests share: a recording with a known motion, and ways to play it."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.channels import NAMES
+from acquisition.null_modem import NullModem
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
+
+DBC = Path(__file__).parents[2] / "trials" / "vessels" / "thrusters.dbc"
+ORIGIN = (63.44, 10.4)
+SIGNALS = """
+[source.signals]
+port_rpm = { message = "PortAzimuth", signal = "ShaftSpeed", unit = "rpm" }
+port_angle_deg = { message = "PortAzimuth", signal = "Angle", unit = "deg" }
+starboard_rpm = { message = "StarboardAzimuth", signal = "ShaftSpeed", unit = "rpm" }
+starboard_angle_deg = { message = "StarboardAzimuth", signal = "Angle", unit = "deg" }
+tunnel_rpm = { message = "TunnelThruster", signal = "ShaftSpeed", unit = "rpm" }
+"""
+
+
+def voyage_table(duration_s: float, rate_hz: float = 10.0, seed: int = 1) -> pd.DataFrame:
+    """All 13 channels in motion, through north and through 180 degrees again and again."""
+    count = int(duration_s * rate_hz)
+    seconds = np.arange(count) / rate_hz
+    random = np.random.default_rng(seed)
+    phase = random.uniform(0, 2 * np.pi, len(NAMES))
+    wave = {name: np.sin(0.05 * seconds + angle) for name, angle in zip(NAMES, phase, strict=True)}
+    turn = np.cumsum(random.normal(2.0, 20.0, count))
+    table = {
+        "north_m": 800 * wave["north_m"],
+        "east_m": 900 * wave["east_m"],
+        "heading_deg": turn % 360,
+        "surge_mps": 5 * wave["surge_mps"],
+        "sway_mps": wave["sway_mps"],
+        "yaw_rate_dps": 3 * wave["yaw_rate_dps"],
+        "wind_direction_deg": (turn + 90) % 360,
+        "wind_speed_mps": 8 + 5 * wave["wind_speed_mps"],
+        "port_rpm": 200 * wave["port_rpm"],
+        "port_angle_deg": 180 - (turn % 360),
+        "starboard_rpm": 200 * wave["starboard_rpm"],
+        "starboard_angle_deg": 180 - ((turn + 77) % 360),
+        "tunnel_rpm": 300 * wave["tunnel_rpm"],
+    }
+    start = pd.Timestamp("2026-05-17T23:58:00Z").as_unit("ns")  # midnight passes during a longer voyage
+    index = start + pd.to_timedelta((seconds * 1e9).astype("int64"), unit="ns")
+    return pd.DataFrame(table, index=pd.DatetimeIndex(index, name="time"))
+
+
+def write_voyage(path: Path, duration_s: float, rate_hz: float = 10.0) -> pd.DataFrame:
+    """Write :func:`voyage_table` as a recording and return it."""
+    table = voyage_table(duration_s, rate_hz)
+    trial = Trial(name="voyage", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
+    write_table(table, path, trial)
+    return table
+
+
+def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
+    """A port on this machine that nobody uses at this moment."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def config_text(section: str, channels: tuple[str, ...] = NAMES, clock: str = "source") -> str:
+    """A configuration of one source that provides ``channels``."""
+    listed = ", ".join(f'"{name}"' for name in channels)
+    latitude_deg, longitude_deg = ORIGIN
+    return (
+        '[trial]\nname = "round trip"\n'
+        f"origin = {{ latitude_deg = {latitude_deg}, longitude_deg = {longitude_deg} }}\n"
+        f'[[source]]\nname = "line"\nclock = "{clock}"\nchannels = [{listed}]\n{section}'
+    )
+
+
+@pytest.fixture
+def null_modem() -> Iterator[NullModem]:
+    with NullModem() as cable:
+        yield cable
