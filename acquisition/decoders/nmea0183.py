@@ -115,8 +115,13 @@ class Nmea0183Decoder:
         message = self._parsed(frame)
         if message is None:
             return []
-        told_ns = self._told_time(message, kind, frame)
-        return self.clock.group(frame, source, _READERS[kind](message), told_ns) if kind != "ZDA" else []
+        try:
+            told_ns = self._told_time(message, kind, frame)
+            values = _READERS[kind](message) if kind in _READERS else []
+        except AttributeError:  # the library leaves out the fields that a short sentence has not
+            self.refused["too few fields"] += 1
+            return []
+        return self.clock.group(frame, source, values, told_ns)
 
     def _parsed(self, frame: Frame) -> Any:
         try:
@@ -155,6 +160,6 @@ def _date_of(message: Any, kind: str) -> dt.date | None:
     if kind == "ZDA":
         try:
             return dt.date(int(message.year), int(message.month), int(message.day))
-        except ValueError:
+        except (ValueError, TypeError):
             return None
     return None
