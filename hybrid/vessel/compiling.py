@@ -1,0 +1,38 @@
+"""How the numerical core is compiled: one decorator's settings and the stamp that keeps its cache honest.
+
+numba stores a compiled kernel beside the file it stands in and looks only at that file to see whether the
+kernel is still right. Ours call functions of other files, so every cached kernel closes over
+:data:`PHYSICS_STAMP`, a digest of them all: change any equation and the kernels compile anew.
+"""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats: TypeAlias = NDArray[np.float64]
+Record: TypeAlias = Any
+"""One packed plant, a numpy record of ``plant.DTYPE``; inside compiled code its fields are attributes."""
+
+# Sums may be reordered and fused, but NaN and infinity keep their meaning: the range check relies on them.
+FAST = {"contract"}
+
+compiled = njit(fastmath=FAST, error_model="numpy")
+"""For the small functions that kernels are made of: compiled together with the kernel that calls them."""
+
+
+def source_stamp(*folders: Path) -> int:
+    """A digest of all Python sources in ``folders``."""
+    digest = sha256()
+    for folder in folders:
+        for source in sorted(folder.glob("*.py")):
+            digest.update(source.read_bytes())
+    return int(digest.hexdigest()[:15], 16)
+
+
+PHYSICS_STAMP = source_stamp(Path(__file__).parent)

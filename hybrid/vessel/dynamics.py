@@ -1,0 +1,178 @@
+"""The equation of motion and its integration step (paper, eq. 2), compiled.
+
+eta' = R(psi) nu and M nu_r' = tau(nu_r), with nu over ground in the state and nu_r through the water inside.
+A steady current in the earth frame turns in the body frame as the ship turns, hence u' = u_r' + v_c r and
+v' = v_r' - u_c r. Runge-Kutta of fourth order; whatever is constant in a step is worked out once, in
+:class:`Held`.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+from typing import NamedTuple
+
+from hybrid.vessel.compiling import Floats, Record, compiled
+from hybrid.vessel.drift import constant_force, wave_drift_force
+from hybrid.vessel.hull import hull_force
+from hybrid.vessel.plant import ForceFunction
+from hybrid.vessel.thrusters import Pod, pod_force, port_pod, starboard_pod, tunnel_force
+from hybrid.vessel.wind import wind_force, wind_vector
+
+State = tuple[float, float, float, float, float, float]
+"""north [m], east [m], heading [rad, unwrapped], u, v over ground [m/s], r [rad/s]."""
+
+Control = tuple[float, float, float, float, float]
+"""port shaft [rev/s], port angle [rad], starboard shaft [rev/s] and angle [rad], tunnel shaft [rpm]."""
+
+
+class Environment(NamedTuple):
+    """What surrounds the ship, for extra forces: air and water velocity over ground [m/s], and the plant."""
+
+    wind_north_mps: float
+    wind_east_mps: float
+    current_north_mps: float
+    current_east_mps: float
+    plant: Record
+
+
+class Held(NamedTuple):
+    """What a step keeps constant: the pods as they point and turn, the tunnel's force, the air's motion."""
+
+    control: Control
+    port: Pod
+    starboard: Pod
+    tunnel_n: float
+    wind_north_mps: float
+    wind_east_mps: float
+
+
+class InverseMass(NamedTuple):
+    """The inverse of M = [m - Xud, 0, 0; 0, m - Yvd, -Yrd; 0, -Yrd, Iz - Nrd]."""
+
+    surge: float
+    sway: float
+    cross: float
+    yaw: float
+
+
+@compiled
+def inverse_mass(p: Record) -> InverseMass:
+    """The inverse mass matrix of a plant, with added mass."""
+    M22, M23, M33 = p.mass_kg - p.Yvd, -p.Yrd, p.yaw_inertia_kgm2 - p.Nrd
+    determinant = M22 * M33 - M23 * M23
+    return InverseMass(1.0 / (p.mass_kg - p.Xud), M33 / determinant, -M23 / determinant, M22 / determinant)
+
+
+@compiled
+def hold(p: Record, control: Control, wind_direction_rad: float, wind_speed_mps: float) -> Held:
+    """What stays constant while ``control`` and the reported wind do."""
+    port_rps, port_rad, starboard_rps, starboard_rad, tunnel_rpm = control
+    wind_north, wind_east = wind_vector(p, wind_direction_rad, wind_speed_mps)
+    return Held(
+        control,
+        port_pod(p, port_rps, port_rad),
+        starboard_pod(p, starboard_rps, starboard_rad),
+        tunnel_force(p, tunnel_rpm),
+        wind_north,
+        wind_east,
+    )
+
+
+@compiled
+def total_force(
+    p: Record, held: Held, cosine: float, sine: float, u: float, v: float, r: float, u_c: float, v_c: float
+) -> tuple[float, float, float]:
+    """All forces on the ship X [N], Y [N], N [N m], given u, v, r over ground and the current u_c, v_c.
+
+    All in body axes. The rigid body's Coriolis terms are among them.
+    """
+    u_r, v_r = u - u_c, v - v_c
+    X, Y, N = hull_force(p, u_r, v_r, r)
+    port_X, port_Y, port_N = pod_force(p, held.port, u_r, v_r, r)
+    starboard_X, starboard_Y, starboard_N = pod_force(p, held.starboard, u_r, v_r, r)
+    u_air = held.wind_north_mps * cosine + held.wind_east_mps * sine
+    v_air = held.wind_east_mps * cosine - held.wind_north_mps * sine
+    wind_X, wind_Y, wind_N = wind_force(p, u - u_air, v - v_air)
+    drift_X, drift_Y, drift_N = wave_drift_force(p, cosine, sine)
+    constant_X, constant_Y, constant_N = constant_force(p)
+    X += port_X + starboard_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r
+    Y += port_Y + starboard_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r + held.tunnel_n
+    N += port_N + starboard_N + wind_N + drift_N + constant_N + p.tunnel_x_m * held.tunnel_n
+    return X, Y, N
+
+
+@compiled
+def rate(
+    p: Record,
+    mass: InverseMass,
+    held: Held,
+    time_s: float,
+    state: State,
+    extra: ForceFunction | None,
+    parameters: Floats,
+) -> State:
+    """The time derivative of the state. ``extra`` is compiled in, or None and then not there at all."""
+    _, _, psi, u, v, r = state
+    cosine, sine = cos(psi), sin(psi)
+    u_c = p.current_north_mps * cosine + p.current_east_mps * sine
+    v_c = p.current_east_mps * cosine - p.current_north_mps * sine
+    X, Y, N = total_force(p, held, cosine, sine, u, v, r, u_c, v_c)
+    if extra is not None:
+        surroundings = Environment(
+            held.wind_north_mps, held.wind_east_mps, p.current_north_mps, p.current_east_mps, p
+        )
+        extra_X, extra_Y, extra_N = extra(time_s, state, held.control, surroundings, parameters)
+        X, Y, N = X + extra_X, Y + extra_Y, N + extra_N
+    return (
+        u * cosine - v * sine,
+        u * sine + v * cosine,
+        r,
+        mass.surge * X + v_c * r,
+        mass.sway * Y + mass.cross * N - u_c * r,
+        mass.cross * Y + mass.yaw * N,
+    )
+
+
+@compiled
+def moved(state: State, slope: State, dt_s: float) -> State:
+    """``state + dt slope``."""
+    n, e, p, u, v, r = state
+    dn, de, dp, du, dv, dr = slope
+    return n + dt_s * dn, e + dt_s * de, p + dt_s * dp, u + dt_s * du, v + dt_s * dv, r + dt_s * dr
+
+
+@compiled
+def runge_kutta(
+    p: Record,
+    mass: InverseMass,
+    held: Held,
+    time_s: float,
+    dt_s: float,
+    state: State,
+    extra: ForceFunction | None,
+    parameters: Floats,
+) -> State:
+    """The state one classical Runge-Kutta step of fourth order later."""
+    half = 0.5 * dt_s
+    k1 = rate(p, mass, held, time_s, state, extra, parameters)
+    k2 = rate(p, mass, held, time_s + half, moved(state, k1, half), extra, parameters)
+    k3 = rate(p, mass, held, time_s + half, moved(state, k2, half), extra, parameters)
+    k4 = rate(p, mass, held, time_s + dt_s, moved(state, k3, dt_s), extra, parameters)
+    state = moved(state, k1, dt_s / 6.0)
+    state = moved(state, k2, dt_s / 3.0)
+    state = moved(state, k3, dt_s / 3.0)
+    end: State = moved(state, k4, dt_s / 6.0)
+    return end
+
+
+@compiled
+def in_range(p: Record, state: State) -> bool:
+    """Whether the speeds through the water are where the coefficients hold; NaN is not."""
+    _, _, psi, u, v, r = state
+    u_r = u - p.current_north_mps * cos(psi) - p.current_east_mps * sin(psi)
+    v_r = v - p.current_east_mps * cos(psi) + p.current_north_mps * sin(psi)
+    return bool(
+        p.surge_low_mps <= u_r <= p.surge_high_mps
+        and abs(v_r) <= p.sway_limit_mps
+        and abs(r) <= p.yaw_rate_limit_radps
+    )

@@ -1,0 +1,79 @@
+"""Forces that no slot of a plant expresses, put together into one function for the compiled loop.
+
+Each distinct set of force functions is compiled once a session; a plant that lacks one of the set's forces
+has it switched off in its parameters, so that plants with and without can share a batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numba.core.registry import CPUDispatcher
+
+from hybrid.vessel.compiling import FAST, Floats
+from hybrid.vessel.plant import ForceFunction, Plant
+
+_NONE = np.zeros((1, 1))
+
+
+def combined(plants: Sequence[Plant]) -> tuple[ForceFunction | None, Floats]:
+    """One compiled force for all of ``plants`` and its parameters [P, Q], or ``None`` where none has any.
+
+    A plant's parameters are, force by force, a switch (1 on, 0 off) and then the force's own.
+    """
+    sizes: dict[ForceFunction, int] = {}
+    for plant in plants:
+        for force in plant.forces:
+            sizes.setdefault(force.function, len(force.parameters))
+    if not sizes:
+        return None, _NONE
+    parameters = np.array([_row(plant, sizes) for plant in plants])
+    return _chain(tuple(sizes.items())), parameters
+
+
+def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:
+    own = {force.function: force.parameters for force in plant.forces}
+    row: list[float] = []
+    for function, size in sizes.items():
+        row += [1.0, *own[function]] if function in own else [0.0] * (1 + size)
+    return row
+
+
+@lru_cache(maxsize=64)
+def _chain(sizes: tuple[tuple[ForceFunction, int], ...]) -> ForceFunction:
+    """The sum of several forces, each with its slice of the parameters."""
+    total: Any = None
+    first = 0
+    for function, size in sizes:
+        total = _added(total, _jitted(function), first, first + 1 + size)
+        first += 1 + size
+    return total  # type: ignore[no-any-return]
+
+
+def _jitted(function: ForceFunction) -> Any:
+    if isinstance(function, CPUDispatcher):
+        return function
+    return njit(fastmath=FAST, error_model="numpy")(function)
+
+
+def _added(before: Any, force: Any, switch: int, end: int) -> Any:
+    @njit(fastmath=FAST, error_model="numpy")
+    def one(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+        if parameters[switch] == 0.0:
+            return 0.0, 0.0, 0.0
+        return force(time_s, state, control, environment, parameters[switch + 1 : end])
+
+    if before is None:
+        return one
+
+    @njit(fastmath=FAST, error_model="numpy")
+    def both(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+        X, Y, N = before(time_s, state, control, environment, parameters)
+        more_X, more_Y, more_N = one(time_s, state, control, environment, parameters)
+        return X + more_X, Y + more_Y, N + more_N
+
+    return both

@@ -1,0 +1,207 @@
+"""Vessel files: read, checked, resolved from their base, and written back.
+
+A file states a whole vessel, or ``base = "NAME or FILE"`` and what differs: single numbers, and effects added
+to the model as ``[effects.NAME]`` tables. Names are those of the files in ``trials/vessels``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from acquisition.errors import ConfigurationError, StorageError
+from acquisition.toml_file import line_of, read_text, validate
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.wind import TABLE_SIZE
+
+VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
+DEFAULT = "gunnerus_short"
+_ADDED = ("effects", "provenance")
+Tree = dict[str, Any]
+
+
+def vessel_names() -> list[str]:
+    """The names of the vessels that come with Seatrial."""
+    return sorted(path.stem for path in VESSELS.glob("*.toml"))
+
+
+def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
+    """Read a vessel by the name of a file in ``trials/vessels``, or from a file of one's own.
+
+    Raises :class:`ConfigurationError` naming file, line and key of what is missing, unknown or ill-typed.
+    """
+    path = _find(str(name_or_file), Path.cwd())
+    text = read_text(path)
+    tree = _parse(text, path)
+    merged = _resolved(tree, path, seen=(path,))
+    _check_effects(merged, text, path)
+    vessel = validate(_with_tuples(merged), text, path, Vessel)
+    _check_numbers(vessel, text, path)
+    return vessel
+
+
+def save_vessel(vessel: Vessel, path: str | Path) -> None:
+    """Write ``vessel`` so that :func:`load_vessel` gives it back.
+
+    A vessel built on one of Seatrial's own states only what differs from it. Raises :class:`StorageError`.
+    """
+    tree = asdict(vessel)
+    if vessel.base in vessel_names():
+        base = _whole(vessel.base)
+        tree = {key: _difference(value, base.get(key)) for key, value in tree.items()}
+        tree = {key: value for key, value in tree.items() if value not in ({}, None)}
+        tree |= {"base": vessel.base, "name": vessel.name}
+    else:
+        tree = {key: value for key, value in tree.items() if value not in ({}, "")} | {"base": ""}
+    try:
+        Path(path).write_text(_toml(tree), encoding="utf-8")
+    except OSError as error:
+        raise StorageError("cannot write the vessel", where=str(path), why=str(error)) from error
+
+
+def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:
+    """``vessel`` with effects added, ready to be saved; its base is then the vessel it was made from."""
+    added = {name: dict(values) for name, values in {**vessel.effects, **effects}.items()}
+    base = vessel.base or (vessel.name if vessel.name in vessel_names() else "")
+    return replace(vessel, base=base, effects=added, provenance={**vessel.provenance, **provenance})
+
+
+def _find(name_or_file: str, folder: Path) -> Path:
+    named = VESSELS / f"{name_or_file}.toml"
+    if "/" not in name_or_file and named.is_file():
+        return named
+    path = folder / name_or_file
+    if path.is_file():
+        return path
+    raise ConfigurationError(
+        f"no vessel {name_or_file!r}",
+        why=f"it is neither a file nor one of {', '.join(vessel_names())}",
+        fix="give one of these names, or the path of a vessel file",
+    )
+
+
+def _parse(text: str, path: Path) -> Tree:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError("is not valid TOML", where=str(path), why=str(error)) from error
+
+
+def _resolved(tree: Tree, path: Path, seen: tuple[Path, ...]) -> Tree:
+    """``tree`` with everything its base states and it does not."""
+    base = tree.get("base", "")
+    if not base:
+        return {key: value for key, value in tree.items() if key != "base"}
+    if not isinstance(base, str):
+        raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
+    base_path = _find(base, path.parent)
+    if base_path.resolve() in [each.resolve() for each in seen]:
+        raise ConfigurationError(f"base {base!r} leads back to this file", where=str(path))
+    below = _resolved(_parse(read_text(base_path), base_path), base_path, (*seen, base_path))
+    return _merged(below, tree)
+
+
+def _whole(name: str) -> Tree:
+    path = _find(name, Path.cwd())
+    return _with_tuples(_resolved(_parse(read_text(path), path), path, (path,)))
+
+
+def _merged(below: Tree, above: Tree) -> Tree:
+    result = dict(below)
+    for key, value in above.items():
+        under = result.get(key)
+        result[key] = _merged(under, value) if isinstance(under, dict) and isinstance(value, dict) else value
+    return result
+
+
+def _difference(value: Any, base: Any) -> Any:
+    """What of ``value`` its base does not already say; ``None`` or an empty table if it says all."""
+    if isinstance(value, Mapping) and isinstance(base, Mapping):
+        parts = {key: _difference(each, base.get(key)) for key, each in value.items()}
+        return {key: each for key, each in parts.items() if each is not None and each != {}}
+    return None if value == base else value
+
+
+def _with_tuples(tree: Tree) -> Tree:
+    return {
+        key: _with_tuples(value)
+        if isinstance(value, dict)
+        else tuple(value)
+        if isinstance(value, list)
+        else value
+        for key, value in tree.items()
+    }
+
+
+def _check_effects(tree: Tree, text: str, path: Path) -> None:
+    for name, values in dict(tree.get("effects", {})).items():
+        if not isinstance(values, dict):
+            line = line_of(text, ["effects", name])
+            raise ConfigurationError(
+                f"effects.{name} is not a table of parameters",
+                where=f"{path}, line {line}",
+                fix=f"write [effects.{name}] and its parameters below",
+            )
+
+
+def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
+    """What types cannot say: finite numbers, positive where they must be, tables of the right length."""
+    for table in ("CX", "CY", "CN"):
+        size = len(getattr(vessel.wind, table))
+        if size != TABLE_SIZE:
+            _complain(
+                path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg"
+            )
+    for key, value in asdict(vessel).items():
+        for name, number in value.items() if key not in _ADDED and isinstance(value, dict) else ():
+            numbers = number if isinstance(number, tuple) else (number,)
+            if not all(isfinite(each) for each in numbers):
+                _complain(path, text, [key, name], f"is {number}", "give a finite number")
+    positive = {
+        "dimensions": ("length_overall_m", "length_between_perpendiculars_m", "beam_m", "draught_m"),
+        "inertia": ("mass_kg", "yaw_inertia_kgm2"),
+        "pods": ("diameter_m", "limit_rpm", "azimuth_rate_limit_dps"),
+    }
+    for part, names in positive.items():
+        for name in names:
+            value = getattr(getattr(vessel, part), name)
+            if value <= 0.0:
+                _complain(path, text, [part, name], f"is {value:g}", "give a number above zero")
+
+
+def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str) -> None:
+    name = ".".join(map(str, keys))
+    raise ConfigurationError(f"{name} {what}", where=f"{path}, line {line_of(text, keys)}", fix=fix)
+
+
+def _toml(tree: Tree, prefix: str = "") -> str:
+    """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
+    plain = {key: value for key, value in tree.items() if not isinstance(value, Mapping)}
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value != ""]
+    text = "\n".join(lines) + ("\n" if lines else "")
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            path = f"{prefix}{_key(key)}"
+            inner = _toml(dict(value), f"{path}.")
+            holds_tables_only = all(isinstance(each, Mapping) for each in value.values()) and value
+            text += inner if holds_tables_only else f"\n[{path}]\n{inner}"
+    return text
+
+
+def _key(key: str) -> str:
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else _value(key)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple | list):
+        return "[" + ", ".join(_value(each) for each in value) + "]"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    return repr(float(value)) if isinstance(value, float) else repr(value)
