@@ -18,7 +18,7 @@ _WIND_UNITS = np.array([np.pi / 180.0, 1.0])
 
 
 def states_of(table: pd.DataFrame) -> Floats:
-    """North, east [m], heading [rad, unwrapped], surge, sway [m/s], yaw rate [rad/s] of a table: [rows, 6]."""
+    """North, east [m], heading [rad, unwrapped], surge, sway [m/s], yaw rate [rad/s]: [rows, 6]."""
     values = _columns(table, (*POSE, *VELOCITY))
     values[:, 2] = unwrap(values[:, 2])
     return np.asarray(values * _STATE_UNITS)

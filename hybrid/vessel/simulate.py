@@ -157,9 +157,9 @@ def simulate_batch(
 
     ``plants`` is one plant or one a run; ``start`` [N, 6] states; ``controls`` [N, K, 5] and ``wind``
     [N, K, 2] (direction FROM [rad], speed [m/s]), as reported, held over each step of ``dt_s``. Every
-    first dimension may be 1 or missing, then it serves all runs. Each step is integrated in ``substeps`` (by default as many
-    as keep them below :data:`LONGEST_STEP_S`). ``acting_start`` [N, 5] are the controls that act at the start
-    where the thrusters lag; by default the first reported ones.
+    first dimension may be 1 or missing, then it serves all runs. Each step is integrated in ``substeps``,
+    by default as many as keep them below :data:`LONGEST_STEP_S`. ``acting_start`` [N, 5] are
+    the controls that act at the start where the thrusters lag; by default the first reported ones.
     """
     each = (plants,) if isinstance(plants, Plant) else tuple(plants)
     extra, parameters = combined(each)

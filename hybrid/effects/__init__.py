@@ -1,0 +1,24 @@
+"""The catalogue of effects that a model may lack: what each is, and what it does to a plant."""
+
+from hybrid.effects.catalogue import (
+    CATALOGUE,
+    Catalogue,
+    apply_effects,
+    catalogue_with,
+    load_effects,
+    parse_effect,
+    vessel_plant,
+)
+from hybrid.effects.effect import Effect, Parameter
+
+__all__ = [
+    "CATALOGUE",
+    "Catalogue",
+    "Effect",
+    "Parameter",
+    "apply_effects",
+    "catalogue_with",
+    "load_effects",
+    "parse_effect",
+    "vessel_plant",
+]

@@ -1,0 +1,144 @@
+"""What an effect is: a name, parameters with a neutral value, and a function from plant to plant.
+
+Parameters are what people read: polar for what has a direction, a depth, a factor. Estimation wants numbers
+that are zero where the effect is absent and smooth there; an effect's *free coordinates* are those, and
+``free`` and ``values`` translate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import atan2, cos, degrees, hypot, inf, isnan, radians, sin
+from typing import Any, Literal
+
+from acquisition.errors import ConfigurationError
+from hybrid.vessel.plant import Plant
+
+Kind = Literal["physics", "actuator", "sensor"]
+Chart = Literal["linear", "polar", "inverse"]
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of an effect: its unit, neutral value, bounds (inclusive) and sizes.
+
+    ``typical`` is an ordinary value; ``smallest`` is the smallest departure from neutral that anybody would
+    care about, in the parameter's unit.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    low: float
+    high: float
+    typical: float
+    smallest: float
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One effect that a model may lack.
+
+    ``change`` gets a plant and a value for every parameter, never all neutral, and returns the plant with
+    the effect in it; it must tend to no change as the values tend to neutral. ``chart`` says how parameters
+    become free coordinates: ``linear`` (value - neutral), ``polar`` (size and direction in degrees become
+    two components) or ``inverse`` (1 / value, for what is absent at infinity).
+    """
+
+    name: str
+    family: str
+    kind: Kind
+    what: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    change: Callable[[Plant, Values], Plant]
+    chart: Chart = "linear"
+
+    @property
+    def neutral(self) -> dict[str, float]:
+        """The values at which the effect is not there."""
+        return {each.name: each.neutral for each in self.parameters}
+
+    @property
+    def typical(self) -> dict[str, float]:
+        """Values of an ordinary size."""
+        return {each.name: each.typical for each in self.parameters}
+
+    def apply(self, plant: Plant, values: Values) -> Plant:
+        """``plant`` with this effect at ``values``; parameters left out are neutral.
+
+        At neutral values it is the same plant. Raises :class:`ConfigurationError` for a name that is no
+        parameter or a value out of bounds.
+        """
+        given = self.checked(values)
+        if self.absent(given):
+            return plant
+        return self.change(plant, given)
+
+    def absent(self, values: Values) -> bool:
+        """Whether the values mean that the effect is not there."""
+        deciding = self.parameters[:1] if self.chart == "polar" else self.parameters
+        return all(values[each.name] == each.neutral for each in deciding)
+
+    def checked(self, values: Values) -> dict[str, float]:
+        """``values`` completed with neutral ones, or :class:`ConfigurationError` saying what is possible."""
+        names = [each.name for each in self.parameters]
+        unknown = [name for name in values if name not in names]
+        if unknown:
+            raise ConfigurationError(
+                f"effect {self.name} has no parameter {', '.join(unknown)}", fix=f"it has {', '.join(names)}"
+            )
+        complete = {**self.neutral, **{name: float(value) for name, value in values.items()}}
+        for each in self.parameters:
+            value = complete[each.name]
+            if isnan(value) or not each.low <= value <= each.high:
+                raise ConfigurationError(
+                    f"effect {self.name}: {each.name} = {value:g} is out of bounds",
+                    fix=f"give {each.low:g} to {each.high:g} {each.unit}",
+                )
+        return complete
+
+    def free(self, values: Values) -> tuple[float, ...]:
+        """Free coordinates of ``values``: zero where the effect is absent."""
+        complete = {**self.neutral, **values}
+        numbers = [complete[each.name] for each in self.parameters]
+        if self.chart == "polar":
+            size, direction_deg = numbers
+            return size * cos(radians(direction_deg)), size * sin(radians(direction_deg))
+        if self.chart == "inverse":
+            return tuple(1.0 / number for number in numbers)
+        return tuple(number - each.neutral for number, each in zip(numbers, self.parameters, strict=True))
+
+    def values(self, free: Sequence[float]) -> dict[str, float]:
+        """The inverse of :meth:`free`."""
+        names = [each.name for each in self.parameters]
+        if self.chart == "polar":
+            along, across = free
+            return {names[0]: hypot(along, across), names[1]: degrees(atan2(across, along)) % 360.0}
+        if self.chart == "inverse":
+            return {
+                name: 1.0 / number if number > 0.0 else inf for name, number in zip(names, free, strict=True)
+            }
+        return {p.name: p.neutral + number for p, number in zip(self.parameters, free, strict=True)}
+
+    @property
+    def free_scale(self) -> tuple[float, ...]:
+        """The ordinary size of each free coordinate, for steps and priors."""
+        if self.chart == "polar":
+            return (self.parameters[0].typical,) * 2
+        return tuple(abs(number) for number in self.free(self.typical))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The effect as plain data, without its function; infinite numbers become ``None``."""
+        plain = {key: getattr(self, key) for key in ("name", "family", "kind", "what", "source")}
+        parameters = [
+            {key: None if value in (inf, -inf) else value for key, value in asdict(each).items()}
+            for each in self.parameters
+        ]
+        return {**plain, "parameters": parameters}
+
+
+DIRECTION = Parameter("direction_deg", "deg", 0.0, -360.0, 360.0, 60.0, 10.0)
+"""The direction that something goes to, from true north; it alone makes no effect."""

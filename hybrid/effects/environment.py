@@ -1,0 +1,55 @@
+"""Effects of the environment: water and air that move, waves that push."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import cos, hypot, radians, sin
+
+from hybrid.effects.effect import DIRECTION, Effect, Parameter, Values
+from hybrid.vessel.plant import Plant
+
+
+def _current(plant: Plant, values: Values) -> Plant:
+    speed, to_rad = values["speed_mps"], radians(values["direction_deg"])
+    return plant.shifted(current_north_mps=speed * cos(to_rad), current_east_mps=speed * sin(to_rad))
+
+
+def _drift(plant: Plant, values: Values) -> Plant:
+    force, to_rad = values["force_n"], radians(values["direction_deg"])
+    north = plant.drift_force_n * plant.drift_north + force * cos(to_rad)
+    east = plant.drift_force_n * plant.drift_east + force * sin(to_rad)
+    total = hypot(north, east)
+    if total == 0.0:
+        return replace(plant, drift_force_n=0.0)
+    return replace(plant, drift_force_n=total, drift_north=north / total, drift_east=east / total)
+
+
+OCEAN_CURRENT = Effect(
+    "ocean_current",
+    family="environment",
+    kind="physics",
+    what="Steady uniform current: hull and pods feel the velocity relative to the moving water",
+    source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed., ch. 10",
+    parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 3.0, 0.2, 0.03), DIRECTION),
+    change=_current,
+    chart="polar",
+)
+WAVE_DRIFT = Effect(
+    "wave_drift",
+    family="environment",
+    kind="physics",
+    what="Mean second-order wave force: 0.35 F cos b ahead, F sin b abeam, 0.06 Loa F sin 2b in yaw",
+    source="Form of the mean drift force over the wave angle, after Faltinsen, Sea Loads, ch. 5",
+    parameters=(Parameter("force_n", "N", 0.0, 0.0, 60e3, 2e3, 500.0), DIRECTION),
+    change=_drift,
+    chart="polar",
+)
+WIND_LOAD = Effect(
+    "wind_load",
+    family="environment",
+    kind="physics",
+    what="All wind coefficients times a factor: more or less windage than the tables say",
+    source="Blendermann, Parameter identification of wind loads on ships (1994): scatter between ships",
+    parameters=(Parameter("factor", "1", 1.0, 0.0, 5.0, 1.5, 0.2),),
+    change=lambda plant, values: plant.scaled(values["factor"], "wind_load_factor"),
+)
