@@ -17,7 +17,7 @@ from pydantic.dataclasses import dataclass
 
 from acquisition.channels import BY_NAME, NAMES
 from acquisition.errors import ConfigurationError
-from acquisition.toml_file import load_toml, read_text
+from acquisition.toml_file import line_of, load_toml, read_text
 from acquisition.trial import Trial
 from acquisition.units import scale_to
 
@@ -61,15 +61,6 @@ class Thrusters:
     tunnel: int = 1
 
 
-def _check_units(mapped: dict[str, Signal] | dict[str, NamedValue]) -> Any:
-    for channel, entry in mapped.items():
-        try:
-            scale_to(BY_NAME[channel].unit, entry.unit)
-        except ConfigurationError as error:
-            raise ValueError(f"{channel}: {error}") from error
-    return mapped
-
-
 @dataclass(frozen=True, config=_STRICT)
 class CanSource:
     """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
@@ -85,7 +76,7 @@ class CanSource:
     options: dict[str, str | int | float | bool] = field(default_factory=dict)
     clock: Clock = "receiver"
     dbc: Path | None = None
-    signals: Annotated[dict[ChannelName, Signal], AfterValidator(_check_units)] = field(default_factory=dict)
+    signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -150,7 +141,7 @@ class MavlinkSource:
     address: str = "127.0.0.1"
     system_id: int = 1
     clock: Clock = "receiver"
-    named_values: Annotated[dict[ChannelName, NamedValue], AfterValidator(_check_units)] = field(
+    named_values: dict[ChannelName, NamedValue] = field(
         default_factory=lambda: {
             "port_angle_deg": NamedValue(name="port_ang", unit="deg"),
             "starboard_angle_deg": NamedValue(name="stbd_ang", unit="deg"),
@@ -225,13 +216,15 @@ def load_config(path: Path | str) -> TrialConfig:
     file = load_toml(path, _File)
     if not file.source:
         raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
+    text = read_text(path)
     _check_names(file.source, path)
+    _check_units(file.source, text, path)
     folder = Path(path).resolve().parent
     return TrialConfig(
         trial=_trial(file.trial),
         sources=tuple(_resolved(source, folder, path) for source in file.source),
         recording=file.recording,
-        text=read_text(path),
+        text=text,
         path=Path(path),
     )
 
@@ -262,6 +255,20 @@ def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
                 where=str(path),
                 fix="use letters, digits, - and _",
             )
+
+
+def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    for number, source in enumerate(sources):
+        if not isinstance(source, CanSource | MavlinkSource):
+            continue
+        key = "signals" if isinstance(source, CanSource) else "named_values"
+        mapped: dict[str, Any] = getattr(source, key)
+        for channel, entry in mapped.items():
+            try:
+                scale_to(BY_NAME[channel].unit, entry.unit)
+            except ConfigurationError as error:
+                line = line_of(text, ["source", number, key, channel, "unit"])
+                raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
 
 
 def _resolved(source: AnySource, folder: Path, path: Path | str) -> AnySource:

@@ -78,7 +78,9 @@ def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
         if table := _TABLE.match(line):
             parts = tuple(part.strip().strip("\"'") for part in table["path"].split("."))
             if table["array"]:
-                counts[parts] = counts.get(parts, -1) + 1
+                counts = {other: count for other, count in counts.items() if other[: len(parts)] != parts} | {
+                    parts: counts.get(parts, -1) + 1  # what is nested in an element is counted from 0 again
+                }
             prefix = _indexed(parts, counts)
             lines.setdefault(prefix, number)
             if table["array"]:

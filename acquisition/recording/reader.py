@@ -6,6 +6,7 @@ goes and says so (``closed`` is False).
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,7 +15,8 @@ from typing import Any
 
 import numpy as np
 import orjson
-from mcap.exceptions import EndOfFile, InvalidMagic, McapError
+import zstandard
+from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Footer, Message, Metadata
 from mcap.stream_reader import CRCValidationError, StreamReader
 from numpy.typing import NDArray
@@ -23,6 +25,9 @@ from acquisition.errors import InputError
 from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, RAW_PREFIX
 from acquisition.trial import Trial
 
+_FORMAT_ERRORS = (
+    McapError, CRCValidationError, ValueError, OverflowError, struct.error, zstandard.ZstdError,
+)  # fmt: skip
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 _LARGEST_RECORD_BYTES = 512 * 1024 * 1024  # a length beyond this is damage, not data
 
@@ -83,6 +88,8 @@ class MessageStream:
         topics: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Message):
+                if record.channel_id not in topics:
+                    raise InputError("is damaged: a message of no topic", where=str(self.path))
                 yield Entry(topics[record.channel_id], record.log_time, record.publish_time, record.data)
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
@@ -94,20 +101,21 @@ class MessageStream:
                 self.closed = True
 
     def _records(self) -> Iterator[Any]:
-        """Records until the end or the cut; what breaks the format in the middle is an InputError."""
+        """Records until the end or the cut; what breaks the format before the end is an InputError."""
         with _opened(self.path) as stream:
             reader = StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD_BYTES)
             try:
                 yield from reader.records
-            except EndOfFile:
+            except _FORMAT_ERRORS as error:
                 self.closed = False
-            except InvalidMagic:  # the closing magic is missing: the last bytes were not written
-                self.closed = False
-            except (McapError, CRCValidationError, ValueError, KeyError, OverflowError) as error:
-                raise InputError(
-                    f"is damaged near byte {stream.tell()}", where=str(self.path), why=str(error),
-                    fix="save what is intact with `seatrial recover`",
-                ) from error  # fmt: skip
+                position = stream.tell()
+                if stream.read(1):  # more follows, so the file was not merely cut off
+                    raise InputError(
+                        f"is damaged near byte {position}",
+                        where=str(self.path),
+                        why=str(error),
+                        fix="save what is intact with `seatrial recover`",
+                    ) from error
 
 
 def _opened(path: Path) -> Any:

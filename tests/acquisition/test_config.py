@@ -1,0 +1,90 @@
+"""A trial's configuration: what is right is read, what is wrong names its line and the way out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from acquisition.config import CanSource, load_config
+from acquisition.errors import ConfigurationError
+from acquisition.toml_file import line_of
+from tests.acquisition.conftest import DBC, SIGNALS, config_text
+
+TRIALS = Path(__file__).parents[2] / "trials"
+SERIAL = 'type = "serial"\ndevice = "/dev/null"\n'
+SECOND_LINE = "\n[[source]]\nname = 'line'\nchannels = []\n"
+CAN = f'type = "can"\ninterface = "virtual"\nchannel = "x"\ndbc = "{DBC}"\n{SIGNALS}'
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "trial.toml"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("path", sorted(TRIALS.glob("*.toml")), ids=lambda path: path.name)
+def test_every_configuration_that_we_ship_is_valid(path: Path) -> None:
+    if "source" in path.read_text():
+        assert load_config(path).missing_channels == ()
+
+
+def test_a_configuration_becomes_frozen_objects(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, config_text(CAN, ("heading_deg",))))
+    (source,) = config.sources
+    assert isinstance(source, CanSource)
+    assert source.signals["port_rpm"].unit == "rpm"
+    assert config.trial.origin == (63.44, 10.4)
+    assert "north_m" in config.missing_channels
+    assert "heading_deg" not in config.missing_channels
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "message"),
+    [
+        (config_text(CAN).replace('unit = "rpm"', 'unit = "knots"', 1), 14, "'knots' does not measure"),
+        (config_text(SERIAL, ("heding_deg",)), 7, "did you mean heading_deg"),
+        (config_text(SERIAL + "boud_rate = 9600\n"), 10, "boud_rate: is not a known key"),
+        (config_text('type = "serial"\n'), 4, "device: is missing"),
+        (config_text('type = "seriel"\n'), 8, "seriel"),
+        (config_text(SERIAL, clock="sundial"), 6, "clock"),
+        (config_text(SERIAL + 'baud_rate = "fast"\n'), 10, "baud_rate: 'fast'"),
+    ],
+)
+def test_what_is_wrong_names_its_line(tmp_path: Path, text: str, line: int, message: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        load_config(written(tmp_path, text))
+    assert f"line {line}:" in str(caught.value)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[trial\n", "is not valid TOML"),
+        ('source = []\n[trial]\nname = "x"\n', "names no source"),
+        (
+            config_text(SERIAL) + "\n[[source]]\nname = 'line'\nchannels = []\n" + SERIAL,
+            "two sources are called",
+        ),
+        (config_text(SERIAL).replace('name = "line"', 'name = "a/b"'), "cannot be part of a topic"),
+        (config_text(CAN.replace(str(DBC), "nowhere.dbc")), "nowhere.dbc does not exist"),
+    ],
+)
+def test_what_cannot_be_used_says_why(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        load_config(written(tmp_path, text))
+
+
+def test_missing_file() -> None:
+    with pytest.raises(ConfigurationError, match=r"nowhere.toml: does not exist"):
+        load_config("nowhere.toml")
+
+
+def test_lines_in_nested_arrays_of_tables() -> None:
+    text = "[[a]]\n[[a.b]]\nx = 1\n[[a]]\n[[a.b]]\n[[a.b]]\nx = 2\n"
+    assert line_of(text, ["a", 0, "b", 0, "x"]) == 3
+    assert line_of(text, ["a", 1, "b", 1, "x"]) == 7
+    assert line_of(text, ["a", 1, "b", 1, "missing"]) == 6
+    assert line_of(text, ["c"]) == 1

@@ -1,0 +1,159 @@
+"""The recorder as a process: signals, faults of its lines, and what a kill leaves behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from acquisition.config import load_config
+from acquisition.emulate import emulate
+from acquisition.errors import SourceError
+from acquisition.null_modem import NullModem
+from acquisition.record import record, recording_path
+from acquisition.recording.reader import read_recording
+from tests.acquisition.conftest import config_text, free_port, write_voyage
+
+ROOT = Path(__file__).parents[2]
+UDP_CHANNELS = ("heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps")
+
+
+def start_recorder(config: Path, folder: Path) -> subprocess.Popen[str]:
+    """``seatrial record`` as its own process, returned when it has said that it records."""
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "seatrial.py"), "record", str(config), "-o", str(folder)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT,
+    )  # fmt: skip
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.startswith("recording to"):
+            return process
+    raise AssertionError(f"the recorder did not start: {process.wait()}")
+
+
+def config_file(tmp_path: Path, section: str) -> Path:
+    path = tmp_path / "trial.toml"
+    path.write_text(config_text(section, UDP_CHANNELS))
+    return path
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_a_recording_cleanly(tmp_path: Path, number: signal.Signals) -> None:
+    config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
+    table = write_voyage(tmp_path / "voyage.mcap", duration_s=3.0)
+    process = start_recorder(config, tmp_path / "out")
+    time.sleep(0.3)  # the socket is bound right after the line is printed
+    emulate(tmp_path / "voyage.mcap", load_config(config), speed=3.0)
+    time.sleep(0.3)
+    process.send_signal(number)
+    stdout, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    recording = read_recording(stdout.strip())
+    assert recording.closed
+    assert recording.series["heading_deg"].value.size == len(table)
+    assert recording.raw["/raw/nmea0183/line"] > len(table)
+
+
+def test_a_kill_loses_no_more_than_what_was_not_yet_flushed(tmp_path: Path) -> None:
+    config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
+    write_voyage(tmp_path / "voyage.mcap", duration_s=4.0)
+    process = start_recorder(config, tmp_path / "out")
+    time.sleep(0.3)
+    emulate(tmp_path / "voyage.mcap", load_config(config), speed=1.0)
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    (path,) = (tmp_path / "out").glob("*.mcap")
+    recording = read_recording(path)
+    assert not recording.closed
+    assert recording.series["heading_deg"].value.size >= 40 - 10 * 0.5
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ('type = "serial"\ndevice = "/dev/nowhere"\n', "serial line /dev/nowhere cannot be opened"),
+        (
+            'type = "can"\ninterface = "socketcan"\nchannel = "can99"\n',
+            "CAN bus socketcan:can99 cannot be opened",
+        ),
+        ('type = "can"\ninterface = "telepathy"\nchannel = "0"\n', "CAN bus telepathy:0 cannot be opened"),
+        ('type = "file"\npath = "nowhere.log"\n', "cannot be opened"),
+        ('type = "tcp"\nport = 1\n', "does not answer"),
+    ],
+)
+def test_a_line_that_does_not_exist_is_one_clear_error(tmp_path: Path, section: str, message: str) -> None:
+    config = load_config(config_file(tmp_path, section))
+    with pytest.raises(SourceError, match=message):
+        record(config, tmp_path / "out", duration_s=1.0)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_port_in_use(tmp_path: Path) -> None:
+    port = free_port()
+    config = load_config(config_file(tmp_path, f'type = "udp"\nport = {port}\n'))
+    stop = threading.Event()
+    first = threading.Thread(target=record, args=(config, tmp_path / "a", 10.0, stop))
+    first.start()
+    time.sleep(0.3)
+    with pytest.raises(SourceError, match="cannot be listened on"):
+        record(config, tmp_path / "b", duration_s=1.0)
+    stop.set()
+    first.join()
+
+
+def test_a_file_source_ends_the_recording_by_itself(tmp_path: Path) -> None:
+    (tmp_path / "sentences.log").write_bytes(
+        b"# a comment\r\n$RCTRD,2,400.5,R,,V,90.8*55\r\n$HEHDT,12.3,T*00"
+    )
+    text = config_text('type = "file"\npath = "sentences.log"\n', ("port_rpm",), clock="receiver")
+    (tmp_path / "trial.toml").write_text(text)
+    path, health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out", duration_s=20.0)
+    recording = read_recording(path)
+    assert recording.series["port_rpm"].value.tolist() == [400.5]
+    assert recording.raw["/raw/nmea0183/line"] == 3
+    assert health.sources["line"].refused == 2
+
+
+def test_a_serial_line_that_fails_does_not_stop_the_others(tmp_path: Path) -> None:
+    """The line is pulled while it records; the other line's samples and the event are in the file."""
+    port = free_port()
+    with NullModem() as cable:
+        text = config_text(f'type = "udp"\nport = {port}\n', UDP_CHANNELS, clock="receiver")
+        text += (
+            f'[[source]]\nname = "pulled"\ntype = "serial"\ndevice = "{cable.logger_device}"\nchannels = []\n'
+        )
+        (tmp_path / "trial.toml").write_text(text)
+        config = load_config(tmp_path / "trial.toml")
+        write_voyage(tmp_path / "voyage.mcap", duration_s=2.0)
+        sender = tmp_path / "send.toml"
+        sender.write_text(config_text(f'type = "udp"\nport = {port}\n', UDP_CHANNELS))
+        stop = threading.Event()
+        found: list[Path] = []
+        thread = threading.Thread(
+            target=lambda: found.append(record(config, tmp_path / "out", 30.0, stop)[0])
+        )
+        thread.start()
+        time.sleep(0.5)
+    emulate(tmp_path / "voyage.mcap", load_config(sender), speed=2.0)
+    time.sleep(0.3)
+    stop.set()
+    thread.join()
+    recording = read_recording(found[0])
+    assert recording.series["heading_deg"].value.size == 20
+    assert any("serial line failed" in text for _, text in recording.events)
+
+
+def test_two_recordings_in_one_second_get_two_names(tmp_path: Path) -> None:
+    from datetime import UTC, datetime
+
+    started = datetime(2026, 5, 17, 12, 0, 0, tzinfo=UTC)
+    first = recording_path(tmp_path, "sea trial/1", started)
+    assert first.name == "sea_trial_1_20260517T120000Z.mcap"
+    first.touch()
+    assert recording_path(tmp_path, "sea trial/1", started) != first

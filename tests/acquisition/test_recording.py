@@ -1,0 +1,192 @@
+"""The MCAP recording: what goes in comes out, others can open it, a cut file is read as far as it goes."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from acquisition.channels import BY_NAME, NAMES
+from acquisition.errors import InputError, StorageError
+from acquisition.frames import Frame, FrameFlag, Quality, Sample
+from acquisition.info import describe
+from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.recording.schemas import schema_of
+from acquisition.recording.tables import write_table
+from acquisition.recording.writer import RecordingWriter
+from acquisition.trial import Trial
+from tests.acquisition.conftest import write_voyage
+
+FULL_TRIAL = Trial("a trial", "gunnerus_long", "Trondheimsfjord", 63.44, 10.4, 120.0, 2.7, "calm; coffee")
+
+
+def test_table_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+    table = write_voyage(tmp_path / "voyage.mcap", duration_s=20.0)
+    recording = read_recording(tmp_path / "voyage.mcap")
+    assert recording.closed
+    assert recording.messages == table.size
+    for name in NAMES:
+        assert np.array_equal(recording.series[name].value, table[name].to_numpy())
+        assert np.array_equal(recording.series[name].measured_ns, pd.DatetimeIndex(table.index).asi8)
+
+
+@given(
+    trial=st.builds(Trial, *(st.text(max_size=20) for _ in range(3)), *(st.none() | st.floats(-90, 90),) * 4)
+)
+def test_trial_survives_its_metadata(trial: Trial) -> None:
+    assert Trial.from_metadata(trial.as_metadata()) == trial
+
+
+def test_missing_values_are_not_written(tmp_path: Path) -> None:
+    table = write_voyage(tmp_path / "voyage.mcap", duration_s=2.0)
+    table.loc[table.index[3:7], "sway_mps"] = math.nan
+    assert write_table(table, tmp_path / "holes.mcap", FULL_TRIAL) == table.size - 4
+    recording = read_recording(tmp_path / "holes.mcap")
+    assert recording.series["sway_mps"].value.size == len(table) - 4
+    assert recording.trial == FULL_TRIAL
+
+
+def test_a_plain_reader_opens_it_with_schemas_and_topics(tmp_path: Path) -> None:
+    """Viewers skip a topic without a schema, so every topic has one, and JSON that fits it."""
+    path = tmp_path / "all.mcap"
+    with RecordingWriter(path, FULL_TRIAL, "[trial]") as writer:
+        writer.write_sample(Sample("heading_deg", 12.5, "gyro/HE:HDT", 5, 1, 4, 3, "gps", Quality.GOOD))
+        writer.write_raw(Frame("bus", "can", b"\x01\xff", 6, 2, 0x09F11223, FrameFlag.NONE))
+        writer.write_raw(Frame("gyro", "nmea0183", b"$HEHDT,\xff", 6, 2))
+        writer.write_raw(Frame("pilot", "mavlink", b"\xfd\x00", 6, 2))
+        writer.write_position(63.4, 10.4, 7, 7)
+        writer.write_event("start 20/20", 8)
+        writer.write_health({"source": "gyro", "state": "open"}, 9)
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        found = {channel.topic: (schema, message) for schema, channel, message in reader.iter_messages()}
+        assert {record.name for record in reader.iter_metadata()} == {"trial"}
+        assert [attachment.data for attachment in reader.iter_attachments()] == [b"[trial]"]
+    assert set(found) == {
+        "/channel/heading_deg", "/raw/can/bus", "/raw/nmea0183/gyro", "/raw/mavlink/pilot", "/position",
+        "/event", "/health",
+    }  # fmt: skip
+    for schema, message in found.values():
+        assert schema is not None
+        properties = json.loads(schema.data)
+        assert properties["type"] == "object"
+        assert schema.encoding == "jsonschema"
+        assert set(json.loads(message.data)) <= set(properties["properties"])
+    heading = found["/channel/heading_deg"][1]
+    assert (heading.log_time, heading.publish_time) == (5, 4)
+    assert json.loads(heading.data)["value"] == 12.5
+    assert found["/position"][0].name == "foxglove.LocationFix"
+    assert found["/event"][0].name == "foxglove.Log"
+
+
+def test_schema_descriptions_carry_the_units() -> None:
+    for name in NAMES:
+        title, text = schema_of(f"/channel/{name}")
+        assert title == f"seatrial.{name}"
+        assert f"[{BY_NAME[name].unit}]" in json.loads(text)["properties"]["value"]["description"]
+
+
+def test_what_was_flushed_survives_a_kill(tmp_path: Path) -> None:
+    """Without close, everything up to the last flush is there and the file says that it was not closed."""
+    writer = RecordingWriter(tmp_path / "killed.mcap", Trial())
+    for number in range(100):
+        writer.write_sample(Sample("surge_mps", float(number), "s", number, number, number))
+        if number == 79:
+            writer.flush()
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes((tmp_path / "killed.mcap").read_bytes())
+    recording = read_recording(copy)
+    assert not recording.closed
+    assert recording.series["surge_mps"].value.tolist() == [float(number) for number in range(80)]
+    writer.close()
+    assert read_recording(tmp_path / "killed.mcap").closed
+
+
+@settings(max_examples=60, deadline=None)
+@given(share=st.floats(0.0, 1.0, exclude_max=True))
+def test_any_prefix_is_read_without_a_crash(tmp_path_factory: pytest.TempPathFactory, share: float) -> None:
+    folder = tmp_path_factory.mktemp("prefix")
+    write_voyage(folder / "whole.mcap", duration_s=5.0)
+    whole = (folder / "whole.mcap").read_bytes()
+    (folder / "cut.mcap").write_bytes(whole[: int(share * len(whole))])
+    if int(share * len(whole)) < 8:
+        with pytest.raises(InputError):
+            read_recording(folder / "cut.mcap")
+    else:
+        assert not read_recording(folder / "cut.mcap").closed
+
+
+@settings(max_examples=60, deadline=None)
+@given(place=st.floats(0.0, 1.0, exclude_max=True), bit=st.integers(0, 7))
+def test_a_flipped_bit_never_changes_a_value(
+    tmp_path_factory: pytest.TempPathFactory, place: float, bit: int
+) -> None:
+    """Either the damage is reported, or it lies where no value is; never a wrong value without a word."""
+    folder = tmp_path_factory.mktemp("flip")
+    table = write_voyage(folder / "voyage.mcap", duration_s=5.0)
+    damaged = bytearray((folder / "voyage.mcap").read_bytes())
+    damaged[int(place * len(damaged))] ^= 1 << bit
+    (folder / "damaged.mcap").write_bytes(damaged)
+    try:
+        series = read_recording(folder / "damaged.mcap").series
+    except InputError:
+        return
+    for name, each in series.items():
+        assert np.array_equal(each.value, table[name].to_numpy()[: each.value.size])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is an empty file"),
+        (b"time,north_m\n1,2\n" * 20, "is not an MCAP recording"),
+        (b"x", "is not an MCAP"),
+    ],
+)
+def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "fake.mcap"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        describe(path)
+
+
+def test_missing_file_and_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        describe(tmp_path / "nowhere.mcap")
+    with pytest.raises(InputError, match="is a folder"):
+        describe(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="cannot be created"):
+        RecordingWriter(tmp_path / "file" / "x.mcap", Trial())
+
+
+def test_info_counts_rates_and_gaps(tmp_path: Path) -> None:
+    table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
+    table.loc[table.index[20:40], "port_rpm"] = math.nan
+    write_table(table, tmp_path / "gap.mcap", FULL_TRIAL, source="logger")
+    found = describe(tmp_path / "gap.mcap")
+    assert found["closed"]
+    assert found["trial"]["trial"] == "a trial"
+    assert found["duration_s"] == pytest.approx(9.9)
+    port = found["channels"]["port_rpm"]
+    assert port["count"] == 80
+    assert port["longest_gap_s"] == pytest.approx(2.1)
+    assert port["sources"] == ["logger"]
+    assert found["channels"]["heading_deg"]["rate_hz"] == pytest.approx(10.0)
+
+
+def test_a_stream_hands_over_the_configuration(tmp_path: Path) -> None:
+    RecordingWriter(tmp_path / "x.mcap", Trial(), "[trial]\nname = 'ø'\n").close()
+    stream = MessageStream(tmp_path / "x.mcap")
+    assert list(stream) == []
+    assert stream.configuration == "[trial]\nname = 'ø'\n"
