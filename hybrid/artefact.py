@@ -1,0 +1,117 @@
+"""A trained calibrator on disk: weights as safetensors, all else in a JSON file that people can read."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
+
+from acquisition.errors import ConfigurationError, InputError, StorageError
+from acquisition.trial import software_version
+from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.gather import Source
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import Plant
+
+SIDECAR = "calibrator.json"
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """What ``train`` makes and ``validate`` and ``predict`` use.
+
+    ``calibrator`` corrects the reference; ``data_driven`` is its twin without a model; ``band_m`` [H] is the
+    radius that held 95 % of the positions on legs kept out of the training, second by second.
+    """
+
+    calibrator: NetworkCalibrator
+    data_driven: NetworkCalibrator
+    horizon_s: int
+    vessel: str
+    vessel_sha256: str
+    band_m: NDArray[np.float64]
+    sources: tuple[Source, ...]
+    metrics: dict[str, Any]
+
+
+def plant_hash(plant: Plant) -> str:
+    """A fingerprint of every number of a vessel model."""
+    return hashlib.sha256(repr(plant).encode()).hexdigest()
+
+
+def save(trained: Trained, folder: Path) -> Path:
+    """Write the artefact into ``folder`` and return the sidecar's path. Raises :class:`StorageError`."""
+    sidecar = {
+        "format": FORMAT,
+        "method": trained.calibrator.method,
+        "inputs": list(trained.calibrator.inputs),
+        "horizon_s": trained.horizon_s,
+        "seed": trained.calibrator.seed,
+        "vessel": trained.vessel,
+        "vessel_sha256": trained.vessel_sha256,
+        "band_m": [float(each) for each in trained.band_m],
+        "trained_on": [{**asdict(each), "path": str(each.path)} for each in trained.sources],
+        "metrics": trained.metrics,
+        "software": software_version(),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, model in (("calibrator", trained.calibrator), ("data_driven", trained.data_driven)):
+            save_file(model.state(), folder / f"{name}.safetensors")
+        path = folder / SIDECAR
+        path.write_text(json.dumps(sidecar, indent=2) + "\n")
+    except OSError as error:
+        raise StorageError("cannot be written", where=str(folder), why=str(error.strerror)) from error
+    return path
+
+
+def load(folder: Path) -> Trained:
+    """Read an artefact. Raises :class:`InputError` naming what is missing or not what it should be."""
+    path = folder / SIDECAR
+    try:
+        sidecar = json.loads(path.read_text())
+        tensors = {name: load_file(folder / f"{name}.safetensors") for name in ("calibrator", "data_driven")}
+        calibrator = make_calibrator(sidecar["method"], sidecar["seed"]).restore(tensors["calibrator"])
+        data_driven = make_calibrator("data_driven", sidecar["seed"]).restore(tensors["data_driven"])
+        if list(calibrator.inputs) != sidecar["inputs"]:
+            raise InputError("was trained on other inputs than this version gives", where=str(path))
+        sources = tuple(
+            Source(Path(each["path"]), each["sha256"], (each["part"][0], each["part"][1]))
+            for each in sidecar["trained_on"]
+        )
+        return Trained(
+            calibrator, data_driven, sidecar["horizon_s"], sidecar["vessel"], sidecar["vessel_sha256"],
+            np.array(sidecar["band_m"]), sources, sidecar["metrics"],
+        )  # fmt: skip
+    except FileNotFoundError as error:
+        raise InputError(
+            "is no trained calibrator", where=str(folder), why=f"{error.filename} is missing",
+            fix="make one with `seatrial train`",
+        ) from error  # fmt: skip
+    except (json.JSONDecodeError, KeyError, IndexError, TypeError, SafetensorError, RuntimeError) as error:
+        raise InputError("is damaged or of another version", where=str(folder), why=str(error)) from error
+
+
+def plant_for(trained: Trained, vessel: str | None) -> tuple[str, Plant]:
+    """The vessel model that a calibrator was trained on; ``vessel`` may name it but not another.
+
+    Raises :class:`ConfigurationError` when the model differs in any number from that of the training.
+    """
+    name = vessel or trained.vessel
+    plant = load_vessel(name).plant()
+    if plant_hash(plant) != trained.vessel_sha256:
+        raise ConfigurationError(
+            f"vessel {name!r} is not the model that the calibrator was trained on",
+            why=f"it was trained on {trained.vessel!r}, and the numbers differ",
+            fix="give that vessel, or train anew",
+        )
+    return name, plant

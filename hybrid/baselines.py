@@ -1,0 +1,54 @@
+"""Predictions without anything learned: the present motion held, and the reference model.
+
+Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.horizon import Horizons
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.simulate import simulate_batch
+
+Floats = NDArray[np.float64]
+
+
+def constant_velocity(horizons: Horizons) -> Floats:
+    """The present surge, sway and yaw rate held: a straight line or a circle, in closed form.
+
+    With yaw rate r the displacement in the start frame after t seconds is the integral of the turning body
+    velocity: (u sin rt - v (1 - cos rt)) / r ahead and (v sin rt + u (1 - cos rt)) / r to starboard.
+    """
+    seconds = np.arange(horizons.horizon_s + 1, dtype=float)
+    north, east, heading, surge, sway, rate = (column[:, None] for column in horizons.start.T)
+    turn = rate * seconds
+    # sinc and its companion stay exact for a yaw rate of zero
+    along = seconds * np.sinc(turn / np.pi)
+    across = seconds * np.sinc(turn / (2 * np.pi)) * np.sin(turn / 2)
+    ahead, starboard = surge * along - sway * across, sway * along + surge * across
+    return np.stack(
+        [
+            north + ahead * np.cos(heading) - starboard * np.sin(heading),
+            east + ahead * np.sin(heading) + starboard * np.cos(heading),
+            heading + turn,
+        ],
+        axis=-1,
+    )
+
+
+def reference(horizons: Horizons, plant: Plant) -> Floats:
+    """The simulation model from the measured start, thrusters and wind held as they are at second 0.
+
+    Windows in which the model leaves its range are NaN from there on.
+    """
+    seconds = horizons.horizon_s
+    runs = simulate_batch(
+        plant,
+        horizons.start,
+        np.repeat(horizons.control[:, None, :], seconds, axis=1),
+        np.repeat(horizons.wind[:, None, :], seconds, axis=1),
+        dt_s=1.0,
+    )
+    return runs.states[:, :, :3]

@@ -1,0 +1,29 @@
+"""Learned predictors behind one interface: one file a method, one dict that says which."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from acquisition.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from hybrid.calibrators.network import NetworkCalibrator
+
+# Imported when first used: torch takes more than a second.
+_METHODS = {
+    "paper": ("hybrid.calibrators.paper", "PaperCalibrator"),
+    "data_driven": ("hybrid.calibrators.data_driven", "DataDriven"),
+}
+METHODS: tuple[str, ...] = tuple(_METHODS)
+
+
+def make_calibrator(method: str, seed: int = 0) -> NetworkCalibrator:
+    """An untrained calibrator by its method's name. Raises :class:`ConfigurationError`."""
+    if method not in _METHODS:
+        raise ConfigurationError(
+            f"no calibrator is called {method!r}", fix=f"use one of {', '.join(METHODS)}"
+        )
+    module, name = _METHODS[method]
+    calibrator: NetworkCalibrator = getattr(import_module(module), name)(seed)
+    return calibrator

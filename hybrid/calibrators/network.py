@@ -1,0 +1,160 @@
+"""The network that the calibrators share: standard scaling, three layers of ten, Adam, plain torch."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from hybrid.calibrators.features import displacement
+from hybrid.horizon import Horizons
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+HIDDEN = (10, 10, 10)
+LEARNING_RATE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """Standard scaling of columns: zero mean and unit deviation; constant columns become zero."""
+
+    mean: Tensor
+    deviation: Tensor
+
+    @classmethod
+    def of(cls, columns: Tensor) -> Scaling:
+        """The scaling of columns [rows, C]."""
+        deviation = columns.std(dim=0, correction=0)
+        constant = deviation <= 1e-9 * (1.0 + columns.mean(dim=0).abs())
+        return cls(columns.mean(dim=0), torch.where(constant, torch.inf, deviation))
+
+    def scaled(self, columns: Tensor) -> Tensor:
+        """Columns [*, C] in units of their deviation."""
+        return (columns - self.mean) / self.deviation
+
+    def restored(self, columns: Tensor) -> Tensor:
+        """The inverse of :meth:`scaled`; constant columns come back as their mean."""
+        finite = torch.where(torch.isinf(self.deviation), 0.0, self.deviation)
+        return columns * finite + self.mean
+
+
+def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) -> nn.Sequential:
+    """A perceptron with ReLU between its layers, in double precision."""
+    widths = (inputs, *hidden)
+    layers: list[nn.Module] = []
+    for below, above in pairwise(widths):
+        layers += [nn.Linear(below, above), nn.ReLU()]
+    return nn.Sequential(*layers, nn.Linear(widths[-1], outputs)).double()
+
+
+class NetworkCalibrator(ABC):
+    """One network from features of a window and second to the displacement at that second.
+
+    Learned values end in an underscore, as in scikit-learn. ``fit`` stops early on windows it is not trained
+    on and keeps the best weights seen.
+    """
+
+    method: ClassVar[str]
+    inputs: ClassVar[tuple[str, ...]]
+    needs_reference: ClassVar[bool]
+
+    def __init__(self, seed: int = 0, epochs: int = 600, batch: int = 512, patience: int = 60) -> None:
+        self.seed, self.epochs, self.batch, self.patience = seed, epochs, batch, patience
+
+    @abstractmethod
+    def features(self, horizons: Horizons, reference: Floats) -> Floats:
+        """The network's inputs [N, H, C], columns as ``inputs``."""
+
+    def fit(
+        self,
+        training: tuple[Horizons, Floats],
+        stopping: tuple[Horizons, Floats],
+        progress: Progress = lambda share: None,
+    ) -> NetworkCalibrator:
+        """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
+        torch.manual_seed(self.seed)
+        inputs, targets = self._rows(*training)
+        self.input_scaling_, self.output_scaling_ = Scaling.of(inputs), Scaling.of(targets)
+        self.network_ = make_network(inputs.shape[-1], targets.shape[-1])
+        self._descend(
+            self.input_scaling_.scaled(inputs),
+            self.output_scaling_.scaled(targets),
+            *self._scaled_rows(*stopping),
+            progress,
+        )
+        return self
+
+    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
+        """The predicted track [N, H+1, 3]; the heading is the reference's, which no method here corrects."""
+        features = torch.from_numpy(self.features(horizons, reference))
+        with torch.no_grad():
+            moved = self.output_scaling_.restored(self.network_(self.input_scaling_.scaled(features)))
+        track = reference.copy()
+        track[:, 0, :2] = horizons.start[:, :2]
+        track[:, 1:, :2] = horizons.start[:, None, :2] + moved.numpy()
+        return track
+
+    def state(self) -> dict[str, Tensor]:
+        """Everything learned, by name."""
+        scalings = {"input": self.input_scaling_, "output": self.output_scaling_}
+        tensors = {f"network.{name}": value for name, value in self.network_.state_dict().items()}
+        for name, scaling in scalings.items():
+            tensors[f"{name}.mean"], tensors[f"{name}.deviation"] = scaling.mean, scaling.deviation
+        return {name: value.contiguous() for name, value in tensors.items()}
+
+    def restore(self, tensors: dict[str, Tensor]) -> NetworkCalibrator:
+        """The inverse of :meth:`state`."""
+        self.input_scaling_ = Scaling(tensors["input.mean"], tensors["input.deviation"])
+        self.output_scaling_ = Scaling(tensors["output.mean"], tensors["output.deviation"])
+        self.network_ = make_network(len(self.input_scaling_.mean), len(self.output_scaling_.mean))
+        prefix = "network."
+        self.network_.load_state_dict(
+            {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+        )
+        return self
+
+    def _rows(self, horizons: Horizons, reference: Floats) -> tuple[Tensor, Tensor]:
+        features = self.features(horizons, reference)
+        targets = displacement(horizons.track, horizons.start)
+        return (
+            torch.from_numpy(features.reshape(-1, features.shape[-1])),
+            torch.from_numpy(targets.reshape(-1, 2)),
+        )
+
+    def _scaled_rows(self, horizons: Horizons, reference: Floats) -> tuple[Tensor, Tensor]:
+        inputs, targets = self._rows(horizons, reference)
+        return self.input_scaling_.scaled(inputs), self.output_scaling_.scaled(targets)
+
+    def _descend(
+        self, inputs: Tensor, targets: Tensor, stop_inputs: Tensor, stop_targets: Tensor, progress: Progress
+    ) -> None:
+        """Adam on the mean squared error in batches drawn anew each epoch."""
+        optimiser = torch.optim.Adam(self.network_.parameters(), lr=LEARNING_RATE)
+        generator = torch.Generator().manual_seed(self.seed)
+        best, best_loss, since = self.network_.state_dict(), float("inf"), 0
+        for epoch in range(self.epochs):
+            order = torch.randperm(len(inputs), generator=generator)
+            for rows in torch.split(order, self.batch):
+                optimiser.zero_grad()
+                loss = nn.functional.mse_loss(self.network_(inputs[rows]), targets[rows])
+                loss.backward()  # type: ignore[no-untyped-call]
+                optimiser.step()
+            with torch.no_grad():
+                stop_loss = nn.functional.mse_loss(self.network_(stop_inputs), stop_targets).item()
+            since += 1
+            if stop_loss < best_loss:
+                best_loss, since = stop_loss, 0
+                best = {name: value.clone() for name, value in self.network_.state_dict().items()}
+            progress((epoch + 1) / self.epochs)
+            if since > self.patience:
+                break
+        self.network_.load_state_dict(best)

@@ -1,0 +1,101 @@
+"""``seatrial train``: a calibrator on a reference model, and what it is worth on legs it did not see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.errors import DataShortageError
+from hybrid.artefact import Trained, plant_hash
+from hybrid.baselines import reference
+from hybrid.calibrators import make_calibrator
+from hybrid.gather import Gathered
+from hybrid.horizon import Horizons, split_by_group
+from hybrid.scores import distances, score
+from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+HELD_OUT_SHARE = 0.2
+COVERAGE = 0.95
+
+
+def inside_range(horizons: Horizons, plant: Plant) -> tuple[Horizons, Floats]:
+    """The windows in which the reference model stays in its range, and its tracks.
+
+    Raises :class:`DataShortageError` when there are none.
+    """
+    tracks = reference(horizons, plant)
+    inside = np.isfinite(tracks).all(axis=(1, 2))
+    if not inside.any():
+        raise DataShortageError(
+            "the reference model leaves its range in every window",
+            why="speeds or thrusts are not those of this vessel",
+            fix="check --vessel and the units of the recording",
+        )
+    return horizons.subset(inside), tracks[inside]
+
+
+def band_radius(predicted: Floats, measured: Floats) -> Floats:
+    """The radius around each second's prediction that holds 95 % of the measured positions [H].
+
+    The quantile is that of split conformal prediction, ceil((n + 1) 0.95) of n (Lei et al. 2018), so it does
+    not shrink with few windows; it never falls from one second to the next.
+    """
+    distance = distances(predicted, measured)
+    count = len(distance)
+    rank = min(int(np.ceil((count + 1) * COVERAGE)), count) - 1
+    return np.maximum.accumulate(np.sort(distance, axis=0)[rank])
+
+
+def train(
+    gathered: Gathered,
+    vessel: str,
+    plant: Plant,
+    method: str = "paper",
+    seed: int = 0,
+    progress: Progress = lambda share: None,
+) -> Trained:
+    """Fit the calibrator and its twin without a model; legs kept out stop the training and size the band."""
+    horizons, tracks = inside_range(gathered.horizons, plant)
+    fitting, held_out = split_by_group(horizons.leg, HELD_OUT_SHARE, seed)
+    training = (horizons.subset(fitting), tracks[fitting])
+    stopping = (horizons.subset(held_out), tracks[held_out])
+    calibrator = make_calibrator(method, seed).fit(training, stopping, lambda share: progress(share / 2))
+    data_driven = make_calibrator("data_driven", seed).fit(
+        training, stopping, lambda share: progress(0.5 + share / 2)
+    )
+    predicted = calibrator.predict(*stopping)
+    return Trained(
+        calibrator=calibrator,
+        data_driven=data_driven,
+        horizon_s=horizons.horizon_s,
+        vessel=vessel,
+        vessel_sha256=plant_hash(plant),
+        band_m=band_radius(predicted, stopping[0].track),
+        sources=tuple(replace(each, path=each.path.resolve()) for each in gathered.sources),
+        metrics=_metrics(horizons, training, stopping, predicted),
+    )
+
+
+def _metrics(
+    horizons: Horizons,
+    training: tuple[Horizons, Floats],
+    stopping: tuple[Horizons, Floats],
+    predicted: Floats,
+) -> dict[str, Any]:
+    reference_m = score(stopping[1], stopping[0].track).mean_distance_m
+    hybrid_m = score(predicted, stopping[0].track).mean_distance_m
+    return {
+        "windows": len(horizons),
+        "legs": int(np.unique(horizons.leg).size),
+        "training_windows": len(training[0]),
+        "held_out_windows": len(stopping[0]),
+        "held_out_reference_m": reference_m,
+        "held_out_hybrid_m": hybrid_m,
+    }
