@@ -38,6 +38,4 @@ def unwrap(angle_deg: ArrayLike) -> Floats:
 def circular_mean(angle_deg: ArrayLike, axis: int | None = None) -> Floats:
     """The direction of the mean unit vector, -180 < x <= 180 [deg], NaN ignored."""
     radians = np.deg2rad(np.asarray(angle_deg, dtype=float))
-    return wrap_180(
-        np.rad2deg(np.arctan2(np.nanmean(np.sin(radians), axis), np.nanmean(np.cos(radians), axis)))
-    )
+    return wrap_180(np.rad2deg(np.arctan2(np.nanmean(np.sin(radians), axis), np.nanmean(np.cos(radians), axis))))

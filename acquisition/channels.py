@@ -68,12 +68,8 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("port_rpm", "rpm", -3000, 3000, "command", "Port shaft, negative in reverse"),
     _circle("port_angle_deg", "command", "Port azimuth, positive turns the thrust to starboard", -180.0),
     Channel("starboard_rpm", "rpm", -3000, 3000, "command", "Starboard shaft, negative in reverse"),
-    _circle(
-        "starboard_angle_deg", "command", "Starboard azimuth, positive turns the thrust to starboard", -180.0
-    ),
-    Channel(
-        "tunnel_rpm", "rpm", -3000, 3000, "command", "Tunnel thruster, positive pushes the bow to starboard"
-    ),
+    _circle("starboard_angle_deg", "command", "Starboard azimuth, positive turns the thrust to starboard", -180.0),
+    Channel("tunnel_rpm", "rpm", -3000, 3000, "command", "Tunnel thruster, positive pushes the bow to starboard"),
 )
 """The 13 channels in their contractual order."""
 

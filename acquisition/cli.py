@@ -48,9 +48,7 @@ def record(
 
 def emulate(
     recording: Annotated[Path, typer.Argument(help="The recording to play.")],
-    config: Annotated[
-        Path, typer.Argument(help="The configuration whose buses and lines it is played onto.")
-    ],
+    config: Annotated[Path, typer.Argument(help="The configuration whose buses and lines it is played onto.")],
     speed: Annotated[float, typer.Option(min=0.01, help="So many times as fast as it was.")] = 1.0,
 ) -> None:
     """Play a recording onto buses and lines."""
@@ -71,12 +69,8 @@ def emulate(
 def import_(
     table: Annotated[Path, typer.Argument(help="A CSV, Parquet or .mat file.")],
     output: Output,
-    columns: Annotated[
-        Path | None, typer.Option(help="A column map: names and units of a foreign table.")
-    ] = None,
-    allow_missing: Annotated[
-        bool, typer.Option(help="Accept a table without some of the 13 channels.")
-    ] = False,
+    columns: Annotated[Path | None, typer.Option(help="A column map: names and units of a foreign table.")] = None,
+    allow_missing: Annotated[bool, typer.Option(help="Accept a table without some of the 13 channels.")] = False,
     ignore_unknown: Annotated[bool, typer.Option(help="Pass over columns that are no channels.")] = False,
 ) -> None:
     """Turn a table into a recording."""
@@ -101,9 +95,7 @@ def info(
     from rich.console import Console
 
     console = Console()
-    state = (
-        "closed properly" if found["closed"] else "NOT CLOSED: the recorder was killed or is still writing"
-    )
+    state = "closed properly" if found["closed"] else "NOT CLOSED: the recorder was killed or is still writing"
     console.print(f"[bold]{file}[/bold]  {state}", highlight=False)
     console.print(
         f"{found['start']} to {found['end']}, {found['duration_s']:.1f} s, {found['messages']:,} messages",

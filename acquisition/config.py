@@ -278,9 +278,7 @@ def _resolved(source: AnySource, folder: Path, path: Path | str) -> AnySource:
     if isinstance(source, CanSource) and source.dbc is not None:
         dbc = folder / source.dbc
         if not dbc.exists():
-            raise ConfigurationError(
-                f"DBC file {dbc} does not exist", where=f"{path}, source {source.name!r}"
-            )
+            raise ConfigurationError(f"DBC file {dbc} does not exist", where=f"{path}, source {source.name!r}")
         return replace(source, dbc=dbc)
     if isinstance(source, CanSource) and source.signals:
         raise ConfigurationError(

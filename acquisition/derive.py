@@ -41,9 +41,7 @@ class Derivation:
         latitude, longitude = group.get("latitude_deg"), group.get("longitude_deg")
         if latitude is None or longitude is None:
             return []
-        if not (
-            BY_NAME["latitude_deg"].holds(latitude.value) and BY_NAME["longitude_deg"].holds(longitude.value)
-        ):
+        if not (BY_NAME["latitude_deg"].holds(latitude.value) and BY_NAME["longitude_deg"].holds(longitude.value)):
             return []
         if self.origin is None:
             self.origin = (latitude.value, longitude.value)

@@ -48,9 +48,7 @@ def moments_of(
             where=str(recording.path),
             fix="give [trial] origin in the configuration",
         )
-    times = np.concatenate(
-        [recording.series[name].measured_ns for name in present] or [np.empty(0, np.int64)]
-    )
+    times = np.concatenate([recording.series[name].measured_ns for name in present] or [np.empty(0, np.int64)])
     values = np.concatenate([recording.series[name].value for name in present] or [np.empty(0)])
     which = np.repeat(np.arange(len(present)), [recording.series[name].value.size for name in present])
     order = np.argsort(times, kind="stable")
@@ -76,9 +74,7 @@ class _Player:
     outlet: Outlet
 
 
-def emulate(
-    path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None
-) -> Played:
+def emulate(path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None) -> Played:
     """Play a recording onto the buses and lines of ``config``, ``speed`` times as fast as it was.
 
     Raises :class:`InputError` for an unfit recording and :class:`SourceError` for a line that fails.
@@ -108,9 +104,7 @@ def _schedule(players: list[_Player]) -> list[tuple[int, int, int]]:
     )
 
 
-def _play(
-    schedule: list[tuple[int, int, int]], players: list[_Player], speed: float, progress: Progress
-) -> Played:
+def _play(schedule: list[tuple[int, int, int]], players: list[_Player], speed: float, progress: Progress) -> Played:
     first_ns, last_ns = schedule[0][0], schedule[-1][0]
     span_ns = max(last_ns - first_ns, 1)
     started_s = time.monotonic()

@@ -76,9 +76,7 @@ class Health:
     """The state of a recording in progress."""
 
     sources: dict[str, SourceHealth]
-    channels: dict[str, ChannelHealth] = field(
-        default_factory=lambda: {name: ChannelHealth() for name in NAMES}
-    )
+    channels: dict[str, ChannelHealth] = field(default_factory=lambda: {name: ChannelHealth() for name in NAMES})
     events: deque[str] = field(default_factory=lambda: deque(maxlen=5))
     started_ns: int = field(default_factory=time.monotonic_ns)
     samples: int = 0

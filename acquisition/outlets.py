@@ -117,9 +117,7 @@ class _TcpOutlet:
                 self._client, _ = self._server.accept()
             self._client.sendall(b"".join(packet.payload for packet in packets))
         except OSError as error:
-            raise SourceError(
-                "no logger connected", where=f"source {self._name!r}", why=str(error)
-            ) from error
+            raise SourceError("no logger connected", where=f"source {self._name!r}", why=str(error)) from error
 
     def close(self) -> None:
         if self._client is not None:

@@ -64,18 +64,14 @@ class Processing:
         fix = {each.quantity: each for each in samples if each.quantity in ("latitude_deg", "longitude_deg")}
         if len(fix) == 2:
             latitude, longitude = fix["latitude_deg"], fix["longitude_deg"]
-            self._writer.write_position(
-                latitude.value, longitude.value, latitude.received_ns, latitude.measured_ns
-            )
+            self._writer.write_position(latitude.value, longitude.value, latitude.received_ns, latitude.measured_ns)
 
     def _keep_origin(self) -> None:
         """The first fix became the origin: the recording must say so."""
         if self._derivation.origin is None:
             return
         latitude_deg, longitude_deg = self._derivation.origin
-        self._trial = replace(
-            self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg
-        )
+        self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
         self._writer.write_trial(self._trial)
         self.note(f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}")
 

@@ -7,12 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from analysis.resample import resample
-from analysis.table import read_table, select
-from analysis.windows import held_windows
-
-from acquisition.errors import DataShortageError
-from hybrid.horizon import Horizons, from_rows, joined
+from hybrid.horizon import Horizons, from_rows
 
 Progress = Callable[[float], None]
 _BLOCK_BYTES = 1 << 20
@@ -61,25 +56,6 @@ def gather(
 
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
-    parts: list[Horizons] = []
-    sources: list[Source] = []
-    candidates, dropped = 0, dict[str, int]()
-    for number, path in enumerate(paths):
-        table = select(read_table(path), part)
-        found = held_windows(resample(table, 1.0), horizon_s, stride_s, trial=path.stem)
-        candidates += found.candidates
-        for reason, count in found.dropped.items():
-            dropped[reason] = dropped.get(reason, 0) + count
-        if found.kept:
-            parts.append(from_rows(found.rows))
-        sources.append(Source(path, file_hash(path), part))
-        progress((number + 1) / len(paths))
-    if not parts:
-        reasons = ", ".join(f"{count} {reason}" for reason, count in dropped.items()) or "too short"
-        raise DataShortageError(
-            f"no window of {horizon_s} s in which the thrusters were held",
-            where=", ".join(str(path) for path in paths),
-            why=reasons,
-            fix="lower --horizon, or give recordings with held stretches",
-        )
-    return Gathered(joined(parts), tuple(sources), candidates, dropped)
+    found = windows_of_recordings(paths, horizon_s, stride_s, progress, part)
+    sources = tuple(Source(path, file_hash(path), part) for path in paths)
+    return Gathered(from_rows(found.rows), sources, found.candidates, found.dropped)

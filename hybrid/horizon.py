@@ -6,7 +6,6 @@ is the measured track that its prediction is compared with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,19 +101,6 @@ def _control(value: dict[str, Floats]) -> Floats:
             np.deg2rad(value["starboard_angle_deg"][:, 0]),
             value["tunnel_rpm"][:, 0],
         ]
-    )
-
-
-def joined(parts: Sequence[Horizons]) -> Horizons:
-    """The windows of several recordings in one."""
-    return Horizons(
-        np.concatenate([part.start for part in parts]),
-        np.concatenate([part.track for part in parts]),
-        np.concatenate([part.wind for part in parts]),
-        np.concatenate([part.control for part in parts]),
-        np.concatenate([part.trial for part in parts]),
-        np.concatenate([part.leg for part in parts]),
-        pd.DatetimeIndex(np.concatenate([part.start_time for part in parts])),
     )
 
 

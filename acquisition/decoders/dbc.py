@@ -36,9 +36,7 @@ def find_signal(database: cantools.db.Database, entry: Signal, path: Path) -> tu
         message = database.get_message_by_name(entry.message)
         return message, message.get_signal_by_name(entry.signal)
     except KeyError as error:
-        known = ", ".join(
-            f"{each.name}.{signal.name}" for each in database.messages for signal in each.signals
-        )
+        known = ", ".join(f"{each.name}.{signal.name}" for each in database.messages for signal in each.signals)
         raise ConfigurationError(
             f"has no signal {entry.message}.{entry.signal}", where=str(path), fix=f"it has {known}"
         ) from error

@@ -90,9 +90,7 @@ class MavlinkDecoder:
         values = self._named_value(message) if kind == "NAMED_VALUE_FLOAT" else []
         if kind in _READERS:
             values = _READERS[kind](message)
-        return self.clock.group(
-            frame, f"{frame.origin}/{self._system_id}:{kind}", values, self._told(message)
-        )
+        return self.clock.group(frame, f"{frame.origin}/{self._system_id}:{kind}", values, self._told(message))
 
     def _named_value(self, message: Any) -> Values:
         channel, scale = self._named.get(message.name.rstrip("\0"), ("", 1.0))

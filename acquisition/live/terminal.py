@@ -24,9 +24,7 @@ def picture(health: Health, path: Path, expected: frozenset[str]) -> RenderableT
         (_clock(now_ns - health.started_ns), "bold"),
         f"   {health.samples:,} samples",
     )
-    return Group(
-        header, _channel_table(health, expected, now_ns), _source_table(health, now_ns), _events(health)
-    )
+    return Group(header, _channel_table(health, expected, now_ns), _source_table(health, now_ns), _events(health))
 
 
 def _clock(elapsed_ns: int) -> str:
@@ -76,9 +74,7 @@ def _source_table(health: Health, now_ns: int) -> Table:
     for source in health.sources.values():
         state = source.as_message(now_ns)["state"]
         dropped = Text(f"{source.dropped:,}", "bold red" if source.dropped else "")
-        table.add_row(
-            source.name, Text(state, styles[state]), f"{source.frames:,}", f"{source.refused:,}", dropped
-        )
+        table.add_row(source.name, Text(state, styles[state]), f"{source.frames:,}", f"{source.refused:,}", dropped)
     return table
 
 

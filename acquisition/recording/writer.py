@@ -87,9 +87,7 @@ class RecordingWriter:
         stamp = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns
         self._write(raw_topic(frame.protocol, frame.origin), body, frame.received_ns, stamp)
 
-    def write_position(
-        self, latitude_deg: float, longitude_deg: float, received_ns: int, measured_ns: int
-    ) -> None:
+    def write_position(self, latitude_deg: float, longitude_deg: float, received_ns: int, measured_ns: int) -> None:
         """Record a fix for the map panels of viewers."""
         body = {
             "timestamp": _timestamp(measured_ns),
@@ -102,9 +100,7 @@ class RecordingWriter:
         }
         self._write(POSITION_TOPIC, body, received_ns, measured_ns)
 
-    def write_event(
-        self, message: str, received_ns: int, level: str = "info", name: str = "seatrial"
-    ) -> None:
+    def write_event(self, message: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Record a message for people: an event mark, a source that failed, a switch of devices."""
         body = {
             "timestamp": _timestamp(received_ns),

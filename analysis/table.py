@@ -1,0 +1,151 @@
+"""A recording as a table: one row a measured time, one column a channel, NaN where a channel has no sample."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.channels import BY_NAME, NAMES
+from acquisition.errors import DataShortageError, InputError, StorageError
+from acquisition.frames import Quality
+from acquisition.recording.reader import Recording, Series, read_recording
+from acquisition.trial import software_version
+
+WRITERS = ("parquet", "csv", "mat")
+
+
+def read_table(path: Path | str) -> pd.DataFrame:
+    """The raw samples of all channels joined on their measured time.
+
+    The index is UTC in ns, named ``time`` and sorted; a time that one channel has twice stands in two rows.
+    Values flagged bad are NaN. ``attrs`` holds the trial's metadata. Raises :class:`InputError` for what is
+    no recording and :class:`DataShortageError` for one without channels.
+    """
+    return table_of(read_recording(path))
+
+
+def table_of(recording: Recording) -> pd.DataFrame:
+    """As :func:`read_table`, of a recording that is already read."""
+    if not recording.series:
+        raise DataShortageError(
+            "holds no channel", where=str(recording.path), fix="check the sources, or redecode the raw input"
+        )
+    names = [name for name in BY_NAME if name in recording.series]
+    keys = {name: _keys(recording.series[name]) for name in names}
+    rows = np.unique(np.concatenate(list(keys.values())))
+    columns = {}
+    for name in names:
+        column = np.full(rows.size, np.nan)
+        column[np.searchsorted(rows, keys[name])] = _believed(recording.series[name])
+        columns[name] = column
+    index = pd.DatetimeIndex(pd.to_datetime(rows["time"], unit="ns", utc=True), name="time").as_unit("ns")
+    table = pd.DataFrame(columns, index=index)
+    table.attrs["trial"] = asdict(recording.trial)
+    table.attrs["recording"] = str(recording.path)
+    return table
+
+
+_KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
+
+
+def _keys(series: Series) -> NDArray[np.void]:
+    """Measured time and how often it came before: what makes a row."""
+    order = np.argsort(series.measured_ns, kind="stable")
+    times = series.measured_ns[order]
+    first = np.searchsorted(times, times, side="left")
+    keys = np.empty(times.size, dtype=_KEY)
+    keys["time"][order], keys["repeat"][order] = times, np.arange(times.size) - first
+    return keys
+
+
+def _believed(series: Series) -> NDArray[np.float64]:
+    return np.where(series.quality >= Quality.BAD, np.nan, series.value)
+
+
+def require(table: pd.DataFrame, names: tuple[str, ...] = NAMES, where: str = "") -> None:
+    """Raise :class:`InputError` naming the channels of ``names`` that a table lacks."""
+    missing = [name for name in names if name not in table or not table[name].notna().any()]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            where=where or str(table.attrs.get("recording", "table")),
+            fix="record the channel, or import with a map that gives it a constant",
+        )
+
+
+def select(table: pd.DataFrame, part_percent: tuple[float, float]) -> pd.DataFrame:
+    """The rows in a part of the table's time, in percent of its span from the first row; (0, 100) is all.
+
+    Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
+    """
+    low, high = part_percent
+    if not 0.0 <= low < high <= 100.0:
+        raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
+    times = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+    span = int(times[-1] - times[0])
+    first, last = times[0] + span * low / 100.0, times[0] + span * high / 100.0
+    chosen: pd.DataFrame = table[(times >= first) & ((times < last) if high < 100.0 else (times <= last))]
+    return chosen
+
+
+def export_table(table: pd.DataFrame, path: Path, rate_hz: float | None = None) -> None:
+    """Write a table as Parquet, CSV or .mat by the suffix of ``path``, units and origin in its metadata.
+
+    Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
+    """
+    kind = path.suffix.removeprefix(".").lower()
+    if kind not in WRITERS:
+        raise InputError(f"cannot write {path.suffix or 'a file without suffix'}", where=str(path),
+                         fix="name it .parquet, .csv or .mat")  # fmt: skip
+    metadata = _metadata(table, rate_hz)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        {"parquet": _write_parquet, "csv": _write_csv, "mat": _write_mat}[kind](table, path, metadata)
+    except OSError as error:
+        raise StorageError("cannot be written", where=str(path), why=str(error.strerror)) from error
+
+
+def _metadata(table: pd.DataFrame, rate_hz: float | None) -> dict[str, Any]:
+    return {
+        "units": {str(name): BY_NAME[str(name)].unit for name in table.columns},
+        "trial": table.attrs.get("trial", {}),
+        "recording": table.attrs.get("recording", ""),
+        "rate_hz": rate_hz,
+        "software": software_version(),
+    }
+
+
+def _write_parquet(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
+    copy = table.copy()
+    copy.attrs = {"seatrial": metadata}
+    copy.to_parquet(path)
+
+
+def _write_csv(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
+    """ISO 8601 times; the names carry the units, and CSV has no place for more."""
+    index = pd.DatetimeIndex(table.index)
+    table.set_axis(index.strftime("%Y-%m-%dT%H:%M:%S.%f+00:00"), axis=0).to_csv(path, index_label="time")
+
+
+def _write_mat(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
+    """One vector a channel, ``time`` in seconds since 1970, and a struct ``units``."""
+    from scipy.io import savemat
+
+    seconds = pd.DatetimeIndex(table.index).as_unit("ns").asi8 / 1e9
+    vectors = {str(name): table[name].to_numpy() for name in table.columns}
+    trial = {key: value for key, value in metadata["trial"].items() if value not in (None, "")}
+    savemat(
+        path,
+        {
+            "time": seconds,
+            **vectors,
+            "units": {"time": "s since 1970 UTC", **metadata["units"]},
+            "trial": trial,
+        },
+        oned_as="column",
+    )

@@ -1,0 +1,114 @@
+"""``seatrial predict``: one prediction from one instant of a recording, with its band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.angles import wrap_360
+from acquisition.channels import NAMES
+from acquisition.errors import InputError
+from hybrid.artefact import Trained
+from hybrid.baselines import reference
+from hybrid.horizon import Horizons, from_rows
+from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A predicted track [H+1, 3] of north, east [m], heading [rad], its 95 % radius [H+1] if it has one, and
+    the measured track where the recording goes on long enough.
+    """
+
+    at: pd.Timestamp
+    method: str
+    track: Floats
+    band_m: Floats | None
+    measured: Floats | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """One object a second, for JSON."""
+        rows = []
+        for second, (north, east, heading) in enumerate(self.track):
+            row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
+            row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
+            row["band_m"] = None if self.band_m is None else float(self.band_m[second])
+            if self.measured is not None:
+                row["measured_north_m"], row["measured_east_m"] = map(float, self.measured[second, :2])
+            rows.append(row)
+        return {
+            "at": self.at.isoformat(),
+            "horizon_s": len(self.track) - 1,
+            "method": self.method,
+            "track": rows,
+        }
+
+
+def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
+    """An instant as ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start.
+
+    Raises :class:`InputError` for anything else.
+    """
+    start = pd.Timestamp(table.index[0])
+    try:
+        if text.startswith("+"):
+            return start + pd.Timedelta(seconds=float(text[1:]))
+        if text.replace(".", "", 1).isdigit():
+            return pd.Timestamp(float(text), unit="s", tz="UTC")
+        at = pd.Timestamp(text)
+    except ValueError as error:
+        raise InputError(
+            f"{text!r} is no time",
+            fix=f"write it like {start.isoformat()}, as seconds since 1970, or as +SECONDS from the start",
+        ) from error
+    if at.tzinfo is None:
+        raise InputError(f"{text!r} has no time zone", fix=f"write it like {start.isoformat()}")
+    return at.tz_convert("UTC")
+
+
+def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Horizons, bool]:
+    """The window that starts at ``at`` in a 1 Hz table, and whether the recording covers all of it.
+
+    Raises :class:`InputError` when the instant lies outside or a channel has no value there.
+    """
+    first, last = table.index[0], table.index[-1]
+    if not first <= at <= last:
+        raise InputError(
+            f"{at.isoformat()} lies outside the recording",
+            fix=f"choose from {first.isoformat()} to {last.isoformat()}",
+        )
+    start = table.index[int(np.argmin(np.abs((table.index - at).total_seconds())))]
+    index = pd.date_range(start, periods=horizon_s + 1, freq="1s", name="time")
+    rows = table.reindex(index)[list(NAMES)]
+    missing = [name for name in NAMES if not np.isfinite(rows[name].iloc[0])]
+    if missing:
+        raise InputError(f"{', '.join(missing)} has no value at {start.isoformat()}", fix="choose another time")
+    labelled = rows.reset_index(drop=True).assign(
+        window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
+    )
+    return from_rows(labelled), bool(rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None))
+
+
+def predict(
+    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: Trained | None = None
+) -> Prediction:
+    """Predict from the state at ``at`` with thrusters and wind held: the reference, or the calibrator on it."""
+    horizons, covered = window_at(table, at, horizon_s)
+    track = reference(horizons, plant)
+    band = None
+    if trained is not None:
+        track = trained.calibrator.predict(horizons, track)
+        band = np.concatenate([[0.0], trained.band_m])
+    return Prediction(
+        at=pd.Timestamp(horizons.start_time[0]),
+        method="reference" if trained is None else "hybrid",
+        track=track[0],
+        band_m=band,
+        measured=horizons.track[0] if covered else None,
+    )
