@@ -118,9 +118,7 @@ class Effect:
             along, across = free
             return {names[0]: hypot(along, across), names[1]: degrees(atan2(across, along)) % 360.0}
         if self.chart == "inverse":
-            return {
-                name: 1.0 / number if number > 0.0 else inf for name, number in zip(names, free, strict=True)
-            }
+            return {name: 1.0 / number if number > 0.0 else inf for name, number in zip(names, free, strict=True)}
         return {p.name: p.neutral + number for p, number in zip(self.parameters, free, strict=True)}
 
     @property

@@ -20,9 +20,7 @@ def _order(name: str) -> int:
 def _lengthened(plant: Plant, values: Values) -> Plant:
     added_m = values["length_m"]
     s = (plant.length_between_perpendiculars_m + added_m) / plant.length_between_perpendiculars_m
-    plant = (
-        plant.scaled(s, "mass_kg", "Xud", "Yvd").scaled(s**2, "Yrd").scaled(s**3, "yaw_inertia_kgm2", "Nrd")
-    )
+    plant = plant.scaled(s, "mass_kg", "Xud", "Yvd").scaled(s**2, "Yrd").scaled(s**3, "yaw_inertia_kgm2", "Nrd")
     for name in HULL:
         lever = 2 if name.startswith("N") else 1
         plant = plant.scaled(s**0.8 if name == _RESISTANCE else s ** (lever + _order(name)), name)
@@ -53,9 +51,9 @@ def _aspect_growth(ratio: float, slenderness: float, exponent: float) -> float:
 def _shallow(plant: Plant, values: Values) -> Plant:
     """Derivatives of drift force, drift moment and turning grow with exponents 2.3, 1.7 and 0.7.
 
-    Terms with both v and r count as drift. The factors belong to whole derivatives. Here the added-mass Coriolis terms stand beside the coefficients,
-    so these are set to make the sums grow as they should; the sway and yaw added masses grow like the
-    derivatives of drift.
+    Terms with both v and r count as drift. The factors belong to whole derivatives. Here the added-mass
+    Coriolis terms stand beside the coefficients, so these are set to make the sums grow as they should; the
+    sway and yaw added masses grow like the derivatives of drift.
     """
     ratio = plant.draught_m / values["depth_m"]
     slenderness = 2.0 * plant.draught_m / plant.length_between_perpendiculars_m

@@ -8,7 +8,7 @@ v' = v_r' - u_c r. Runge-Kutta of fourth order; whatever is constant in a step i
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, exp, pi, sin
 from typing import NamedTuple
 
 from hybrid.vessel.compiling import Floats, Record, compiled
@@ -53,6 +53,14 @@ class InverseMass(NamedTuple):
     sway: float
     cross: float
     yaw: float
+
+
+class Lag(NamedTuple):
+    """The share of the way to the order that acting controls come in a step, on average and at its end."""
+
+    present: bool
+    mean: float
+    end: float
 
 
 @compiled
@@ -176,3 +184,57 @@ def in_range(p: Record, state: State) -> bool:
         and abs(v_r) <= p.sway_limit_mps
         and abs(r) <= p.yaw_rate_limit_radps
     )
+
+
+@compiled
+def approached(acting: Control, order: Control, share: float) -> Control:
+    """``acting`` moved towards ``order`` by ``share`` of the way; angles take the shorter way round."""
+    a, b, c, d, e = acting
+    port, port_rad, starboard, starboard_rad, tunnel = order
+    return (
+        a + share * (port - a),
+        b + share * (port_rad - b - 2.0 * pi * round((port_rad - b) / (2.0 * pi))),
+        c + share * (starboard - c),
+        d + share * (starboard_rad - d - 2.0 * pi * round((starboard_rad - d) / (2.0 * pi))),
+        e + share * (tunnel - e),
+    )
+
+
+@compiled
+def lag_over(p: Record, dt_s: float) -> Lag:
+    """How far lagging thrusters come in a step of ``dt_s``: all the way where the plant has no lag."""
+    constant = p.thruster_lag_s
+    if constant > 0.0:
+        left = exp(-dt_s / constant)
+        return Lag(True, 1.0 - constant / dt_s * (1.0 - left), 1.0 - left)
+    return Lag(False, 1.0, 1.0)
+
+
+@compiled
+def advance(
+    p: Record,
+    mass: InverseMass,
+    lag: Lag,
+    order: Control,
+    acting: Control,
+    air: tuple[float, float],
+    time_s: float,
+    dt_s: float,
+    substeps: int,
+    state: State,
+    extra: ForceFunction | None,
+    parameters: Floats,
+) -> tuple[State, Control]:
+    """State and acting controls one step of ``dt_s`` later; ``order`` and the reported wind hold meanwhile.
+
+    Lagging thrusters act with their exact average over each substep; without a lag the order acts.
+    """
+    direction_rad, speed_mps = air
+    h = dt_s / substeps
+    held = hold(p, order, direction_rad, speed_mps)
+    for j in range(substeps):
+        if lag.present:
+            held = hold(p, approached(acting, order, lag.mean), direction_rad, speed_mps)
+            acting = approached(acting, order, lag.end)
+        state = runge_kutta(p, mass, held, time_s + j * h, h, state, extra, parameters)
+    return state, acting

@@ -128,11 +128,7 @@ def _difference(value: Any, base: Any) -> Any:
 
 def _with_tuples(tree: Tree) -> Tree:
     return {
-        key: _with_tuples(value)
-        if isinstance(value, dict)
-        else tuple(value)
-        if isinstance(value, list)
-        else value
+        key: _with_tuples(value) if isinstance(value, dict) else tuple(value) if isinstance(value, list) else value
         for key, value in tree.items()
     }
 
@@ -153,9 +149,7 @@ def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
     for table in ("CX", "CY", "CN"):
         size = len(getattr(vessel.wind, table))
         if size != TABLE_SIZE:
-            _complain(
-                path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg"
-            )
+            _complain(path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg")
     for key, value in asdict(vessel).items():
         for name, number in value.items() if key not in _ADDED and isinstance(value, dict) else ():
             numbers = number if isinstance(number, tuple) else (number,)

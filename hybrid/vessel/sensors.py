@@ -67,8 +67,7 @@ def _hermite(left: Floats, right: Floats, left_slope: Floats, right_slope: Float
     """Cubic interpolation that meets values and slopes at both ends, ``part`` of the way."""
     t, rest = part, 1.0 - part
     return np.asarray(
-        rest**2 * ((1.0 + 2.0 * t) * left + t * left_slope)
-        + t**2 * ((3.0 - 2.0 * t) * right - rest * right_slope)
+        rest**2 * ((1.0 + 2.0 * t) * left + t * left_slope) + t**2 * ((3.0 - 2.0 * t) * right - rest * right_slope)
     )
 
 

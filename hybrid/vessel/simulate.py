@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import exp, pi
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,8 @@ from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
 from acquisition.errors import InputError, ModelRangeError
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record, compiled
-from hybrid.vessel.dynamics import Control, State, hold, in_range, inverse_mass, runge_kutta
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record
+from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.plant import ForceFunction, Plant, pack
 
@@ -30,20 +29,6 @@ LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
 
 Plants = Plant | Sequence[Plant]
-
-
-@compiled
-def approached(acting: Control, order: Control, share: float) -> Control:
-    """``acting`` moved towards ``order`` by ``share`` of the way; angles take the shorter way round."""
-    a, b, c, d, e = acting
-    port, port_rad, starboard, starboard_rad, tunnel = order
-    return (
-        a + share * (port - a),
-        b + share * (port_rad - b - 2.0 * pi * round((port_rad - b) / (2.0 * pi))),
-        c + share * (starboard - c),
-        d + share * (starboard_rad - d - 2.0 * pi * round((starboard_rad - d) / (2.0 * pi))),
-        e + share * (tunnel - e),
-    )
 
 
 def _make_run(stamp: int) -> Callable[..., int]:
@@ -63,21 +48,17 @@ def _make_run(stamp: int) -> Callable[..., int]:
         """Fill ``states`` [K+1, 6] and return the first step that ends out of range, or -1."""
         if stamp == 0:
             return -1
-        mass, h, lag = inverse_mass(p), dt_s / substeps, p.thruster_lag_s
+        mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
         acting = (acting_start[0], acting_start[1], acting_start[2], acting_start[3], acting_start[4])
-        decay = exp(-h / lag) if lag > 0.0 else 0.0
-        mean = 1.0 - lag / h * (1.0 - decay)  # how far the lagging controls have come on average in a step
         states[0] = start
         for k in range(controls.shape[0]):
             c = controls[k]
             order = (c[0], c[1], c[2], c[3], c[4])
-            held = hold(p, order, wind[k, 0], wind[k, 1])
-            for j in range(substeps):
-                if lag > 0.0:
-                    held = hold(p, approached(acting, order, mean), wind[k, 0], wind[k, 1])
-                    acting = approached(acting, order, 1.0 - decay)
-                state = runge_kutta(p, mass, held, k * dt_s + j * h, h, state, extra, parameters)
+            air = (wind[k, 0], wind[k, 1])
+            state, acting = advance(
+                p, mass, lag, order, acting, air, k * dt_s, dt_s, substeps, state, extra, parameters
+            )
             for i in range(6):
                 states[k + 1, i] = state[i]
             if not in_range(p, state):
@@ -195,6 +176,27 @@ def simulate(
     return runs.states[0] if single else runs.states
 
 
+def stepper(plant: Plant, dt_s: float, substeps: int | None = None) -> Callable[..., Floats]:
+    """A function ``(state [6], control [5], wind [2]) -> state [6]``, for loops closed in Python.
+
+    Such a loop carries its actuators itself: a thruster lag in ``plant`` is not carried from step to step.
+    Raises :class:`ModelRangeError` as :func:`simulate` does.
+    """
+    extra, parameters = combined((plant,))
+    packed, steps = pack(plant), substeps or steps_for(dt_s)
+    states = np.empty((2, 6))
+
+    def step(state: ArrayLike, control: ArrayLike, wind: ArrayLike) -> Floats:
+        begin = np.asarray(state, dtype=np.float64)
+        order, air = np.array(control, dtype=np.float64, ndmin=2), np.array(wind, dtype=np.float64, ndmin=2)
+        left = run(packed[0], begin, order, air, dt_s, steps, order[0], extra, parameters[0], states)
+        if left >= 0:
+            raise range_error(Runs(begin.reshape(1, 1, 6), np.array([0])), plant, dt_s)
+        return np.array(states[1])
+
+    return step
+
+
 def steps_for(dt_s: float) -> int:
     """How many substeps keep the integration step at or below :data:`LONGEST_STEP_S`."""
     return max(1, int(np.ceil(dt_s / LONGEST_STEP_S - 1e-9)))
@@ -254,9 +256,17 @@ def _shaped(values: ArrayLike, dimensions: int, width: int, name: str) -> Floats
 def _check_sizes(number: int, sizes: dict[str, int]) -> None:
     wrong = [f"{name} {size}" for name, size in sizes.items() if size not in (1, number)]
     if wrong:
-        raise InputError(
-            f"{', '.join(wrong)} for {number} runs", fix="give one for all runs, or one for each"
-        )
+        raise InputError(f"{', '.join(wrong)} for {number} runs", fix="give one for all runs, or one for each")
 
 
-__all__ = ["CONTROLS", "STATES", "Runs", "State", "range_error", "simulate", "simulate_batch", "steps_for"]
+__all__ = [
+    "CONTROLS",
+    "STATES",
+    "Runs",
+    "State",
+    "range_error",
+    "simulate",
+    "simulate_batch",
+    "stepper",
+    "steps_for",
+]

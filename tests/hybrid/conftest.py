@@ -46,8 +46,6 @@ def held() -> Held:
     ) -> Floats:
         order = [rpm[0] / 60.0, np.deg2rad(angle_deg[0]), rpm[1] / 60.0, np.deg2rad(angle_deg[1]), tunnel_rpm]
         air = [np.deg2rad(wind[0]), wind[1]]
-        return simulate(
-            plant, start, np.tile(order, (seconds, 1)), np.tile(air, (seconds, 1)), 1.0, **options
-        )
+        return simulate(plant, start, np.tile(order, (seconds, 1)), np.tile(air, (seconds, 1)), 1.0, **options)
 
     return run

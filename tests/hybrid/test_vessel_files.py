@@ -1,0 +1,95 @@
+"""Vessel files: read, refused with the place of the fault, written back the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.errors import ConfigurationError
+from hybrid.vessel.files import VESSELS, load_vessel, save_vessel, vessel_names, with_effects
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import DTYPE, NUMBERS, Plant, flat, pack
+
+SHORT = (VESSELS / "gunnerus_short.toml").read_text()
+
+
+def test_vessels_are_found_by_name_or_file(tmp_path: Path, vessel: Vessel) -> None:
+    """A name is a file of trials/vessels; a path is any file."""
+    assert {"gunnerus_short", "gunnerus_long"} <= set(vessel_names())
+    file = tmp_path / "mine.toml"
+    file.write_text(SHORT)
+    assert load_vessel(file) == vessel
+
+
+@pytest.mark.parametrize(("old", "new", "named"), [
+    ("mass_kg = 410930.0", "", r"inertia\.mass_kg"),
+    ("mass_kg = 410930.0", "mas_kg = 410930.0", r"inertia\.ma"),
+    ("mass_kg = 410930.0", 'mass_kg = "410930"', r"line \d+.*inertia\.mass_kg"),
+    ("mass_kg = 410930.0", "mass_kg = true", r"inertia\.mass_kg"),
+    ("mass_kg = 410930.0", "mass_kg = -1.0", r"line \d+.*inertia\.mass_kg"),
+    ("mass_kg = 410930.0", "mass_kg = nan", r"inertia\.mass_kg"),
+    ("CN = [0.0, ", "CN = [", r"wind\.CN"),
+    ("[sway]", "[swey]", "sw"),
+    ("[sway]", "[sway", "not valid TOML"),
+])  # fmt: skip
+def test_faults_are_named_with_file_and_key(old: str, new: str, named: str, tmp_path: Path) -> None:
+    """What is missing, unknown, ill-typed or impossible is said with its place."""
+    assert old in SHORT
+    file = tmp_path / "faulty.toml"
+    file.write_text(SHORT.replace(old, new, 1))
+    with pytest.raises(ConfigurationError, match=named) as caught:
+        load_vessel(file)
+    assert "faulty.toml" in str(caught.value)
+
+
+def test_an_unknown_vessel_lists_the_known() -> None:
+    """A name that is none says which there are."""
+    with pytest.raises(ConfigurationError, match="gunnerus_short"):
+        load_vessel("titanic")
+
+
+def test_a_circle_of_bases_is_refused(tmp_path: Path) -> None:
+    """A file that builds on itself is no ship."""
+    (tmp_path / "a.toml").write_text('base = "b.toml"')
+    (tmp_path / "b.toml").write_text('base = "a.toml"')
+    with pytest.raises(ConfigurationError, match="leads back"):
+        load_vessel(tmp_path / "a.toml")
+
+
+def test_a_file_on_a_base_overrides_single_numbers(tmp_path: Path, vessel: Vessel) -> None:
+    """Only what differs has to be stated."""
+    file = tmp_path / "heavy.toml"
+    file.write_text('base = "gunnerus_short"\n[inertia]\nmass_kg = 493500.0\n')
+    heavy = load_vessel(file)
+    assert heavy.inertia == replace(vessel.inertia, mass_kg=493500.0)
+    assert heavy.sway == vessel.sway
+
+
+def test_whole_vessels_round_trip(tmp_path: Path, vessel: Vessel) -> None:
+    """A vessel of its own is written in full and read back equal."""
+    own = replace(vessel, name="own", description='a "quoted" ship \\ æøå')
+    save_vessel(own, tmp_path / "own.toml")
+    assert load_vessel(tmp_path / "own.toml") == own
+
+
+def test_a_model_with_effects_added_round_trips_with_its_provenance(tmp_path: Path, vessel: Vessel) -> None:
+    """The file states base, effects and where they come from, and little else."""
+    added = with_effects(vessel, {"hull_fouling": {"resistance_factor": 1.2}}, low=1.1, method="test", windows=12)
+    file = tmp_path / "found.toml"
+    save_vessel(added, file)
+    assert load_vessel(file) == added
+    assert len(file.read_text().splitlines()) < 20
+    assert load_vessel("gunnerus_long").effects == {"hull_lengthening": {"length_m": 5.0}}
+
+
+def test_packing_keeps_every_number(plant: Plant) -> None:
+    """The record holds the plant's numbers by name; flat, it is all float64."""
+    packed = pack([plant, plant.scaled(2.0, "mass_kg")])
+    assert packed["mass_kg"].tolist() == [plant.mass_kg, 2.0 * plant.mass_kg]
+    assert packed["CX"][0].tolist() == list(plant.CX)
+    assert flat(packed).shape == (2, DTYPE.itemsize // 8)
+    assert np.isfinite(flat(packed)).all()
+    assert packed.dtype.names == NUMBERS
