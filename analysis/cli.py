@@ -60,8 +60,8 @@ def windows(
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
     legs = found.rows["leg"].nunique()
     typer.echo(
-        f"{found.kept} of {found.candidates} windows of {horizon} s held, in {legs} legs of {len(files)} recordings; "
-        f"dropped: {reasons}",
+        f"{found.kept} of {found.candidates} windows of {horizon} s held, in {legs} legs of {len(files)} "
+        f"recordings; dropped: {reasons}",
         err=True,
     )
     typer.echo(output)

@@ -103,7 +103,8 @@ def _sorted_without_repeats(time_ns: Times, values: Floats, circular: bool) -> t
     apart = samples - base[inverse]
     if circular:
         apart = difference(samples, base[inverse])
-    return unique, base + np.bincount(inverse, apart) / np.bincount(inverse)
+    mean = np.bincount(inverse, apart) / np.bincount(inverse)
+    return unique, np.asarray(base + mean, dtype=float)
 
 
 def _bracket(times: Times, grid_ns: Times, limit_ns: float) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
@@ -144,7 +145,7 @@ def _local_line(times: Times, samples: Floats, grid_ns: Times, step_ns: float, c
     weight = np.where(np.abs(apart) < 1.0, 0.5 + 0.5 * np.cos(np.pi * apart), 0.0)
 
     def total(of: Floats) -> Floats:
-        return np.bincount(point, weight * of, minlength=count)
+        return np.asarray(np.bincount(point, weight * of, minlength=count), dtype=float)
 
     centre = np.zeros(count)
     if circular:
@@ -163,7 +164,7 @@ def _local_line(times: Times, samples: Floats, grid_ns: Times, step_ns: float, c
     enough &= np.bincount(point, inner & (apart >= 0), count) >= 2
     usable = enough & (determinant > 1e-9 * s0**2)
     line = np.divide(s2 * y0 - s1 * y1, determinant, out=np.full(count, np.nan), where=usable)
-    return centre + line
+    return np.asarray(centre + line)
 
 
 def _in_turn(name: str, values: Floats) -> Floats:

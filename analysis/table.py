@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from acquisition.errors import DataShortageError, InputError, StorageError
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.trial import software_version
+from analysis.frames import NANO, index_of, times_ns, utc_index
+from analysis.parquet import write_parquet
 
 WRITERS = ("parquet", "csv", "mat")
 
@@ -43,8 +46,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
         column = np.full(rows.size, np.nan)
         column[np.searchsorted(rows, keys[name])] = _believed(recording.series[name])
         columns[name] = column
-    index = pd.DatetimeIndex(pd.to_datetime(rows["time"], unit="ns", utc=True), name="time").as_unit("ns")
-    table = pd.DataFrame(columns, index=index)
+    table = pd.DataFrame(columns, index=index_of(np.ascontiguousarray(rows["time"])))
     table.attrs["trial"] = asdict(recording.trial)
     table.attrs["recording"] = str(recording.path)
     return table
@@ -78,19 +80,29 @@ def require(table: pd.DataFrame, names: tuple[str, ...] = NAMES, where: str = ""
         )
 
 
-def select(table: pd.DataFrame, part_percent: tuple[float, float]) -> pd.DataFrame:
-    """The rows in a part of the table's time, in percent of its span from the first row; (0, 100) is all.
+def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.DataFrame:
+    """The rows in a part of the table's time, in percent of its span; (0, 100) or ``"0..100"`` is all.
 
-    Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
+    Parts that meet share no row. Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    low, high = part_percent
+    low, high = _percent(part_percent) if isinstance(part_percent, str) else part_percent
     if not 0.0 <= low < high <= 100.0:
         raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
-    times = pd.DatetimeIndex(table.index).as_unit("ns").asi8
-    span = int(times[-1] - times[0])
-    first, last = times[0] + span * low / 100.0, times[0] + span * high / 100.0
+    times = times_ns(table)
+    if not times.size:
+        return table
+    start, span = int(times.min()), int(times.max() - times.min())
+    first, last = (start + round(span * share / 100.0) for share in (low, high))
     chosen: pd.DataFrame = table[(times >= first) & ((times < last) if high < 100.0 else (times <= last))]
     return chosen
+
+
+def _percent(part: str) -> tuple[float, float]:
+    try:
+        low, high = (float(end) for end in part.split(".."))
+    except ValueError as error:
+        raise InputError(f"{part!r} is no part of a recording", fix="write it like 0..70") from error
+    return low, high
 
 
 def export_table(table: pd.DataFrame, path: Path, rate_hz: float | None = None) -> None:
@@ -111,41 +123,30 @@ def export_table(table: pd.DataFrame, path: Path, rate_hz: float | None = None) 
 
 
 def _metadata(table: pd.DataFrame, rate_hz: float | None) -> dict[str, Any]:
-    return {
-        "units": {str(name): BY_NAME[str(name)].unit for name in table.columns},
-        "trial": table.attrs.get("trial", {}),
-        "recording": table.attrs.get("recording", ""),
-        "rate_hz": rate_hz,
-        "software": software_version(),
-    }
+    known = {str(name): BY_NAME[str(name)].unit for name in table.columns if name in BY_NAME}
+    trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
+    return {"units": known, "trial": trial, "recording": table.attrs.get("recording", ""), "rate_hz": rate_hz}
 
 
 def _write_parquet(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
-    copy = table.copy()
-    copy.attrs = {"seatrial": metadata}
-    copy.to_parquet(path)
+    """Units on the columns; trial, recording and rate as JSON in the file's metadata."""
+    texts = {key: json.dumps(value) for key, value in metadata.items()}
+    write_parquet(table.set_axis(utc_index(table), axis=0), path, metadata["units"], texts)
 
 
 def _write_csv(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
-    """ISO 8601 times; the names carry the units, and CSV has no place for more."""
-    index = pd.DatetimeIndex(table.index)
-    table.set_axis(index.strftime("%Y-%m-%dT%H:%M:%S.%f+00:00"), axis=0).to_csv(path, index_label="time")
+    """ISO 8601 times to the nanosecond; the names carry the units, and CSV has no place for more."""
+    times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
+    table.set_axis(pd.Index([f"{time}Z" for time in times]), axis=0).to_csv(path, index_label="time")
 
 
 def _write_mat(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
-    """One vector a channel, ``time`` in seconds since 1970, and a struct ``units``."""
+    """One vector a channel, ``time`` in seconds since 1970 (to 0.3 microseconds), structs ``units``, ``trial``."""
     from scipy.io import savemat
 
-    seconds = pd.DatetimeIndex(table.index).as_unit("ns").asi8 / 1e9
     vectors = {str(name): table[name].to_numpy() for name in table.columns}
-    trial = {key: value for key, value in metadata["trial"].items() if value not in (None, "")}
-    savemat(
-        path,
-        {
-            "time": seconds,
-            **vectors,
-            "units": {"time": "s since 1970 UTC", **metadata["units"]},
-            "trial": trial,
-        },
-        oned_as="column",
-    )
+    about = {
+        "units": {"time": "s since 1970 UTC", **metadata["units"]},
+        "trial": {**metadata["trial"], "software_version": software_version()},
+    }
+    savemat(path, {"time": times_ns(table) / NANO, **vectors, **about}, oned_as="column")

@@ -1,14 +1,16 @@
-"""Held windows: stretches of a 1 Hz table over which the thrusters were held.
+"""Held windows: stretches of a recording in which the thrusters were left alone, on which models are judged.
 
-A window is kept when no channel has a hole in it and every thruster channel stayed where it was. Noise on the
-feedback must not defeat that, so what is allowed grows with the channel's own noise; a slow ramp must not pass,
-so the drift over the window is bounded more tightly than the range. An azimuth counts although its propeller
-may stand still: its wake and its next use depend on it, and the rule stays the paper's.
+A candidate starts every ``stride_s`` seconds of the table and covers seconds 0 to ``horizon_s``. It is kept
+when all 13 channels are there at every second and both shafts, both azimuths and the tunnel thruster are held
+(:mod:`analysis.holding`); otherwise it is counted under the first reason that applies. Windows that share a
+second, or that follow each other at one held setting, form a leg: whoever splits data by leg or by trial
+never has one second on both sides.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,155 +19,182 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from acquisition.angles import difference, unwrap
-from acquisition.channels import CIRCULAR, COMMAND, NAMES
+from acquisition.angles import difference
+from acquisition.channels import BY_NAME, CIRCULAR, COMMAND, NAMES
 from acquisition.errors import DataShortageError, InputError
+from analysis.frames import NANO, index_of, times_ns
+from analysis.holding import Tolerances, held, tolerance_of
+from analysis.parquet import read_parquet, write_parquet
 from analysis.resample import resample
-from analysis.table import read_table, require, select
+from analysis.table import read_table, select
 
 Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Flags = NDArray[np.bool_]
+Counts = NDArray[np.int64]
 
-TOLERANCE: dict[str, float] = {name: 2.0 if name in CIRCULAR else 4.0 for name in COMMAND}
-"""How far a noiseless thruster channel may move within a window [deg or rpm]."""
-_LARGEST_NOISE = {name: 2.5 if name in CIRCULAR else 6.0 for name in COMMAND}
-_RANGE_OF_NOISE = 7.0  # the range of 16 to 61 normal samples stays below 7 deviations in 999 of 1000 windows
-_DRIFT_OF_NOISE = 4.0
-_REASONS = {
-    "port_rpm": "rpm_moved", "starboard_rpm": "rpm_moved", "port_angle_deg": "azimuth_moved",
-    "starboard_angle_deg": "azimuth_moved", "tunnel_rpm": "tunnel_moved",
-}  # fmt: skip
+REASONS = ("gap", "missing_data", "azimuth_moved", "rpm_moved", "tunnel_moved")
+"""Why a candidate is dropped, in the order in which the reasons are asked."""
+
+COLUMNS = ("window", "second", *NAMES, "trial", "leg", "start")
+"""The columns of the long table of windows."""
 
 
 @dataclass(frozen=True, slots=True)
 class HeldWindows:
-    """Windows as a long table, one row a window and second: ``window``, ``second``, the 13 channels,
-    ``trial``, ``leg``, ``start``; how many were looked at, and why the others were dropped.
+    """The kept windows and the account of all candidates.
+
+    ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
+    channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
+    of ``dropped``.
     """
 
     rows: pd.DataFrame
     candidates: int
     kept: int
     dropped: dict[str, int]
+    horizon_s: int = 15
+    stride_s: int = 5
+
+    @property
+    def legs(self) -> int:
+        """The number of legs among the kept windows."""
+        return int(self.rows["leg"].nunique())
 
 
 def held_windows(
     table: pd.DataFrame,
     horizon_s: int = 15,
     stride_s: int = 5,
-    tolerance: Mapping[str, float] = TOLERANCE,
+    tolerances: Tolerances | None = None,
     trial: str = "trial",
 ) -> HeldWindows:
-    """The held windows of ``horizon_s`` seconds in a 1 Hz table, one tried every ``stride_s`` seconds.
+    """The held windows of a table of one row a second, as :func:`analysis.resample.resample` gives it.
 
-    Legs are named ``trial/001`` on. Raises :class:`InputError` when a channel is missing, the table is not
-    at 1 Hz, or horizon or stride is not a positive number of seconds.
+    ``trial`` names the recording; windows and legs carry it. A table shorter than the horizon has no
+    candidates. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
     """
-    require(table)
-    _check(table, horizon_s, stride_s)
-    values = table[list(NAMES)].to_numpy(float)
-    starts = np.arange(0, max(len(table) - horizon_s, 0), stride_s)
-    reason = _reasons(values, starts, horizon_s, tolerance)
-    kept = starts[reason == ""]
-    dropped = {str(name): int(count) for name, count in zip(*np.unique(reason, return_counts=True), strict=True)}
-    dropped.pop("", None)
-    legs = _legs(values, kept, horizon_s, tolerance)
-    rows = _rows(table, values, kept, horizon_s, trial, legs)
-    return HeldWindows(rows, len(starts), len(kept), dropped)
+    if horizon_s < 2 or stride_s < 1:
+        raise InputError(
+            f"a horizon of {horizon_s} s every {stride_s} s is not possible",
+            fix="give a horizon of at least 2 s and a stride of at least 1 s",
+        )
+    start_ns, values, there = _every_second(table)
+    if start_ns.size < horizon_s + 1:
+        return _assembled(values, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
+    reason = _reasons(values, there, horizon_s + 1, stride_s, tolerances or Tolerances())
+    starts = np.flatnonzero(reason == len(REASONS)).astype(np.int64) * stride_s
+    counts = np.bincount(reason, minlength=len(REASONS) + 1)
+    dropped = {name: int(count) for name, count in zip(REASONS, counts[:-1], strict=True) if count}
+    account = (int(reason.size), dropped)
+    return _assembled(values, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
 
 
-def feedback_noise(values: Floats) -> float:
-    """The deviation of the white noise on a feedback signal, from its second differences (robust).
-
-    Ramps and steps leave the second differences alone except at their corners, and the median passes over
-    those: 1.4826 MAD / sqrt(6).
-    """
-    second = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    second = second[np.isfinite(second)]
-    return float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)) if second.size else 0.0
-
-
-def _check(table: pd.DataFrame, horizon_s: int, stride_s: int) -> None:
-    if horizon_s < 1 or stride_s < 1:
-        raise InputError("horizon and stride are whole seconds from 1 on", fix="e.g. --horizon 15 --stride 5")
-    steps = np.diff(pd.DatetimeIndex(table.index).as_unit("ns").asi8)
-    if steps.size and not (steps == 1_000_000_000).all():
-        raise InputError("windows are cut from a table at 1 Hz", fix="resample it first")
-
-
-def _reasons(
-    values: Floats, starts: NDArray[np.int64], horizon_s: int, tolerance: Mapping[str, float]
-) -> NDArray[np.str_]:
-    """Why each candidate is dropped; empty where it is kept. The first reason found counts."""
-    reason = np.full(starts.size, "", dtype="<U16")
-    if not starts.size:
-        return reason
-    hole = ~np.isfinite(values).all(axis=1)
-    reason[sliding_window_view(hole, horizon_s + 1)[starts].any(axis=1)] = "missing_data"
-    for name in COMMAND:
-        column = values[:, NAMES.index(name)]
-        moved = ~_held(unwrap(column) if name in CIRCULAR else column, starts, horizon_s, name, tolerance[name])
-        reason[moved & (reason == "")] = _REASONS[name]
-    return reason
+def _every_second(table: pd.DataFrame) -> tuple[Counts, Floats, Flags]:
+    """Times [s], values of the 13 channels [s, 13] and where the table has a row, without holes in time."""
+    missing = [name for name in NAMES if name not in table.columns]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            where=str(table.attrs.get("recording", "table")),
+            fix="record the channel, or import with a map that gives it a constant",
+        )
+    time_ns = times_ns(table)
+    if time_ns.size == 0:
+        return _no_windows(), np.empty((0, len(NAMES))), np.empty(0, dtype=bool)
+    row = (time_ns - time_ns[0]) // NANO
+    if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
+        raise InputError(
+            "the table is not one row a second, in order and on whole seconds",
+            fix="resample it to 1 Hz first",
+        )
+    values = np.full((int(row[-1]) + 1, len(NAMES)), np.nan)
+    values[row] = table[list(NAMES)].to_numpy(dtype=float)
+    there = np.zeros(values.shape[0], dtype=bool)
+    there[row] = True
+    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
 
 
-def _held(values: Floats, starts: NDArray[np.int64], horizon_s: int, name: str, tolerance: float) -> Mask:
-    """Whether a channel stays within its range and does not drift, for each window."""
-    noise = min(feedback_noise(values), _LARGEST_NOISE[name])
-    windows = sliding_window_view(values, horizon_s + 1)[starts]
-    centred = np.arange(horizon_s + 1) - horizon_s / 2.0
-    slope = windows @ centred / (centred @ centred)
-    slope_noise = noise / np.sqrt(centred @ centred)
-    spread = windows.max(axis=1) - windows.min(axis=1)
-    drift = np.abs(slope) * horizon_s
-    within = spread <= tolerance + _RANGE_OF_NOISE * noise
-    return np.asarray(within & (drift <= tolerance + _DRIFT_OF_NOISE * slope_noise * horizon_s))
+def _no_windows() -> Counts:
+    return np.empty(0, dtype=np.int64)
 
 
-def _legs(
-    values: Floats, starts: NDArray[np.int64], horizon_s: int, tolerance: Mapping[str, float]
-) -> NDArray[np.int64]:
-    """The number of each window's leg: windows that share a second, or follow each other closely at the
-    same setting, are one leg, so that a split by leg never has one second on both sides.
-    """
-    if not starts.size:
-        return np.empty(0, dtype=np.int64)
-    columns = [NAMES.index(name) for name in COMMAND]
-    setting = np.stack([np.median(values[s : s + horizon_s + 1, columns], axis=0) for s in starts])
-    apart = np.diff(starts) > horizon_s
-    far = np.diff(starts) > 2 * horizon_s
-    changed = np.zeros(starts.size - 1, dtype=bool)
-    for column, name in enumerate(COMMAND):
-        step = setting[1:, column] - setting[:-1, column]
-        step = difference(step, 0.0) if name in CIRCULAR else step
-        changed |= np.abs(step) > 2.0 * tolerance[name]
-    return np.concatenate([[0], np.cumsum(far | (apart & changed))])
+def _reasons(values: Floats, there: Flags, rows: int, stride: int, rule: Tolerances) -> Counts:
+    """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
+
+    def always(flag: Flags) -> Flags:
+        return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
+
+    valid = np.isfinite(values)
+    column = {name: values[:, NAMES.index(name)] for name in COMMAND}
+    steady = {name: held(name, column[name], rows, stride, rule) for name in COMMAND}
+    passed = (
+        always(np.asarray(there & valid.any(axis=1))),
+        always(np.asarray(valid.all(axis=1))),
+        steady["port_angle_deg"] & steady["starboard_angle_deg"],
+        steady["port_rpm"] & steady["starboard_rpm"],
+        steady["tunnel_rpm"],
+    )
+    failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)
+    return np.asarray(failed.argmax(axis=1), dtype=np.int64)
 
 
-def _rows(
-    table: pd.DataFrame,
+def _assembled(
     values: Floats,
-    starts: NDArray[np.int64],
-    horizon_s: int,
+    time_ns: Counts,
+    starts: Counts,
     trial: str,
-    legs: NDArray[np.int64],
-) -> pd.DataFrame:
-    length = horizon_s + 1
-    index = (starts[:, None] + np.arange(length)).ravel()
-    rows = pd.DataFrame(values[index], columns=list(NAMES))
-    rows.insert(0, "window", np.repeat(np.arange(starts.size), length))
-    rows.insert(1, "second", np.tile(np.arange(length), starts.size))
-    names = np.array([f"{trial}/{leg + 1:03d}" for leg in legs], dtype=object)
+    account: tuple[int, dict[str, int]],
+    horizon_s: int,
+    stride_s: int,
+    tolerances: Tolerances | None = None,
+) -> HeldWindows:
+    """The long table of the windows that start at rows ``starts``."""
+    second = np.arange(horizon_s + 1, dtype=np.int64)
+    row = (starts[:, None] + second).ravel()
+    leg = _legs(values, starts, horizon_s, stride_s, tolerances or Tolerances())
+    per_window = {
+        "window": np.arange(starts.size, dtype=np.int64),
+        "leg": np.array([f"{trial}/{number + 1:03d}" for number in leg], dtype=object),
+        "start": index_of(time_ns[starts]),
+    }
+    rows = pd.DataFrame(values[row], columns=list(NAMES))
+    for name, of_window in per_window.items():
+        rows[name] = pd.Series(of_window).repeat(second.size).to_numpy()
+    rows["leg"] = rows["leg"].astype("str")
+    rows["start"] = pd.DatetimeIndex(rows["start"], tz="UTC").as_unit("ns")
+    rows["second"] = np.tile(second, starts.size)
     rows["trial"] = pd.Series([trial] * len(rows), dtype="str")
-    rows["leg"] = pd.Series(np.repeat(names, length), dtype="str")
-    rows["start"] = pd.DatetimeIndex(table.index)[np.repeat(starts, length)]
-    return rows
+    candidates, dropped = account
+    return HeldWindows(rows[list(COLUMNS)], candidates, int(starts.size), dropped, horizon_s, stride_s)
+
+
+def _legs(values: Floats, starts: Counts, horizon_s: int, stride_s: int, rule: Tolerances) -> Counts:
+    """The number of the leg of each window.
+
+    A window continues the leg of the one before it if the two share a second, or if it starts within a
+    stride after the other's end at the same setting.
+    """
+    if starts.size == 0:
+        return _no_windows()
+    commands = [NAMES.index(name) for name in COMMAND]
+    setting = values[:, commands][starts[:, None] + np.arange(horizon_s + 1)]
+    apart = np.abs(np.diff(np.median(setting, axis=1), axis=0))
+    for column, name in enumerate(COMMAND):
+        if name in CIRCULAR:
+            middle = setting[:, 0, column] + np.median(
+                difference(setting[:, :, column], setting[:, :1, column]), axis=1
+            )
+            apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
+    limit = np.array([tolerance_of(name, rule).span for name in COMMAND])
+    between = starts[1:] - (starts[:-1] + horizon_s)
+    joined = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
+    return np.concatenate([[0], np.cumsum(~joined)])
 
 
 def windows_of_recordings(
     paths: Sequence[Path],
-    horizon_s: int,
-    stride_s: int,
+    horizon_s: int = 15,
+    stride_s: int = 5,
     progress: Callable[[float], None] = lambda share: None,
     part_percent: tuple[float, float] = (0.0, 100.0),
 ) -> HeldWindows:
@@ -174,46 +203,75 @@ def windows_of_recordings(
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
     parts = []
-    for number, path in enumerate(paths):
+    for number, (path, trial) in enumerate(zip(paths, _trial_names(paths), strict=True)):
         table = resample(select(read_table(path), part_percent), 1.0)
-        parts.append(held_windows(table, horizon_s, stride_s, trial=path.stem))
+        parts.append(held_windows(table, horizon_s, stride_s, trial=trial))
         progress((number + 1) / len(paths))
-    found = joined(parts)
-    if found.kept == 0:
-        reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "too short"
-        raise DataShortageError(
-            f"no window of {horizon_s} s in which the thrusters were held",
-            where=", ".join(map(str, paths)),
-            why=reasons,
-            fix="lower --horizon, or give recordings with held stretches",
-        )
-    return found
+    return _some(joined(parts), ", ".join(map(str, paths)))
+
+
+def _trial_names(paths: Sequence[Path]) -> list[str]:
+    """The files' names without suffix, numbered where two files in different folders are called the same."""
+    stems = [Path(path).stem for path in paths]
+    return [
+        stem if stems.count(stem) == 1 else f"{stem}-{stems[: position + 1].count(stem)}"
+        for position, stem in enumerate(stems)
+    ]
 
 
 def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
-    """The windows of several trials in one, numbered on."""
-    rows, offset = [], 0
-    dropped: dict[str, int] = {}
+    """The windows of several recordings in one, with window numbers that are unique across them.
+
+    Raises :class:`InputError` when two recordings have one name or different horizons.
+    """
+    names = [str(name) for part in parts for name in part.rows["trial"].unique()]
+    if len(set(names)) < len(names):
+        raise InputError("two recordings have the same name", fix="name each recording's trial differently")
+    if len({part.horizon_s for part in parts}) != 1:
+        raise InputError("windows of different horizons cannot be joined", fix="use one horizon")
+    offset, frames, dropped = 0, [], dict[str, int]()
     for part in parts:
-        rows.append(part.rows.assign(window=part.rows["window"] + offset))
+        frames.append(part.rows.assign(window=part.rows["window"] + offset))
         offset += part.kept
         for reason, count in part.dropped.items():
             dropped[reason] = dropped.get(reason, 0) + count
-    return HeldWindows(pd.concat(rows, ignore_index=True), sum(part.candidates for part in parts), offset, dropped)
+    rows = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
+    ordered = {reason: dropped[reason] for reason in REASONS if reason in dropped}
+    candidates = sum(part.candidates for part in parts)
+    return HeldWindows(rows, candidates, offset, ordered, parts[0].horizon_s, parts[0].stride_s)
 
 
-def write_windows(windows: HeldWindows, path: Path) -> None:
-    """Write the long table as Parquet."""
-    windows.rows.to_parquet(path, index=False)
+def _some(windows: HeldWindows, where: str) -> HeldWindows:
+    if windows.kept:
+        return windows
+    reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items())
+    raise DataShortageError(
+        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a held window",
+        where=where,
+        why=reasons or "shorter than the horizon",
+        fix="lower --horizon, or give recordings with held stretches",
+    )
 
 
-def read_windows(path: Path) -> pd.DataFrame:
-    """Read the long table back. Raises :class:`InputError` when it is none."""
-    try:
-        rows = pd.read_parquet(path)
-    except (OSError, ValueError) as error:
-        raise InputError("is no table of windows", where=str(path), why=str(error)) from error
-    missing = [name for name in ("window", "second", *NAMES, "trial", "leg", "start") if name not in rows]
-    if missing:
-        raise InputError(f"lacks {', '.join(missing)}", where=str(path), fix="make it with `seatrial windows`")
-    return rows
+def write_windows(windows: HeldWindows, path: Path | str) -> None:
+    """Write the windows as Parquet, the account of the candidates in the file's metadata.
+
+    Raises :class:`acquisition.errors.StorageError` when the file cannot be written.
+    """
+    account = {
+        "candidates": windows.candidates,
+        "kept": windows.kept,
+        "dropped": windows.dropped,
+        "horizon_s": windows.horizon_s,
+        "stride_s": windows.stride_s,
+    }
+    units = {name: BY_NAME[name].unit for name in NAMES} | {"second": "s"}
+    write_parquet(windows.rows, path, units, {"windows": json.dumps(account)})
+
+
+def read_windows(path: Path | str) -> HeldWindows:
+    """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
+    rows, metadata = read_parquet(path)
+    if "windows" not in metadata or set(COLUMNS) - set(rows.columns):
+        raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
+    return HeldWindows(rows[list(COLUMNS)], **json.loads(metadata["windows"]))
