@@ -55,7 +55,7 @@ def main() -> None:
     print(f"a batch of {BATCH} vessels   {BATCH * STEPS / batch / 1e6:8.2f} million steps/s on all cores")
     print(f"    over one core       {BATCH * bare / batch:8.2f} x")
     print(
-        f"the same in plain NumPy {1e-6 / by_numpy:8.4f} million steps/s; compiled is {by_numpy / bare * STEPS:.0f} x"
+        f"the same in plain NumPy {1e-6 / by_numpy:8.4f} million steps/s, compiled {by_numpy / bare * STEPS:.0f} x"
     )
     print(f"a trial of 60 min       {trial:8.2f} s at 10 Hz with waves, gusts and sensors")
 
