@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import field
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
+from zoneinfo import available_timezones
 
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
@@ -35,14 +37,30 @@ class Column:
     constant: float | None = None
 
 
+def _known_zone(zone: str) -> str:
+    if zone not in available_timezones():
+        raise ValueError("is no time zone; write UTC, or a name like Europe/Oslo")
+    return zone
+
+
+def _instant(text: str) -> str:
+    try:
+        zoned = datetime.fromisoformat(text).tzinfo is not None
+    except ValueError as error:
+        raise ValueError("is no ISO 8601 time") from error
+    if not zoned:
+        raise ValueError("has no zone; add Z or an offset like +02:00")
+    return text
+
+
 @dataclass(frozen=True, config=_STRICT)
 class TimeColumn:
     """The time column: ISO 8601 (``zone`` where the text has none), or seconds from 1970 or from ``start``."""
 
     column: str
     format: Literal["iso", "seconds"] = "iso"
-    zone: str | None = None
-    start: str | None = None
+    zone: Annotated[str, AfterValidator(_known_zone)] | None = None
+    start: Annotated[str, AfterValidator(_instant)] | None = None
 
 
 def _known_angle_unit(unit: str) -> str:
@@ -96,7 +114,6 @@ class ColumnMap:
     apparent_wind: ApparentWind | None = None
     trial: TrialEntry = field(default_factory=TrialEntry)
     absent: tuple[ChannelName, ...] = ()
-    ignore: tuple[str, ...] | Literal["rest"] = "rest"
 
 
 def load_column_map(path: Path | str) -> ColumnMap:
