@@ -43,10 +43,10 @@ def windows(
 ) -> None:
     """Cut held windows out of recordings."""
     from acquisition.progress import bar
-    from analysis.windows import windows_of_recordings, write_windows
+    from analysis.windows import tables_of_recordings, windows_of_tables, write_windows
 
     with bar("windows") as progress:
-        found = windows_of_recordings(files, horizon, stride, progress)
+        found = windows_of_tables(tables_of_recordings(files, progress), horizon, stride)
     write_windows(found, output)
     summary = {
         "recordings": len(files),

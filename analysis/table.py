@@ -85,7 +85,7 @@ def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.D
 
     Parts that meet share no row. Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    low, high = _percent(part_percent) if isinstance(part_percent, str) else part_percent
+    low, high = percent_of(part_percent) if isinstance(part_percent, str) else part_percent
     if not 0.0 <= low < high <= 100.0:
         raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
     times = times_ns(table)
@@ -97,7 +97,7 @@ def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.D
     return chosen
 
 
-def _percent(part: str) -> tuple[float, float]:
+def percent_of(part: str) -> tuple[float, float]:
     try:
         low, high = (float(end) for end in part.split(".."))
     except ValueError as error:

@@ -10,7 +10,7 @@ never has one second on both sides.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -152,20 +152,18 @@ def _assembled(
     second = np.arange(horizon_s + 1, dtype=np.int64)
     row = (starts[:, None] + second).ravel()
     leg = _legs(values, starts, horizon_s, stride_s, tolerances or Tolerances())
-    per_window = {
-        "window": np.arange(starts.size, dtype=np.int64),
-        "leg": np.array([f"{trial}/{number + 1:03d}" for number in leg], dtype=object),
-        "start": index_of(time_ns[starts]),
+    leg_name = pd.array([f"{trial}/{number + 1:03d}" for number in range(leg.max(initial=-1) + 1)], dtype="str")
+    columns = {
+        "window": np.repeat(np.arange(starts.size, dtype=np.int64), second.size),
+        "second": np.tile(second, starts.size),
+        **dict(zip(NAMES, values[row].T, strict=True)),
+        "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
+        "leg": leg_name.take(np.repeat(leg, second.size)),
+        "start": index_of(np.repeat(time_ns[starts], second.size)),
     }
-    rows = pd.DataFrame(values[row], columns=list(NAMES))
-    for name, of_window in per_window.items():
-        rows[name] = pd.Series(of_window).repeat(second.size).to_numpy()
-    rows["leg"] = rows["leg"].astype("str")
-    rows["start"] = pd.DatetimeIndex(rows["start"], tz="UTC").as_unit("ns")
-    rows["second"] = np.tile(second, starts.size)
-    rows["trial"] = pd.Series([trial] * len(rows), dtype="str")
+    rows = pd.DataFrame(columns, columns=list(COLUMNS))
     candidates, dropped = account
-    return HeldWindows(rows[list(COLUMNS)], candidates, int(starts.size), dropped, horizon_s, stride_s)
+    return HeldWindows(rows, candidates, int(starts.size), dropped, horizon_s, stride_s)
 
 
 def _legs(values: Floats, starts: Counts, horizon_s: int, stride_s: int, rule: Tolerances) -> Counts:
@@ -191,23 +189,26 @@ def _legs(values: Floats, starts: Counts, horizon_s: int, stride_s: int, rule: T
     return np.concatenate([[0], np.cumsum(~joined)])
 
 
-def windows_of_recordings(
+def tables_of_recordings(
     paths: Sequence[Path],
-    horizon_s: int = 15,
-    stride_s: int = 5,
     progress: Callable[[float], None] = lambda share: None,
     part_percent: tuple[float, float] = (0.0, 100.0),
-) -> HeldWindows:
-    """The held windows of recordings at 1 Hz, or of a part of each one's time; trials are named as the files.
+) -> dict[str, pd.DataFrame]:
+    """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's."""
+    tables = {}
+    for number, (path, trial) in enumerate(zip(paths, _trial_names(paths), strict=True)):
+        tables[trial] = resample(select(read_table(path), part_percent), 1.0)
+        progress((number + 1) / len(paths))
+    return tables
+
+
+def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, stride_s: int = 5) -> HeldWindows:
+    """The held windows of 1 Hz tables by trial, joined.
 
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
-    parts = []
-    for number, (path, trial) in enumerate(zip(paths, _trial_names(paths), strict=True)):
-        table = resample(select(read_table(path), part_percent), 1.0)
-        parts.append(held_windows(table, horizon_s, stride_s, trial=trial))
-        progress((number + 1) / len(paths))
-    return _some(joined(parts), ", ".join(map(str, paths)))
+    parts = [held_windows(table, horizon_s, stride_s, trial=trial) for trial, table in tables.items()]
+    return _some(joined(parts), ", ".join(tables))
 
 
 def _trial_names(paths: Sequence[Path]) -> list[str]:

@@ -17,6 +17,7 @@ from acquisition.errors import ConfigurationError, InputError, StorageError
 from acquisition.trial import software_version
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import Source
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
@@ -101,17 +102,17 @@ def load(folder: Path) -> Trained:
         raise InputError("is damaged or of another version", where=str(folder), why=str(error)) from error
 
 
-def plant_for(trained: Trained, vessel: str | None) -> tuple[str, Plant]:
+def plant_for(trained: Trained, vessel: str | None) -> Plant:
     """The vessel model that a calibrator was trained on; ``vessel`` may name it but not another.
 
     Raises :class:`ConfigurationError` when the model differs in any number from that of the training.
     """
     name = vessel or trained.vessel
-    plant = load_vessel(name).plant()
+    plant = vessel_plant(load_vessel(name))
     if plant_hash(plant) != trained.vessel_sha256:
         raise ConfigurationError(
             f"vessel {name!r} is not the model that the calibrator was trained on",
             why=f"it was trained on {trained.vessel!r}, and the numbers differ",
             fix="give that vessel, or train anew",
         )
-    return name, plant
+    return plant

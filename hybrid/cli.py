@@ -8,12 +8,21 @@ from typing import Annotated
 
 import typer
 
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
+from acquisition.cli import AsJson
+
+SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
+VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
+CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
+PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
+Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
     app.command("simulate", help="Simulate a trial as its sensors would have recorded it.")(simulate)
+    app.command("train", help="Train a calibrator on a reference model.")(train)
+    app.command("validate", help="Score every method on recordings that none has seen.")(validate)
+    app.command("predict", help="Predict one track from one instant of a recording.")(predict)
     app.command("effects", help="List the effects that a model may lack.")(effects)
 
 
@@ -44,7 +53,15 @@ def simulate(
     catalogue = catalogue_with(effects_file or ())
     hidden = dict(parse_effect(each, catalogue) for each in hide or ())
     table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
-    trial = Trial(name=output.stem, vessel=vessel, place="simulated", crew_notes=f"{manoeuvre}, {sea_state} sea")
+    latitude_deg, longitude_deg = SIMULATED_ORIGIN
+    trial = Trial(
+        name=output.stem,
+        vessel=vessel,
+        place="Trondheimsfjord, simulated",
+        origin_latitude_deg=latitude_deg,
+        origin_longitude_deg=longitude_deg,
+        crew_notes=f"{manoeuvre}, {sea_state} sea",
+    )
     count = write_table(table, output, trial, source="simulated")
     truth_path = output.with_suffix(".truth.json")
     write_truth(truth, truth_path)
@@ -64,3 +81,113 @@ def effects(as_json: AsJson = False) -> None:
         typer.echo(f"{effect.name}  ({effect.family}, {effect.kind})\n    {effect.what}")
         for each in effect.parameters:
             typer.echo(f"    {each.name} [{each.unit}]  neutral {each.neutral:g}, {each.low:g} to {each.high:g}")
+
+
+def train(
+    files: Recordings,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the calibrator goes into.")],
+    vessel: VesselOption = None,
+    horizon: Annotated[int, typer.Option(min=2, help="How far it predicts [s].")] = 15,
+    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    method: Annotated[str, typer.Option(help="The kind of calibrator.")] = "paper",
+    part: PartOption = "0..100",
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Train a calibrator on held windows."""
+    from acquisition.progress import bar
+    from analysis.table import percent_of
+    from hybrid.artefact import save
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.gather import gather
+    from hybrid.train import train as run
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    name = vessel or DEFAULT
+    plant = vessel_plant(load_vessel(name))
+    with bar("reading") as progress:
+        gathered = gather(files, horizon, stride, percent_of(part), progress)
+    with bar("training") as progress:
+        trained = run(gathered, name, plant, method, seed, progress)
+    path = save(trained, output)
+    if as_json:
+        typer.echo(json.dumps({"calibrator": str(path.parent), **trained.metrics}))
+        return
+    metrics = trained.metrics
+    typer.echo(
+        f"trained on {metrics['training_windows']} windows; on {metrics['held_out_windows']} windows of legs kept "
+        f"out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m",
+        err=True,
+    )
+    typer.echo(path.parent)
+
+
+def validate(
+    files: Recordings,
+    calibrator: CalibratorOption = None,
+    vessel: VesselOption = None,
+    horizon: Annotated[int, typer.Option(min=2, help="How far is predicted [s].")] = 15,
+    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    part: PartOption = "0..100",
+    allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Score every baseline, and the calibrator if one is given."""
+    from acquisition.progress import bar
+    from analysis.table import percent_of
+    from hybrid.artefact import load, plant_for
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.gather import gather
+    from hybrid.validate import refuse_seen
+    from hybrid.validate import validate as run
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    trained = load(calibrator) if calibrator else None
+    plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
+    with bar("reading") as progress:
+        gathered = gather(files, horizon, stride, percent_of(part), progress)
+    if trained is not None and not allow_seen:
+        refuse_seen(gathered.sources, trained)
+    validation = run(gathered, plant, trained)
+    if as_json:
+        typer.echo(json.dumps(validation.as_dict()))
+        return
+    from rich.console import Console
+
+    from hybrid.tables import validation_table
+
+    Console().print(validation_table(validation))
+
+
+def predict(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
+    calibrator: CalibratorOption = None,
+    vessel: VesselOption = None,
+    horizon: Annotated[int | None, typer.Option(min=1, help="How far is predicted [s].")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Predict one track with its band."""
+    from analysis.resample import resample
+    from analysis.table import read_table, require
+    from hybrid.artefact import load, plant_for
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.predict import parse_time
+    from hybrid.predict import predict as run
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    trained = load(calibrator) if calibrator else None
+    plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
+    table = read_table(file)
+    require(table)
+    table = resample(table)
+    seconds = horizon or (trained.horizon_s if trained else 15)
+    prediction = run(table, parse_time(at, table), seconds, plant, trained)
+    if as_json:
+        typer.echo(json.dumps(prediction.as_dict()))
+        return
+    from rich.console import Console
+
+    from hybrid.tables import prediction_table
+
+    Console().print(prediction_table(prediction))

@@ -7,6 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import pandas as pd
+
+from analysis.smooth import smooth_motion
+from analysis.windows import tables_of_recordings, windows_of_tables
 from hybrid.horizon import Horizons, from_rows
 
 Progress = Callable[[float], None]
@@ -56,6 +60,15 @@ def gather(
 
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
-    found = windows_of_recordings(paths, horizon_s, stride_s, progress, part)
+    tables = tables_of_recordings(paths, progress, part)
+    windows = windows_of_tables(tables, horizon_s, stride_s)
+    motion = [start_motion(windows.rows[windows.rows["trial"] == trial], table) for trial, table in tables.items()]
+    horizons = from_rows(windows.rows, pd.concat(motion))
     sources = tuple(Source(path, file_hash(path), part) for path in paths)
-    return Gathered(from_rows(found.rows), sources, found.candidates, found.dropped)
+    return Gathered(horizons, sources, windows.candidates, windows.dropped)
+
+
+def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """The smoothed motion at the start of each window, one row a window in the order of their numbers."""
+    starts = rows.loc[rows["second"] == 0, "start"]
+    return smooth_motion(table).loc[pd.DatetimeIndex(starts)]

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap
-from acquisition.channels import NAMES
+from acquisition.angles import difference, unwrap
+from acquisition.channels import NAMES, POSE, VELOCITY
 from acquisition.errors import DataShortageError
 
 Floats = NDArray[np.float64]
@@ -59,8 +59,11 @@ class Horizons:
         )
 
 
-def from_rows(rows: pd.DataFrame) -> Horizons:
+def from_rows(rows: pd.DataFrame, motion: pd.DataFrame | None = None) -> Horizons:
     """Arrays from the long table of held windows: one row a window and second, second 0 first.
+
+    ``motion`` has the state that each window starts from, in the order of the windows' numbers; without it
+    the measured values at second 0 are taken.
 
     Raises :class:`DataShortageError` when there is no window in it.
     """
@@ -74,7 +77,7 @@ def from_rows(rows: pd.DataFrame) -> Horizons:
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, value["heading_deg"]))
     track = np.stack([value["north_m"], value["east_m"], heading], axis=-1)
     return Horizons(
-        start=np.column_stack([track[:, 0], *_velocity(value)]),
+        start=_start(value, motion),
         track=track,
         wind=np.column_stack([np.deg2rad(value["wind_direction_deg"][:, 0]), value["wind_speed_mps"][:, 0]]),
         control=_control(value),
@@ -84,12 +87,14 @@ def from_rows(rows: pd.DataFrame) -> Horizons:
     )
 
 
-def _velocity(value: dict[str, Floats]) -> list[Floats]:
-    return [
-        value["surge_mps"][:, 0],
-        value["sway_mps"][:, 0],
-        np.deg2rad(value["yaw_rate_dps"][:, 0]),
-    ]
+def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
+    """North, east, heading, surge, sway and yaw rate at second 0 in SI units; the heading as the track's."""
+    measured = {name: value[name][:, 0] for name in (*POSE, *VELOCITY)}
+    if motion is not None:
+        measured = {name: motion[name].to_numpy(dtype=float) for name in measured}
+    north, east, heading, surge, sway, rate = measured.values()
+    near = value["heading_deg"][:, 0] + difference(heading, value["heading_deg"][:, 0])
+    return np.column_stack([north, east, np.deg2rad(near), surge, sway, np.deg2rad(rate)])
 
 
 def _control(value: dict[str, Floats]) -> Floats:

@@ -14,6 +14,7 @@ from acquisition.channels import NAMES
 from acquisition.errors import InputError
 from hybrid.artefact import Trained
 from hybrid.baselines import reference
+from hybrid.gather import start_motion
 from hybrid.horizon import Horizons, from_rows
 from hybrid.vessel.plant import Plant
 
@@ -77,13 +78,14 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
 
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
     """
-    first, last = table.index[0], table.index[-1]
+    times = pd.DatetimeIndex(table.index)
+    first, last = pd.Timestamp(times[0]), pd.Timestamp(times[-1])
     if not first <= at <= last:
         raise InputError(
             f"{at.isoformat()} lies outside the recording",
             fix=f"choose from {first.isoformat()} to {last.isoformat()}",
         )
-    start = table.index[int(np.argmin(np.abs((table.index - at).total_seconds())))]
+    start = pd.Timestamp(times[int(np.argmin(np.abs(times.asi8 - at.as_unit("ns").value)))])
     index = pd.date_range(start, periods=horizon_s + 1, freq="1s", name="time")
     rows = table.reindex(index)[list(NAMES)]
     missing = [name for name in NAMES if not np.isfinite(rows[name].iloc[0])]
@@ -92,13 +94,15 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    return from_rows(labelled), bool(rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None))
+    return from_rows(labelled, start_motion(labelled, table)), bool(
+        rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
+    )
 
 
 def predict(
     table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: Trained | None = None
 ) -> Prediction:
-    """Predict from the state at ``at`` with thrusters and wind held: the reference, or the calibrator on it."""
+    """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it."""
     horizons, covered = window_at(table, at, horizon_s)
     track = reference(horizons, plant)
     band = None

@@ -31,7 +31,7 @@ def inside_range(horizons: Horizons, plant: Plant) -> tuple[Horizons, Floats]:
     Raises :class:`DataShortageError` when there are none.
     """
     tracks = reference(horizons, plant)
-    inside = np.isfinite(tracks).all(axis=(1, 2))
+    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
     if not inside.any():
         raise DataShortageError(
             "the reference model leaves its range in every window",

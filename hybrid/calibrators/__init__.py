@@ -21,9 +21,7 @@ METHODS: tuple[str, ...] = tuple(_METHODS)
 def make_calibrator(method: str, seed: int = 0) -> NetworkCalibrator:
     """An untrained calibrator by its method's name. Raises :class:`ConfigurationError`."""
     if method not in _METHODS:
-        raise ConfigurationError(
-            f"no calibrator is called {method!r}", fix=f"use one of {', '.join(METHODS)}"
-        )
+        raise ConfigurationError(f"no calibrator is called {method!r}", fix=f"use one of {', '.join(METHODS)}")
     module, name = _METHODS[method]
     calibrator: NetworkCalibrator = getattr(import_module(module), name)(seed)
     return calibrator
