@@ -1,0 +1,275 @@
+"""Tables to recordings: what is read, what is refused in one line, what a map makes of a foreign table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pymap3d
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+from acquisition.channels import BY_NAME, NAMES
+from acquisition.errors import ConfigurationError, InputError
+from acquisition.mapped_table import from_degrees_and_minutes, true_wind
+from acquisition.recording.reader import read_recording
+from acquisition.tabular import import_table, quality_flags, read_table_file
+
+TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
+EPOCH_S = pd.Timestamp(TIMES[0]).timestamp()
+
+
+def standard(**columns: object) -> pd.DataFrame:
+    """Five rows of all 13 channels; keywords replace columns or add others."""
+    return pd.DataFrame({"time": TIMES, **dict.fromkeys(NAMES, 1.0)}).assign(**columns)
+
+
+def csv(folder: Path, table: pd.DataFrame | str) -> Path:
+    path = folder / "table.csv"
+    path.write_text(table) if isinstance(table, str) else table.to_csv(path, index=False)
+    return path
+
+
+def column_map(folder: Path, text: str) -> Path:
+    path = folder / "map.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_table_in_standard_names_needs_no_map(tmp_path: Path) -> None:
+    summary = import_table(csv(tmp_path, standard(roll_deg=2.0, leg="a/001")), tmp_path / "out.mcap")
+    recording = read_recording(tmp_path / "out.mcap")
+    assert summary.samples == 5 * 14
+    assert set(recording.series) == {*NAMES, "roll_deg"}
+    assert recording.series["north_m"].measured_ns.tolist() == [pd.Timestamp(time).value for time in TIMES]
+    assert recording.trial.name == "table"
+    assert recording.closed
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [EPOCH_S + second for second in range(5)],
+        [f"2026-05-17T14:00:0{second}+02:00" for second in range(5)],
+        [f"2026-05-17 12:00:0{second}.000000+00" for second in range(5)],
+        [*TIMES[:4], "2026-05-17T07:00:04-05:00"],
+    ],
+)
+def test_times_are_iso_with_zone_or_seconds_since_1970(tmp_path: Path, times: list[object]) -> None:
+    table = read_table_file(csv(tmp_path, standard(time=times))).table
+    assert [time.isoformat() for time in table.index] == [time.replace("Z", "+00:00") for time in TIMES]
+
+
+@given(microseconds=st.integers(0, 2**51))
+def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> None:
+    from acquisition.table_files import RawTable, times
+
+    raw = RawTable(Path("x.csv"), pd.DataFrame({"time": [microseconds / 1e6]}))
+    assert times(raw, "time").as_unit("ns").asi8[0] == microseconds * 1000
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        (standard(time=[time.rstrip("Z") for time in TIMES]), "row 1 of column 'time' has no zone"),
+        (standard(time=[*TIMES[:3], "2026-05-17T12:00:03", TIMES[4]]), "row 4 of column 'time' has no zone"),
+        (standard(time=[*TIMES[:2], "noon", *TIMES[3:]]), "row 3 .* 'noon', which is no ISO 8601 time"),
+        (standard(time=[*TIMES[:4], None]), "row 5 of column 'time' has no time"),
+        (standard(sway_mps=["1", "2", "fast", "4", "5"]), "row 3 of column 'sway_mps' is no number but 'fast'"),
+        (standard(Heading=3.0), r"Heading \(did you mean heading_deg\?\).*--ignore-unknown"),
+        (standard().drop(columns=["heading_deg", "tunnel_rpm"]), "no heading_deg, tunnel_rpm.*--allow-missing"),
+        (standard().rename(columns={"time": "Time"}), "no column `time`.*Time"),
+        ("time,north_m\n", "holds no rows"),
+        ("", "empty file"),
+        ("time,north_m,north_m\n2026-05-17T12:00:00Z,1,2\n", "more than one column 'north_m'"),
+        ("time,north_m\n2026-05-17T12:00:00Z,1,2,3\n", "no readable .csv"),
+    ],
+)
+def test_a_faulty_table_is_one_line_that_says_where(tmp_path: Path, table: pd.DataFrame | str, says: str) -> None:
+    with pytest.raises(InputError, match=says) as caught:
+        import_table(csv(tmp_path, table), tmp_path / "out.mcap")
+    assert str(tmp_path / "table.csv") in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize("name", ["junk.csv", "junk.parquet", "junk.mat", "junk.xlsx"])
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n\x00\xff" * 90, b"abc" * 200, bytes(range(1, 256)) * 9, b""])
+def test_junk_under_any_name_is_one_line(tmp_path: Path, name: str, content: bytes) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        import_table(tmp_path / name, tmp_path / "out.mcap")
+    assert "\n" not in str(caught.value)
+
+
+def test_impossible_values_are_kept_and_flagged(tmp_path: Path) -> None:
+    table = standard(heading_deg=[0.0, 360.0, -5.0, 400.0, 359.9], surge_mps=[1.0, np.nan, np.inf, 31.0, 2.0])
+    summary = import_table(csv(tmp_path, table), tmp_path / "out.mcap")
+    series = read_recording(tmp_path / "out.mcap").series
+    assert series["heading_deg"].value.tolist() == [0.0, 360.0, -5.0, 400.0, 359.9]
+    assert series["heading_deg"].quality.tolist() == [2, 4, 4, 4, 2]
+    assert series["surge_mps"].value.tolist() == [1.0, 31.0, 2.0]
+    assert series["surge_mps"].quality.tolist() == [2, 4, 2]
+    assert summary.out_of_range == {"heading_deg": 3, "surge_mps": 1}
+    assert summary.infinite == {"surge_mps": 1}
+    assert summary.samples == 5 * 13 - 2
+
+
+@given(st.sampled_from(list(BY_NAME)), st.floats(allow_nan=False, allow_infinity=False))
+def test_flags_agree_with_the_channels_range(name: str, value: float) -> None:
+    flag = quality_flags(pd.DataFrame({name: [value]}))[name][0]
+    assert flag == (2 if BY_NAME[name].holds(value) else 4)
+
+
+def test_rows_out_of_order_stay_as_they_are_and_are_counted(tmp_path: Path) -> None:
+    table = standard(time=[TIMES[0], TIMES[0], TIMES[3], TIMES[2], TIMES[4]], north_m=[0.0, 1.0, 2.0, 3.0, 4.0])
+    summary = import_table(csv(tmp_path, table), tmp_path / "out.mcap")
+    assert (summary.times_twice, summary.times_backwards) == (1, 1)
+    assert read_recording(tmp_path / "out.mcap").series["north_m"].value.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_what_is_missing_or_unknown_may_be_allowed_and_is_said(tmp_path: Path) -> None:
+    path = csv(tmp_path, standard(Engine=1.0).drop(columns="tunnel_rpm"))
+    summary = import_table(path, tmp_path / "out.mcap", allow_missing=True, ignore_unknown=True)
+    assert "missing: tunnel_rpm; passed over: Engine" in str(summary)
+
+
+def test_semicolons_with_decimal_commas_are_read(tmp_path: Path) -> None:
+    path = csv(tmp_path, "time;north_m;east_m;\n2026-05-17T12:00:00Z;1,5;-2,25;\n")
+    table = read_table_file(path, allow_missing=True).table
+    assert table.iloc[0].tolist() == [1.5, -2.25]
+
+
+def test_parquet_with_a_time_index_and_mat_with_vectors_or_a_struct(tmp_path: Path) -> None:
+    vectors = {"time": EPOCH_S + np.arange(5.0), **{name: np.arange(5.0) for name in NAMES}}
+    plain = pd.DataFrame(vectors).drop(columns="time").set_index(pd.DatetimeIndex(TIMES))
+    plain.to_parquet(tmp_path / "index.parquet")
+    savemat(tmp_path / "vectors.mat", vectors)
+    savemat(tmp_path / "struct.mat", {"run": vectors, "comment": "calm"})
+    for name in ("index.parquet", "vectors.mat", "struct.mat"):
+        pd.testing.assert_frame_equal(read_table_file(tmp_path / name).table, plain, check_index_type=False,
+                                      check_names=False, check_freq=False)  # fmt: skip
+    savemat(tmp_path / "odd.mat", vectors | {"north_m": np.arange(3.0)})
+    with pytest.raises(InputError, match=r"not 5 long: north_m \(3\)"):
+        read_table_file(tmp_path / "odd.mat")
+    plain.tz_localize(None).to_parquet(tmp_path / "local.parquet")
+    with pytest.raises(InputError, match="no zone"):
+        read_table_file(tmp_path / "local.parquet")
+
+
+MAP = """
+absent = ["wind_direction_deg", "wind_speed_mps", "sway_mps", "yaw_rate_dps"]
+[trial]
+name = "mapped"
+[time]
+column = "t"
+format = "seconds"
+start = "2026-05-17T12:00:00Z"
+[position]
+latitude = "lat"
+longitude = "lon"
+unit = "ddmm"
+[channels]
+heading_deg = { column = "psi", unit = "rad" }
+surge_mps = { column = "u", unit = "knots" }
+port_rpm = { column = "n", unit = "percent", full_scale = 200 }
+port_angle_deg = { column = "angle", unit = "deg", scale = -1, offset = 10 }
+starboard_rpm = { column = "n", unit = "percent", full_scale = 200 }
+starboard_angle_deg = { column = "angle" }
+tunnel_rpm = { constant = 0 }
+"""
+FOREIGN = pd.DataFrame(
+    {
+        "t": [0.0, 0.5, 1.0],
+        "lat": [6228.146161, 6228.2, 6229.0],
+        "lon": [609.307273, 609.4, 610.0],
+        "psi": [-np.pi / 2, 0.0, 2 * np.pi],
+        "u": [10.0, 0.0, -10.0],
+        "n": [50.0, 0.0, -100.0],
+        "angle": [-175.0, 10.0, 0.0],
+        "spare": [1.0, 2.0, 3.0],
+    }
+)
+
+
+def test_a_map_turns_units_signs_and_degrees_and_minutes(tmp_path: Path) -> None:
+    file = read_table_file(csv(tmp_path, FOREIGN), column_map(tmp_path, MAP))
+    table = file.table
+    assert table["heading_deg"].tolist() == pytest.approx([270.0, 0.0, 0.0])
+    assert table["surge_mps"].tolist() == pytest.approx([5.144444, 0.0, -5.144444])
+    assert table["port_rpm"].tolist() == [100.0, 0.0, -200.0]
+    assert table["port_angle_deg"].tolist() == pytest.approx([-175.0, 0.0, 10.0])
+    assert table["latitude_deg"].iloc[0] == pytest.approx(62 + 28.146161 / 60)
+    assert (table["north_m"].iloc[0], table["east_m"].iloc[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
+    back = pymap3d.ned2geodetic(
+        table["north_m"], table["east_m"], 0, file.trial.origin_latitude_deg, file.trial.origin_longitude_deg, 0
+    )
+    assert back[0] == pytest.approx(table["latitude_deg"].to_numpy(), abs=1e-6)
+    assert file.assumed == {"tunnel_rpm": 0.0}
+    assert file.passed_over == ("spare",)
+    assert table.index[1].isoformat() == "2026-05-17T12:00:00.500000+00:00"
+
+
+def test_constants_are_recorded_as_assumed(tmp_path: Path) -> None:
+    import_table(csv(tmp_path, FOREIGN), tmp_path / "out.mcap", column_map(tmp_path, MAP))
+    tunnel = read_recording(tmp_path / "out.mcap").series["tunnel_rpm"]
+    assert tunnel.sources == ("assumed",)
+    assert tunnel.quality.tolist() == [2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('column = "psi"', 'column = "psy"', 14),
+        ('unit = "knots"', 'unit = "rpm"', 15),
+        ("full_scale = 200 }", "fullscale = 200 }", 16),
+        ("heading_deg =", "headin_deg =", 14),
+        ('latitude = "lat"', 'latitude = "latitude"', 10),
+        ("12:00:00Z", "12:00:00", 8),
+        ('column = "t"', 'column = "t"\nzone = "Oslo"', 7),
+        ("tunnel_rpm = { constant = 0 }", "tunnel_rpm = { unit = 'rpm' }", 20),
+    ],
+)
+def test_a_wrong_map_names_the_line(tmp_path: Path, old: str, new: str, line: int) -> None:
+    path = column_map(tmp_path, MAP.replace(old, new, 1))
+    with pytest.raises(ConfigurationError, match=rf"map\.toml, line {line}"):
+        read_table_file(csv(tmp_path, FOREIGN), path)
+
+
+def test_a_map_without_a_channel_says_how_to_leave_it_out(tmp_path: Path) -> None:
+    path = column_map(tmp_path, MAP.replace('"sway_mps", ', ""))
+    with pytest.raises(InputError, match=r"no sway_mps.*absent"):
+        read_table_file(csv(tmp_path, FOREIGN), path)
+    assert "sway_mps" not in read_table_file(csv(tmp_path, FOREIGN), path, allow_missing=True).table
+
+
+def test_decimal_degrees_mapped_as_degrees_and_minutes_are_noticed(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="more than 60 minutes"):
+        read_table_file(csv(tmp_path, FOREIGN.assign(lat=62.469)), column_map(tmp_path, MAP))
+
+
+@given(st.floats(-89.9, 89.9))
+def test_degrees_and_minutes_invert(degrees: float) -> None:
+    whole = np.trunc(degrees)
+    ddmm = 100.0 * whole + 60.0 * (degrees - whole)
+    assert from_degrees_and_minutes(np.array([ddmm]))[0] == pytest.approx(degrees, abs=1e-9)
+
+
+@given(
+    st.floats(0, 359.9), st.floats(0.1, 40), st.floats(0, 359.9), st.floats(-10, 10), st.floats(-3, 3)
+)  # fmt: skip
+def test_true_wind_undoes_the_ships_own_motion(
+    direction_deg: float, speed_mps: float, heading_deg: float, surge_mps: float, sway_mps: float
+) -> None:
+    """Apparent wind made of true wind by vectors in the earth frame, and back."""
+    psi, wind = np.deg2rad(heading_deg), np.deg2rad(direction_deg)
+    ship = complex(surge_mps, sway_mps) * np.exp(1j * psi)
+    past_ship = -speed_mps * np.exp(1j * wind) - ship
+    angle = np.angle(-past_ship * np.exp(-1j * psi))
+    motion = (np.array([value]) for value in (heading_deg, surge_mps, sway_mps))
+    found_deg, found_mps = true_wind(np.array([angle]), np.array([abs(past_ship)]), *motion)
+    assert found_mps[0] == pytest.approx(speed_mps, abs=1e-9)
+    assert abs(np.exp(1j * np.deg2rad(found_deg[0])) - np.exp(1j * wind)) < 1e-6

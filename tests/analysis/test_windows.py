@@ -1,0 +1,191 @@
+"""Held windows: noise drops none that is held, no ramp is kept, no second is in two legs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.channels import COMMAND, NAMES
+from acquisition.errors import DataShortageError, InputError
+from analysis.holding import noise_of
+from analysis.windows import (
+    COLUMNS,
+    held_windows,
+    joined,
+    read_windows,
+    windows_of_tables,
+    write_windows,
+)
+from tests.analysis.conftest import steady_table, table_at
+
+NOISES = ((0.0, 0.0), (0.3, 0.2), (2.0, 1.0))
+
+
+@pytest.mark.parametrize("horizon_s", [15, 30, 60])
+@pytest.mark.parametrize(("noise_rpm", "noise_deg"), NOISES)
+def test_noise_on_the_feedback_drops_no_held_window(noise_rpm: float, noise_deg: float, horizon_s: int) -> None:
+    for seed in range(5):
+        windows = held_windows(steady_table(600, noise_rpm, noise_deg, seed), horizon_s)
+        assert windows.dropped == {}
+        assert windows.kept == windows.candidates == (600 - horizon_s - 1) // 5 + 1
+
+
+@pytest.mark.parametrize(("noise_rpm", "noise_deg"), NOISES[:2])
+@pytest.mark.parametrize("name", COMMAND)
+def test_a_slow_ramp_is_never_held(name: str, noise_rpm: float, noise_deg: float) -> None:
+    """0.5 deg/s and 1 rpm/s, over the azimuths' end of the turn and through zero revolutions."""
+    table = steady_table(300, noise_rpm, noise_deg)
+    rate = 0.5 if name.endswith("deg") else 1.0
+    ramp = rate * np.arange(300)
+    table[name] = (table[name] + ramp + 180) % 360 - 180 if name.endswith("deg") else table[name] - 270 + ramp
+    windows = held_windows(table)
+    reason = "tunnel_moved" if name == "tunnel_rpm" else "azimuth_moved" if "angle" in name else "rpm_moved"
+    assert windows.dropped == {reason: windows.candidates}
+
+
+@pytest.mark.parametrize("name", ["port_rpm", "starboard_angle_deg"])
+def test_a_slow_ramp_under_strong_noise_is_not_held(name: str) -> None:
+    rate = 0.5 if name.endswith("deg") else 1.0
+    for seed in range(10):
+        table = steady_table(300, 2.0, 1.0, seed)
+        table[name] = (table[name] + rate * np.arange(300) + 180) % 360 - 180
+        assert held_windows(table.iloc[:90], 30).kept == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "reason"),
+    [
+        ("port_angle_deg", 8.0, "azimuth_moved"),
+        ("starboard_rpm", 8.0, "rpm_moved"),
+        ("tunnel_rpm", 40.0, "tunnel_moved"),
+    ],
+)
+def test_a_step_drops_the_windows_that_hold_it(name: str, step: float, reason: str) -> None:
+    table = steady_table(121, 0.3, 0.2)
+    table.loc[table.index[60:], name] -= step
+    windows = held_windows(table)
+    assert windows.dropped == {reason: 3}
+    kept = set(windows.rows.loc[windows.rows["second"] == 0, "start"])
+    assert {(start - table.index[0]).total_seconds() for start in kept} == {*range(0, 45, 5), *range(60, 106, 5)}
+
+
+def test_an_azimuth_counts_although_its_shaft_stands_still() -> None:
+    table = steady_table(60).assign(port_rpm=0.0, port_angle_deg=np.linspace(-60, 60, 60))
+    assert held_windows(table).dropped == {"azimuth_moved": 9}
+
+
+def test_a_shaft_may_flicker_about_zero_but_not_start_from_it() -> None:
+    table = steady_table(61)
+    table["port_rpm"] = 0.0
+    table.loc[table.index[27], "port_rpm"] = 11.0
+    assert held_windows(table).kept == 10
+    table.loc[table.index[30:], "port_rpm"] = 11.0
+    assert held_windows(table).dropped == {"rpm_moved": 3}
+
+
+def test_missing_values_and_missing_rows_have_reasons_of_their_own() -> None:
+    table = steady_table(101)
+    table.loc[table.index[20], "wind_speed_mps"] = np.nan
+    windows = held_windows(table.drop(index=table.index[60:63]))
+    assert windows.candidates == 18
+    assert windows.dropped == {"gap": 4, "missing_data": 4}
+
+
+@given(shift_s=st.integers(-(10**8), 10**8), seed=st.integers(0, 1000))
+@settings(max_examples=20, deadline=None)
+def test_a_shift_in_time_changes_nothing_but_the_times(shift_s: int, seed: int) -> None:
+    table = wandering(seed)
+    shifted = table.set_axis(table.index + pd.Timedelta(seconds=shift_s), axis=0)
+    plain, moved = held_windows(table), held_windows(shifted)
+    assert moved.dropped == plain.dropped
+    assert (moved.rows["start"] - plain.rows["start"] == pd.Timedelta(seconds=shift_s)).all()
+    pd.testing.assert_frame_equal(moved.rows.drop(columns="start"), plain.rows.drop(columns="start"))
+
+
+def wandering(seed: int, seconds: int = 400) -> pd.DataFrame:
+    """Settings that change now and then, some back to what they were, with holes in the data."""
+    random = np.random.default_rng(seed)
+    table = steady_table(seconds, 0.3, 0.2, seed)
+    for start in np.cumsum(random.integers(10, 90, 8)):
+        if start < seconds:
+            name = str(random.choice(COMMAND))
+            table.iloc[start : start + int(random.integers(1, 60)), NAMES.index(name)] += 30.0
+    table.iloc[random.integers(0, seconds, 3), random.integers(0, 13)] = np.nan
+    table[["port_angle_deg", "starboard_angle_deg"]] = (
+        table[["port_angle_deg", "starboard_angle_deg"]] + 180
+    ) % 360 - 180
+    return table
+
+
+@given(seed=st.integers(0, 10**6), stride_s=st.integers(1, 40), horizon_s=st.integers(2, 30))
+@settings(max_examples=60, deadline=None)
+def test_no_two_legs_share_a_second_and_every_candidate_is_accounted_for(
+    seed: int, stride_s: int, horizon_s: int
+) -> None:
+    windows = held_windows(wandering(seed), horizon_s, stride_s, trial="voyage")
+    assert windows.candidates == windows.kept + sum(windows.dropped.values())
+    seconds = windows.rows.assign(time=windows.rows["start"] + pd.to_timedelta(windows.rows["second"], unit="s"))
+    legs = seconds.groupby("time")["leg"]
+    assert (legs.min() == legs.max()).all()
+    assert windows.rows["leg"].str.startswith("voyage/").all()
+
+
+def test_windows_that_follow_each_other_at_one_setting_are_one_leg() -> None:
+    assert held_windows(steady_table(200, 0.3, 0.2), 15, 20).legs == 1
+    table = steady_table(200)
+    table.loc[table.index[98:], "port_rpm"] = -80.0
+    assert held_windows(table, 15, 20).legs == 2
+
+
+def test_the_long_table_is_that_of_the_contract() -> None:
+    table = steady_table(41).assign(north_m=np.arange(41.0))
+    rows = held_windows(table, trial="a").rows
+    assert tuple(rows.columns) == COLUMNS
+    assert rows["second"].tolist() == list(range(16)) * 6
+    assert rows["north_m"].tolist() == [start + second for start in range(0, 26, 5) for second in range(16)]
+    starts = rows.groupby("window")["start"]
+    assert (starts.min() == starts.max()).all()
+    assert str(rows["start"].dtype) == "datetime64[ns, UTC]"
+
+
+def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path) -> None:
+    parts = [held_windows(wandering(seed), trial=name) for seed, name in ((1, "a"), (2, "b"))]
+    both = joined(parts)
+    assert both.rows["window"].nunique() == both.kept == parts[0].kept + parts[1].kept
+    assert both.legs == parts[0].legs + parts[1].legs
+    write_windows(both, tmp_path / "windows.parquet")
+    again = read_windows(tmp_path / "windows.parquet")
+    pd.testing.assert_frame_equal(again.rows, both.rows)
+    assert (again.candidates, again.kept, again.dropped, again.horizon_s) == (
+        both.candidates, both.kept, both.dropped, 15,
+    )  # fmt: skip
+    with pytest.raises(InputError, match="same name"):
+        joined([parts[0], parts[0]])
+
+
+def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:
+    table = steady_table(60).assign(port_angle_deg=np.linspace(0, 90, 60))
+    with pytest.raises(DataShortageError, match="9 azimuth_moved"):
+        windows_of_tables({"voyage": table})
+    assert held_windows(table.iloc[:10]).candidates == 0
+    with pytest.raises(InputError, match="1 Hz"):
+        held_windows(table_at(np.arange(0, 60, 2.5), {name: np.zeros(24) for name in NAMES}))
+    with pytest.raises(InputError, match="tunnel_rpm"):
+        held_windows(table.drop(columns="tunnel_rpm"))
+    table.to_parquet(tmp_path / "table.parquet")
+    with pytest.raises(InputError, match="no windows"):
+        read_windows(tmp_path / "table.parquet")
+
+
+@given(sigma=st.floats(0.01, 5), slope=st.floats(-3, 3), seed=st.integers(0, 1000))
+@settings(max_examples=30, deadline=None)
+def test_noise_is_measured_through_ramps_and_steps(sigma: float, slope: float, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    values = sigma * random.standard_normal(2000) + slope * np.arange(2000)
+    values += np.repeat(random.uniform(-100, 100, 40), 50)
+    assert noise_of(values) == pytest.approx(sigma, rel=0.2)
