@@ -2,8 +2,9 @@
 
 A setting is held over a window when two things are small: the range of its values, which catches steps and
 spikes, and the drift, which is the slope of the best line through them times the window's length and catches
-slow ramps that stay within the range. Both bounds are a floor, what a held handle does by itself, plus a
-multiple of the noise of the feedback, which is measured on the table itself.
+slow ramps that stay within the range. Both bounds join a floor, what a held handle does by itself, and a
+multiple of the noise of the feedback, which is measured on the table itself: as a sum for the range, where the
+two add up, and as the root of squares for the drift, so that noise opens it no wider than it must.
 
 Near zero revolutions the rule is about thrust, which goes with their square: a shaft that stays within the
 idle band throughout, where it gives less than 1 % of its thrust at 130 rpm, may flicker in it and only the
@@ -46,7 +47,8 @@ class Tolerances:
     """The rule for each kind of setting; the multiples of noise are in standard deviations.
 
     At 8 standard deviations of range and 4.75 of drift a held window of 15 s with Gaussian noise is lost
-    once in some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg.
+    once in some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg. ``idle_rpm`` is the
+    idle band of a shaft and ``idle_drift_rpm`` what it may drift in it over a window.
     """
 
     shaft: Tolerance = field(default_factory=lambda: Tolerance(span=3.0, drift=1.5, noise=4.0))
@@ -85,7 +87,7 @@ def held(name: str, values: Floats, rows: int, stride: int, rule: Tolerances) ->
     span = windows.max(axis=1) - windows.min(axis=1)
     drift = (windows - windows[:, :1]) @ line
     span_limit = tolerance.span + rule.span_sigmas * noise
-    drift_limit = tolerance.drift + rule.drift_sigmas * noise * float(np.sqrt(line @ line))
+    drift_limit = np.hypot(tolerance.drift, rule.drift_sigmas * noise * np.sqrt(line @ line))
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name not in CIRCULAR:
         steady |= (np.abs(windows).max(axis=1) <= rule.idle_rpm) & (np.abs(drift) <= rule.idle_drift_rpm)

@@ -56,7 +56,7 @@ def _held(
     values = pd.Series(smooth[name][start : start + len(window)])
     tolerance = tolerance_of(name, rule)
     drift = abs(sum(value * weight for value, weight in zip(values, weights, strict=True)))
-    limit = tolerance.drift + rule.drift_sigmas * noise[name] * float(np.sqrt(weights @ weights))
+    limit = np.hypot(tolerance.drift, rule.drift_sigmas * noise[name] * np.sqrt(weights @ weights))
     steady = values.max() - values.min() <= tolerance.span + rule.span_sigmas * noise[name] and drift <= limit
     idle = name not in CIRCULAR and values.abs().max() <= rule.idle_rpm and drift <= rule.idle_drift_rpm
     return bool(steady or idle)
