@@ -172,9 +172,7 @@ def test_no_bytes_on_a_line_raise(noise: bytes) -> None:
 BODIES = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="*$!"), max_size=60)
 
 
-@given(
-    st.sampled_from(["GPGGA", "HEHDT", "TIROT", "VDVBW", "WIMWD", "RCTRD", "GPZDA", "GPRMC", "HETHS"]), BODIES
-)
+@given(st.sampled_from(["GPGGA", "HEHDT", "TIROT", "VDVBW", "WIMWD", "RCTRD", "GPZDA", "GPRMC", "HETHS"]), BODIES)
 def test_no_sound_sentence_raises(tag: str, fields: str) -> None:
     text = sentence(f"{tag},{fields}").strip()
     assert split_sentence(text) is not None

@@ -108,9 +108,7 @@ def test_a_port_in_use(tmp_path: Path) -> None:
 
 
 def test_a_file_source_ends_the_recording_by_itself(tmp_path: Path) -> None:
-    (tmp_path / "sentences.log").write_bytes(
-        b"# a comment\r\n$RCTRD,2,400.5,R,,V,90.8*55\r\n$HEHDT,12.3,T*00"
-    )
+    (tmp_path / "sentences.log").write_bytes(b"# a comment\r\n$RCTRD,2,400.5,R,,V,90.8*55\r\n$HEHDT,12.3,T*00")
     text = config_text('type = "file"\npath = "sentences.log"\n', ("port_rpm",), clock="receiver")
     (tmp_path / "trial.toml").write_text(text)
     path, health = record(load_config(tmp_path / "trial.toml"), tmp_path / "out", duration_s=20.0)
@@ -125,9 +123,7 @@ def test_a_serial_line_that_fails_does_not_stop_the_others(tmp_path: Path) -> No
     port = free_port()
     with NullModem() as cable:
         text = config_text(f'type = "udp"\nport = {port}\n', UDP_CHANNELS, clock="receiver")
-        text += (
-            f'[[source]]\nname = "pulled"\ntype = "serial"\ndevice = "{cable.logger_device}"\nchannels = []\n'
-        )
+        text += f'[[source]]\nname = "pulled"\ntype = "serial"\ndevice = "{cable.logger_device}"\nchannels = []\n'
         (tmp_path / "trial.toml").write_text(text)
         config = load_config(tmp_path / "trial.toml")
         write_voyage(tmp_path / "voyage.mcap", duration_s=2.0)
@@ -135,9 +131,7 @@ def test_a_serial_line_that_fails_does_not_stop_the_others(tmp_path: Path) -> No
         sender.write_text(config_text(f'type = "udp"\nport = {port}\n', UDP_CHANNELS))
         stop = threading.Event()
         found: list[Path] = []
-        thread = threading.Thread(
-            target=lambda: found.append(record(config, tmp_path / "out", 30.0, stop)[0])
-        )
+        thread = threading.Thread(target=lambda: found.append(record(config, tmp_path / "out", 30.0, stop)[0]))
         thread.start()
         time.sleep(0.5)
     emulate(tmp_path / "voyage.mcap", load_config(sender), speed=2.0)

@@ -37,9 +37,7 @@ def test_table_comes_back_to_the_last_bit(tmp_path: Path) -> None:
         assert np.array_equal(recording.series[name].measured_ns, pd.DatetimeIndex(table.index).asi8)
 
 
-@given(
-    trial=st.builds(Trial, *(st.text(max_size=20) for _ in range(3)), *(st.none() | st.floats(-90, 90),) * 4)
-)
+@given(trial=st.builds(Trial, *(st.text(max_size=20) for _ in range(3)), *(st.none() | st.floats(-90, 90),) * 4))
 def test_trial_survives_its_metadata(trial: Trial) -> None:
     assert Trial.from_metadata(trial.as_metadata()) == trial
 

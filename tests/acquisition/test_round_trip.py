@@ -100,9 +100,7 @@ def transport(kind: str, tmp_path: Path, cable: NullModem, clock: str) -> tuple[
         "mavlink": f'type = "mavlink"\nport = {free_port()}\n',
     }
     if kind == "serial":
-        texts = [
-            f'type = "serial"\ndevice = "{each}"\n' for each in (cable.emulator_device, cable.logger_device)
-        ]
+        texts = [f'type = "serial"\ndevice = "{each}"\n' for each in (cable.emulator_device, cable.logger_device)]
     else:
         texts = [sections[kind]] * 2
     sending, receiving = (
