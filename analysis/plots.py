@@ -111,7 +111,8 @@ def series(
     axes.set_xlabel("time, UTC")
     axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
     if len(names) > 1:
-        axes.legend(loc="upper right")
+        lines = [artist for artist in artists if isinstance(artist, Line2D)]
+        axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
     return artists
 
 
@@ -126,13 +127,18 @@ def _without_wraps(angle_deg: pd.Series) -> pd.Series:
 
 def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     """A shade over the full height of the axes wherever a window is held."""
-    begin = windows.groupby("window")["start"].first()
-    length_s = float(windows["second"].max()) if len(windows) else 0.0
-    left = dates.date2num(begin.to_numpy())  # type: ignore[no-untyped-call]
-    right = left + length_s / 86400.0
-    corners = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0)] for a, b in zip(left, right, strict=True)]
+    corners = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0)] for a, b in _held_stretches(windows)]
     shade = PolyCollection(
         corners, facecolors=HELD, alpha=0.25, linewidths=0, label="held", transform=axes.get_xaxis_transform()
     )
     axes.add_collection(shade, autolim=False)
     return shade
+
+
+def _held_stretches(windows: pd.DataFrame) -> list[tuple[float, float]]:
+    """Begin and end of every stretch of windows that overlap or touch, as matplotlib's dates."""
+    begin = np.sort(dates.date2num(windows.groupby("window")["start"].first().to_numpy()))  # type: ignore[no-untyped-call]
+    end = begin + (float(windows["second"].max()) if len(windows) else 0.0) / 86400.0
+    first = np.append(True, begin[1:] > end[:-1] + 1e-9) if begin.size else np.empty(0, dtype=bool)
+    last = np.append(first[1:], True) if begin.size else first
+    return list(zip(begin[first].tolist(), end[last].tolist(), strict=True))

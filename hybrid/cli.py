@@ -120,6 +120,8 @@ def train(
         f"out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m",
         err=True,
     )
+    if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:
+        typer.echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
     typer.echo(path.parent)
 
 

@@ -114,8 +114,8 @@ def split_by_group(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Two masks that part the windows by whole groups (legs, recordings), never by row.
 
-    Groups are drawn at random until the second part holds ``share`` of the windows, at least one group and
-    never all. Raises :class:`DataShortageError` when there is one group only.
+    Groups are drawn at random until the second part holds about ``share`` of the windows, at least one group
+    and never all. Raises :class:`DataShortageError` when there is one group only.
     """
     names, counts = np.unique(groups, return_counts=True)
     if len(names) < 2:
@@ -123,8 +123,13 @@ def split_by_group(
             f"only one leg ({names[0] if len(names) else 'none'}), which cannot be split",
             fix="give more recordings, or longer ones with more held stretches",
         )
-    order = np.random.default_rng(seed).permutation(len(names))
-    reached = np.cumsum(counts[order]) >= share * len(groups)
-    held_out = order[: min(int(np.argmax(reached)) + 1, len(names) - 1)]
-    second = np.isin(groups, names[held_out])
+    wanted = share * len(groups)
+    held_out: list[int] = []
+    taken = 0
+    for group in np.random.default_rng(seed).permutation(len(names)):
+        fits = taken + counts[group] <= 1.25 * wanted  # one long leg must not take half of the windows away
+        if fits and taken < wanted and len(held_out) < len(names) - 1:
+            held_out.append(int(group))
+            taken += int(counts[group])
+    second = np.isin(groups, names[held_out or [int(np.argmin(counts))]])
     return ~second, second
