@@ -8,6 +8,7 @@ calibrator that was trained on earlier voyages is judged on it.
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -43,7 +44,7 @@ SHIP, MODEL, SEA_STATE = "gunnerus_long", "gunnerus_short", "gentle"
 VOYAGE_S, TRAINING_VOYAGES, TRAINING_S = 1200.0, 6, 1800.0
 SPEED = 24.0
 HORIZON_S, STRIDE_S = 15, 5
-_RECORDER_START_S = 30.0
+_RECORDER_TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,26 +96,41 @@ def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Pat
 
 def play_and_record(voyage: Path, folder: Path, progress: Progress) -> tuple[Played, Path]:
     """Play a recording onto simulated lines while the recorder, a process of its own, records them."""
-    with NullModem() as cable:
-        sending = _configuration(folder / "emulator.toml", cable.emulator_device)
-        receiving = _configuration(folder / "logger.toml", cable.logger_device)
+    port = _free_udp_port()
+    with NullModem() as can, NullModem() as serial:
+        sending = _configuration(folder / "emulator.toml", can.emulator_device, serial.emulator_device, port)
+        receiving = _configuration(folder / "logger.toml", can.logger_device, serial.logger_device, port)
         recorder = _start_recorder(receiving, folder / "recordings")
         try:
             played = emulate(voyage, load_config(sending), SPEED, progress)
             time.sleep(0.5)  # what is still on its way
         finally:
             recorder.send_signal(signal.SIGINT)
-            stdout, stderr = recorder.communicate(timeout=_RECORDER_START_S)
+            stdout, stderr = recorder.communicate(timeout=_RECORDER_TIMEOUT_S)
     if recorder.returncode != 0:
         raise SourceError("the recorder failed", where="demo", why=stderr.strip())
     return played, Path(stdout.strip())
 
 
-def _configuration(path: Path, device: str) -> Path:
-    text = TEMPLATE.read_text(encoding="utf-8").replace('"SERIAL_LINE"', f'"{device}"')
+def _configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:
+    """The demo's configuration with its cables and port filled in."""
+    text = TEMPLATE.read_text(encoding="utf-8")
     dbc = TEMPLATE.parent / "vessels" / "thrusters.dbc"
-    path.write_text(text.replace('"vessels/thrusters.dbc"', f'"{dbc}"'), encoding="utf-8")
+    for old, new in (
+        ('"CAN_LINE"', f'"{can_device}"'),
+        ('"SERIAL_LINE"', f'"{serial_device}"'),
+        ("port = 14554", f"port = {port}"),
+        ('"vessels/thrusters.dbc"', f'"{dbc}"'),
+    ):
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
     return path
+
+
+def _free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
 
 def _start_recorder(config: Path, folder: Path) -> subprocess.Popen[str]:

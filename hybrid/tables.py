@@ -32,8 +32,9 @@ def validation_table(validation: Validation) -> Table:
 def _caption(validation: Validation) -> str:
     parts = []
     if validation.reduction is not None and validation.coverage_95 is not None:
-        less, more = f"{validation.reduction:.1%} less", f"{1 - validation.reduction:.1f} times the"
-        parts.append(f"hybrid: {less if validation.reduction >= 0 else more} mean distance of the reference")
+        less = f"{validation.reduction:.1%} less than the reference's"
+        more = f"{1 - validation.reduction:.1f} times the reference's"
+        parts.append(f"hybrid's mean distance is {less if validation.reduction >= 0 else more}")
         parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
     if validation.outside:
         parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
