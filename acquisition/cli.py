@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
 
+_AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "soft_wrap": True}
+"""For text that comes from files: brackets in it are no markup, and a path is not broken at 80 columns."""
+
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
@@ -35,8 +38,6 @@ def record(
     from acquisition.record import stopped_by_signals
 
     trial = load_config(config)
-    if trial.missing_channels:
-        typer.echo(f"no source provides {', '.join(trial.missing_channels)}", err=True)
     with stopped_by_signals() as stop:
         path, health = run(trial, output, duration, stop)
     typer.echo(summary(health, path), err=True)
@@ -96,15 +97,14 @@ def info(
 
     console = Console()
     state = "closed properly" if found["closed"] else "NOT CLOSED: the recorder was killed or is still writing"
-    console.print(f"[bold]{file}[/bold]  {state}", highlight=False)
-    console.print(
-        f"{found['start']} to {found['end']}, {found['duration_s']:.1f} s, {found['messages']:,} messages",
-        highlight=False,
-    )
-    console.print(", ".join(f"{key} {value}" for key, value in found["trial"].items()), style="dim")
+    console.print(f"{file}  {state}", style="bold", **_AS_IT_IS)
+    console.print(f"{found['start']} to {found['end']}", **_AS_IT_IS)
+    console.print(f"{found['duration_s']:.1f} s, {found['messages']:,} messages", **_AS_IT_IS)
+    for key, value in found["trial"].items():
+        console.print(f"{key.replace('_', ' ')}: {value}", style="dim", **_AS_IT_IS)
     console.print(_channel_table(found["channels"]))
     for topic, count in found["raw"].items():
-        console.print(f"{topic}: {count:,} raw messages", highlight=False)
+        console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)
 
 
 def _channel_table(channels: dict[str, Any]) -> Table:

@@ -13,6 +13,18 @@
 Every message says what, where, why and what to do, in that order, on one line.
 """
 
+from __future__ import annotations
+
+from errno import EACCES, ENOSPC, EPERM, EROFS
+from pathlib import Path
+
+_CURES = {
+    ENOSPC: "make room on the disk",
+    EACCES: "choose another folder, or ask for the right to write there",
+    EPERM: "choose another folder, or ask for the right to write there",
+    EROFS: "choose another folder: this one is read-only",
+}
+
 
 class SeatrialError(Exception):
     """The base of every error that Seatrial raises on purpose; its text is one line for a person."""
@@ -60,3 +72,18 @@ class DataShortageError(SeatrialError, ValueError):
 
 class ModelRangeError(SeatrialError, ArithmeticError):
     """The simulation left the range of speeds its coefficients hold in."""
+
+
+def storage_error(path: Path | str, error: OSError, what: str = "cannot be written") -> StorageError:
+    """The error for a product that the system refuses, which says what on its path is in the way.
+
+    The system's own words, "File exists" for a folder that cannot be made below a file, mislead.
+    """
+    path = Path(path)
+    why, fix = error.strerror or str(error), _CURES.get(error.errno or 0, "choose another place")
+    blocking = next((each for each in path.parents if each.is_file()), None)
+    if blocking is not None:
+        why, fix = f"{blocking} is a file, not a folder", "choose another folder"
+    elif path.is_dir():
+        why, fix = "it is a folder", "name a file in it"
+    return StorageError(what, where=str(path), why=why, fix=fix)

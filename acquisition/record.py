@@ -55,6 +55,8 @@ def record(
             writer.close()
             path.unlink(missing_ok=True)
             raise
+        if config.missing_channels:
+            print(f"no source provides {', '.join(config.missing_channels)}", file=sys.stderr)  # noqa: T201
         with _display(recorder.health, path, expected):
             _wait(recorder, stop, duration_s)
             recorder.stop()

@@ -58,10 +58,10 @@ def windows(
         typer.echo(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
-    legs = found.rows["leg"].nunique()
+    recordings = "1 recording" if len(files) == 1 else f"{len(files)} recordings"
     typer.echo(
-        f"{found.kept} of {found.candidates} windows of {horizon} s held, in {legs} legs of {len(files)} "
-        f"recordings; dropped: {reasons}",
+        f"{found.kept} of {found.candidates} windows of {horizon} s held, in {found.legs} legs of {recordings}; "
+        f"dropped: {reasons}",
         err=True,
     )
     typer.echo(output)

@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from acquisition.errors import InputError, StorageError
+from acquisition.errors import InputError, storage_error
 from acquisition.trial import software_version
 
 PREFIX = "seatrial."
@@ -40,7 +40,7 @@ def write_parquet(
         pq.write_table(arrow.cast(schema), partial)
         partial.replace(target)
     except OSError as error:
-        raise StorageError("cannot be written", where=str(path), why=str(error.strerror or error)) from error
+        raise storage_error(path, error) from error
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)

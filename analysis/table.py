@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import DataShortageError, InputError, StorageError
+from acquisition.errors import DataShortageError, InputError, SeatrialError, storage_error
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.trial import software_version
@@ -36,7 +36,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
     """As :func:`read_table`, of a recording that is already read."""
     if not recording.series:
         raise DataShortageError(
-            "holds no channel", where=str(recording.path), fix="check the sources, or redecode the raw input"
+            "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
         )
     names = [name for name in BY_NAME if name in recording.series]
     keys = {name: _keys(recording.series[name]) for name in names}
@@ -118,8 +118,10 @@ def export_table(table: pd.DataFrame, path: Path, rate_hz: float | None = None) 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         {"parquet": _write_parquet, "csv": _write_csv, "mat": _write_mat}[kind](table, path, metadata)
+    except SeatrialError:
+        raise
     except OSError as error:
-        raise StorageError("cannot be written", where=str(path), why=str(error.strerror)) from error
+        raise storage_error(path, error) from error
 
 
 def _metadata(table: pd.DataFrame, rate_hz: float | None) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save_file
 
-from acquisition.errors import ConfigurationError, InputError, StorageError
+from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
 from acquisition.trial import software_version
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.network import NetworkCalibrator
@@ -64,42 +64,80 @@ def save(trained: Trained, folder: Path) -> Path:
         "metrics": trained.metrics,
         "software": software_version(),
     }
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         for name, model in (("calibrator", trained.calibrator), ("data_driven", trained.data_driven)):
             save_file(model.state(), folder / f"{name}.safetensors")
         path = folder / SIDECAR
         path.write_text(json.dumps(sidecar, indent=2) + "\n")
     except OSError as error:
-        raise StorageError("cannot be written", where=str(folder), why=str(error.strerror)) from error
+        raise storage_error(folder / SIDECAR, error) from error
     return path
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of an artefact, before the long work rather than after. Raises :class:`StorageError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise storage_error(folder / SIDECAR, error) from error
 
 
 def load(folder: Path) -> Trained:
     """Read an artefact. Raises :class:`InputError` naming what is missing or not what it should be."""
     path = folder / SIDECAR
     try:
-        sidecar = json.loads(path.read_text())
+        sidecar = json.loads(path.read_text(encoding="utf-8"))
+        if sidecar["format"] != FORMAT:
+            raise InputError(f"is of format {sidecar['format']}, and this version reads {FORMAT}",
+                             where=str(path), fix="train anew")  # fmt: skip
         tensors = {name: load_file(folder / f"{name}.safetensors") for name in ("calibrator", "data_driven")}
         calibrator = make_calibrator(sidecar["method"], sidecar["seed"]).restore(tensors["calibrator"])
         data_driven = make_calibrator("data_driven", sidecar["seed"]).restore(tensors["data_driven"])
         if list(calibrator.inputs) != sidecar["inputs"]:
-            raise InputError("was trained on other inputs than this version gives", where=str(path))
+            raise InputError(
+                "was trained on other inputs than this version gives", where=str(path), fix="train anew"
+            )
         sources = tuple(
             Source(Path(each["path"]), each["sha256"], (each["part"][0], each["part"][1]))
             for each in sidecar["trained_on"]
         )
         return Trained(
             calibrator, data_driven, sidecar["horizon_s"], sidecar["vessel"], sidecar["vessel_sha256"],
-            np.array(sidecar["band_m"]), sources, sidecar["metrics"],
+            _band(sidecar), sources, sidecar["metrics"],
         )  # fmt: skip
-    except FileNotFoundError as error:
+    except SeatrialError:
+        raise
+    except OSError as error:
+        gone = f"{Path(error.filename or folder).name} is missing"
+        why = gone if isinstance(error, FileNotFoundError) else error.strerror or str(error)
+        raise InputError("is no trained calibrator", where=str(folder), why=why,
+                         fix="make one with `seatrial train`") from error  # fmt: skip
+    except (ValueError, KeyError, IndexError, TypeError, SafetensorError, RuntimeError) as error:
+        raise InputError("is damaged or of another version", where=str(folder), why=_reason(error),
+                         fix="train anew") from error  # fmt: skip
+
+
+def _band(sidecar: dict[str, Any]) -> NDArray[np.float64]:
+    band = np.array(sidecar["band_m"], dtype=float)
+    if band.shape != (sidecar["horizon_s"],):
+        raise ValueError(f"band_m has {band.size} values for {sidecar['horizon_s']} s")
+    return band
+
+
+def _reason(error: Exception) -> str:
+    """The first lines of what a library says; torch lists every tensor."""
+    text = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+    return " ".join(text.splitlines()[:2])
+
+
+def refuse_horizon(horizon_s: int, trained: Trained) -> None:
+    """Raise :class:`InputError` when a calibrator was trained for another horizon."""
+    if trained.horizon_s != horizon_s:
         raise InputError(
-            "is no trained calibrator", where=str(folder), why=f"{error.filename} is missing",
-            fix="make one with `seatrial train`",
-        ) from error  # fmt: skip
-    except (json.JSONDecodeError, KeyError, IndexError, TypeError, SafetensorError, RuntimeError) as error:
-        raise InputError("is damaged or of another version", where=str(folder), why=str(error)) from error
+            f"the calibrator predicts {trained.horizon_s} s, not {horizon_s} s",
+            fix=f"say --horizon {trained.horizon_s}, or train anew",
+        )
 
 
 def plant_for(trained: Trained, vessel: str | None) -> Plant:

@@ -1,4 +1,4 @@
-"""The commands of the model: simulate, effects. They parse, call and print; nothing else."""
+"""The commands of the model, from simulate to predict. They parse, call and print; nothing else."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import typer
 
 from acquisition.cli import AsJson
 
+HORIZON_S = 15
 SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
@@ -48,11 +49,11 @@ def simulate(
     """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
     from acquisition.recording.tables import write_table
     from acquisition.trial import Trial
-    from hybrid.effects import catalogue_with, parse_effect
+    from hybrid.effects.catalogue import catalogue_with, parse_effects
     from hybrid.truth.trial import simulate_trial, write_truth
 
     catalogue = catalogue_with(effects_file or ())
-    hidden = dict(parse_effect(each, catalogue) for each in hide or ())
+    hidden = parse_effects(hide or (), catalogue)
     table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
     latitude_deg, longitude_deg = SIMULATED_ORIGIN
     trial = Trial(
@@ -98,7 +99,7 @@ def train(
     """Train a calibrator on held windows."""
     from acquisition.progress import bar
     from analysis.table import percent_of
-    from hybrid.artefact import save
+    from hybrid.artefact import make_folder, save
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.gather import gather
     from hybrid.train import train as run
@@ -106,6 +107,7 @@ def train(
 
     name = vessel or DEFAULT
     plant = vessel_plant(load_vessel(name))
+    make_folder(output)
     with bar("reading") as progress:
         gathered = gather(files, horizon, stride, percent_of(part), progress)
     with bar("training") as progress:
@@ -129,7 +131,9 @@ def validate(
     files: Recordings,
     calibrator: CalibratorOption = None,
     vessel: VesselOption = None,
-    horizon: Annotated[int, typer.Option(min=2, help="How far is predicted [s].")] = 15,
+    horizon: Annotated[
+        int | None, typer.Option(min=2, help="How far is predicted [s]; 15, or what the calibrator does.")
+    ] = None,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     part: PartOption = "0..100",
     allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
@@ -147,8 +151,9 @@ def validate(
 
     trained = load(calibrator) if calibrator else None
     plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
+    seconds = horizon or (trained.horizon_s if trained else HORIZON_S)
     with bar("reading") as progress:
-        gathered = gather(files, horizon, stride, percent_of(part), progress)
+        gathered = gather(files, seconds, stride, percent_of(part), progress)
     if trained is not None and not allow_seen:
         refuse_seen(gathered.sources, trained)
     validation = run(gathered, plant, trained)
@@ -167,7 +172,9 @@ def predict(
     at: Annotated[str, typer.Option(help="ISO 8601 with zone, seconds since 1970, or +SECONDS from the start.")],
     calibrator: CalibratorOption = None,
     vessel: VesselOption = None,
-    horizon: Annotated[int | None, typer.Option(min=1, help="How far is predicted [s].")] = None,
+    horizon: Annotated[
+        int | None, typer.Option(min=1, help="How far is predicted [s]; 15, or what the calibrator does.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Predict one track with its band."""
@@ -184,7 +191,7 @@ def predict(
     table = read_table(file)
     require(table)
     table = resample(table)
-    seconds = horizon or (trained.horizon_s if trained else 15)
+    seconds = horizon or (trained.horizon_s if trained else HORIZON_S)
     prediction = run(table, parse_time(at, table), seconds, plant, trained)
     if as_json:
         typer.echo(json.dumps(prediction.as_dict()))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from acquisition.errors import InputError
 from analysis.smooth import smooth_motion
 from analysis.windows import tables_of_recordings, windows_of_tables
 from hybrid.horizon import Horizons, from_rows
@@ -58,14 +59,28 @@ def gather(
 ) -> Gathered:
     """The held windows of recordings, or of ``part`` of each one's time in percent.
 
-    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
+    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
+    :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
     """
     tables = tables_of_recordings(paths, progress, part)
     windows = windows_of_tables(tables, horizon_s, stride_s)
     motion = [start_motion(windows.rows[windows.rows["trial"] == trial], table) for trial, table in tables.items()]
     horizons = from_rows(windows.rows, pd.concat(motion))
     sources = tuple(Source(path, file_hash(path), part) for path in paths)
+    _refuse_twins(sources)
     return Gathered(horizons, sources, windows.candidates, windows.dropped)
+
+
+def _refuse_twins(sources: Sequence[Source]) -> None:
+    first: dict[str, Path] = {}
+    for each in sources:
+        if first.setdefault(each.sha256, each.path) is not each.path:
+            raise InputError(
+                "is given twice",
+                where=str(each.path),
+                why=f"it is the same recording as {first[each.sha256]}",
+                fix="give it once",
+            )
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:

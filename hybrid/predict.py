@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from acquisition.angles import wrap_360
 from acquisition.channels import NAMES
-from acquisition.errors import InputError
-from hybrid.artefact import Trained
+from acquisition.errors import InputError, ModelRangeError
+from hybrid.artefact import Trained, refuse_horizon
 from hybrid.baselines import reference
 from hybrid.gather import start_motion
 from hybrid.horizon import Horizons, from_rows
@@ -102,9 +102,21 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
 def predict(
     table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: Trained | None = None
 ) -> Prediction:
-    """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it."""
+    """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it.
+
+    Raises :class:`InputError` for another horizon than the calibrator's or an instant that is not in the
+    table, :class:`ModelRangeError` where the reference leaves its range.
+    """
+    if trained is not None:
+        refuse_horizon(horizon_s, trained)
     horizons, covered = window_at(table, at, horizon_s)
     track = reference(horizons, plant)
+    if not np.isfinite(track).all():
+        raise ModelRangeError(
+            f"from {at.isoformat()} the reference model leaves its range",
+            why="speeds or thrusts are not those of this vessel",
+            fix="choose another time, or check --vessel and the units of the recording",
+        )
     band = None
     if trained is not None:
         track = trained.calibrator.predict(horizons, track)

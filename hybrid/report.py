@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from acquisition.errors import StorageError
+from acquisition.errors import storage_error
 from acquisition.trial import software_version
 from analysis import plots as analysis_plots
 from analysis.plots import STYLE
@@ -89,7 +89,7 @@ class Page:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(html, encoding="utf-8")
         except OSError as error:
-            raise StorageError("cannot be written", where=str(path), why=str(error.strerror)) from error
+            raise storage_error(path, error) from error
         return path
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import InputError
-from hybrid.artefact import Trained
+from hybrid.artefact import Trained, refuse_horizon
 from hybrid.baselines import constant_velocity
 from hybrid.gather import Gathered, Source
 from hybrid.horizon import Horizons
@@ -68,11 +68,8 @@ def validate(gathered: Gathered, plant: Plant, trained: Trained | None = None) -
 
     Raises :class:`InputError` when the calibrator was trained for another horizon.
     """
-    if trained is not None and trained.horizon_s != gathered.horizons.horizon_s:
-        raise InputError(
-            f"the calibrator predicts {trained.horizon_s} s, not {gathered.horizons.horizon_s} s",
-            fix=f"say --horizon {trained.horizon_s}, or train anew",
-        )
+    if trained is not None:
+        refuse_horizon(gathered.horizons.horizon_s, trained)
     horizons, reference_tracks = inside_range(gathered.horizons, plant)
     tracks = {"constant_velocity": constant_velocity(horizons), "reference": reference_tracks}
     if trained is not None:

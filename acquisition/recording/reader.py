@@ -114,7 +114,7 @@ class MessageStream:
                         f"is damaged near byte {position}",
                         where=str(self.path),
                         why=str(error),
-                        fix="save what is intact with `seatrial recover`",
+                        fix="give an intact copy of it",
                     ) from error
 
 

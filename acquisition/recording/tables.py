@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.channels import BY_NAME
-from acquisition.errors import InputError
+from acquisition.errors import InputError, StorageError, storage_error
 from acquisition.frames import Quality, Sample
 from acquisition.recording.writer import RecordingWriter
 from acquisition.trial import Trial
@@ -40,8 +41,13 @@ def write_table(
         with RecordingWriter(partial, trial) as writer:
             _write_rows(writer, table, source, qualities or {})
         partial.replace(target)
+    except StorageError as error:  # the person knows the file by its own name only
+        raise StorageError(error.what, where=str(path), why=error.why, fix=error.fix) from error
+    except OSError as error:
+        raise storage_error(path, error) from error
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
     return int(table.notna().to_numpy().sum())
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import orjson
 from mcap.writer import CompressionType, Writer
 
-from acquisition.errors import StorageError
+from acquisition.errors import storage_error
 from acquisition.frames import Frame, Sample
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
@@ -47,7 +47,7 @@ class RecordingWriter:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("wb")
         except OSError as error:
-            raise StorageError("cannot be created", where=str(path), why=str(error.strerror)) from error
+            raise storage_error(path, error, "cannot be created") from error
         self._mcap = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._mcap.start(profile="", library=software_version())
         self._mcap.add_metadata("trial", trial.as_metadata())
@@ -158,7 +158,7 @@ class RecordingWriter:
         try:
             call(*arguments)
         except OSError as error:
-            raise StorageError("cannot be written", where=str(self.path), why=str(error.strerror)) from error
+            raise storage_error(self.path, error) from error
 
 
 def _timestamp(time_ns: int) -> dict[str, int]:

@@ -110,6 +110,19 @@ def load_effects(path: str | Path) -> dict[str, Effect]:
     return {effect.name: effect for effect in effects}
 
 
+def parse_effects(texts: Iterable[str], catalogue: Catalogue = CATALOGUE) -> dict[str, dict[str, float]]:
+    """Several effects, each as in :func:`parse_effect`. Raises :class:`ConfigurationError` for one named twice."""
+    effects: dict[str, dict[str, float]] = {}
+    for text in texts:
+        name, values = parse_effect(text, catalogue)
+        if name in effects:
+            raise ConfigurationError(
+                f"effect {name} is given twice", where=text, fix="put its parameters into one, with commas between"
+            )
+        effects[name] = values
+    return effects
+
+
 def parse_effect(text: str, catalogue: Catalogue = CATALOGUE) -> tuple[str, dict[str, float]]:
     """An effect and its values from ``NAME:PARAMETER=VALUE,...``, checked against the catalogue.
 

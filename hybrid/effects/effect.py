@@ -96,7 +96,7 @@ class Effect:
             if isnan(value) or not each.low <= value <= each.high:
                 raise ConfigurationError(
                     f"effect {self.name}: {each.name} = {value:g} is out of bounds",
-                    fix=f"give {each.low:g} to {each.high:g} {each.unit}",
+                    fix=f"give {each.low:g} to {each.high:g} {each.unit}".removesuffix(" 1"),  # the unit of factors
                 )
         return complete
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.errors import ConfigurationError, StorageError
+from acquisition.errors import ConfigurationError, storage_error
 from acquisition.trial import software_version
 from hybrid.effects import CATALOGUE, Catalogue, apply_effects, vessel_plant
 from hybrid.truth.autopilot import drives_of, sail
@@ -38,6 +38,7 @@ START = pd.Timestamp("2026-06-01T08:00:00Z")
 SLOWEST_LOOP_HZ = 10.0
 Hidden = Mapping[str, Mapping[str, float]]
 _APPROACH_S = 300
+_LONGEST_S = 7 * 86400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,13 +159,15 @@ def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
     try:
         Path(path).write_text(text + "\n", encoding="utf-8")
     except OSError as error:
-        raise StorageError("cannot write the truth", where=str(path), why=str(error)) from error
+        raise storage_error(path, error) from error
 
 
 def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
     """Steps of the simulation per recorded row, and the number of rows."""
     if not 0.0 < rate_hz <= 100.0:
         raise ConfigurationError(f"rate {rate_hz:g} Hz is out of bounds", fix="give 0.1 to 100 Hz")
+    if not duration_s <= _LONGEST_S:
+        raise ConfigurationError(f"duration {duration_s:g} s is out of bounds", fix="give a week at most")
     rows = round(duration_s * rate_hz)
     if rows < 2:
         raise ConfigurationError(f"duration {duration_s:g} s gives no samples", fix="give a longer duration")

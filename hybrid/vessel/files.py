@@ -13,7 +13,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from acquisition.errors import ConfigurationError, StorageError
+from acquisition.errors import ConfigurationError, storage_error
 from acquisition.toml_file import line_of, read_text, validate
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
@@ -60,7 +60,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
     try:
         Path(path).write_text(_toml(tree), encoding="utf-8")
     except OSError as error:
-        raise StorageError("cannot write the vessel", where=str(path), why=str(error)) from error
+        raise storage_error(path, error) from error
 
 
 def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:
