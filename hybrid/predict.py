@@ -24,7 +24,8 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """A predicted track [H+1, 3] of north, east [m], heading [rad], its 95 % radius [H+1] if it has one, and
-    the measured track where the recording goes on long enough.
+    the measured track where the recording goes on long enough. ``untrained`` says that the start lies beyond
+    what the calibrator was trained on: the prediction is a guess and its band does not hold.
     """
 
     at: pd.Timestamp
@@ -32,6 +33,7 @@ class Prediction:
     track: Floats
     band_m: Floats | None
     measured: Floats | None
+    untrained: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """One object a second, for JSON."""
@@ -47,6 +49,7 @@ class Prediction:
             "at": self.at.isoformat(),
             "horizon_s": len(self.track) - 1,
             "method": self.method,
+            "outside_training_range": self.untrained,
             "track": rows,
         }
 
@@ -117,8 +120,9 @@ def predict(
             why="speeds or thrusts are not those of this vessel",
             fix="choose another time, or check --vessel and the units of the recording",
         )
-    band = None
+    band, untrained = None, False
     if trained is not None:
+        untrained = bool(trained.calibrator.outside(horizons, track)[0])
         track = trained.calibrator.predict(horizons, track)
         band = np.concatenate([[0.0], trained.band_m])
     return Prediction(
@@ -127,4 +131,5 @@ def predict(
         track=track[0],
         band_m=band,
         measured=horizons.track[0] if covered else None,
+        untrained=untrained,
     )

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from hybrid.predict import Prediction
     from hybrid.validate import Validation
 
+_UNTRAINED = "the start lies beyond what the calibrator was trained on: a guess, whose band does not hold"
 _COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
 
 
@@ -36,6 +37,11 @@ def _caption(validation: Validation) -> str:
         more = f"{1 - validation.reduction:.1f} times the reference's"
         parts.append(f"hybrid's mean distance is {less if validation.reduction >= 0 else more}")
         parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
+    if validation.untrained is not None and validation.untrained.any():
+        parts.append(
+            f"{validation.untrained.sum()} windows start beyond what the calibrator was trained on, where it "
+            "guesses and its band does not hold"
+        )
     if validation.outside:
         parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
     return "; ".join(parts)
@@ -46,7 +52,7 @@ def prediction_table(prediction: Prediction) -> Table:
     rows = prediction.as_dict()["track"]
     step = max(1, (len(rows) - 1) // 10)
     table = Table(title=f"{prediction.method} from {prediction.at.isoformat()}", title_justify="left", box=None,
-                  header_style="dim")  # fmt: skip
+                  header_style="dim", caption=_UNTRAINED if prediction.untrained else None)  # fmt: skip
     for title in (
         "second",
         "north m",

@@ -22,8 +22,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Validation:
-    """Scores and tracks by method, on the same windows for all. ``outside`` counts the windows left out
-    because the reference model left its range in them.
+    """Scores and tracks by method, on the same windows for all.
+
+    ``outside`` counts the windows left out because the reference model left its range in them;
+    ``untrained`` [N] marks those whose start lies beyond what the calibrator was trained on.
     """
 
     horizons: Horizons
@@ -32,6 +34,7 @@ class Validation:
     outside: int
     coverage_95: float | None
     band_m: Floats | None
+    untrained: NDArray[np.bool_] | None = None
 
     @property
     def reduction(self) -> float | None:
@@ -46,6 +49,7 @@ class Validation:
             "horizon_s": self.horizons.horizon_s,
             "windows": len(self.horizons),
             "outside_model_range": self.outside,
+            "outside_training_range": None if self.untrained is None else int(self.untrained.sum()),
             "methods": {name: each.as_dict() for name, each in self.scores.items()},
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
@@ -82,6 +86,7 @@ def validate(gathered: Gathered, plant: Plant, trained: Trained | None = None) -
         outside=len(gathered.horizons) - len(horizons),
         coverage_95=None if trained is None else _coverage(tracks["hybrid"], horizons, trained.band_m),
         band_m=None if trained is None else trained.band_m,
+        untrained=None if trained is None else trained.calibrator.outside(horizons, reference_tracks),
     )
 
 

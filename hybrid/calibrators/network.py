@@ -22,6 +22,8 @@ Progress = Callable[[float], None]
 
 HIDDEN = (10, 10, 10)
 LEARNING_RATE = 1e-3
+BEYOND = 0.1
+"""How far past the range of the training, as a share of it, an input may lie before it counts as outside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,7 @@ class NetworkCalibrator(ABC):
         torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
         inputs, targets = self._rows(*training)
         self.input_scaling_, self.output_scaling_ = Scaling.of(inputs), Scaling.of(targets)
+        self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
         self.network_ = make_network(inputs.shape[-1], targets.shape[-1])
         self._descend(
             self.input_scaling_.scaled(inputs),
@@ -103,6 +106,13 @@ class NetworkCalibrator(ABC):
         position = horizons.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
         return np.concatenate([position, self.heading(horizons, reference)[..., None]], axis=-1)
 
+    def outside(self, horizons: Horizons, reference: Floats) -> NDArray[np.bool_]:
+        """Which windows [N] have an input beyond what was trained on, where the network is guessing."""
+        features = torch.from_numpy(self.features(horizons, reference))
+        low, high = self.input_range_
+        margin = BEYOND * (high - low) + 1e-6
+        return np.asarray(((features < low - margin) | (features > high + margin)).any(dim=-1).any(dim=-1).numpy())
+
     def heading(self, horizons: Horizons, reference: Floats) -> Floats:
         """The heading [N, H+1] that goes with the positions: the reference's, or the present turn held."""
         track = reference if self.needs_reference else constant_velocity(horizons)
@@ -114,12 +124,14 @@ class NetworkCalibrator(ABC):
         tensors = {f"network.{name}": value for name, value in self.network_.state_dict().items()}
         for name, scaling in scalings.items():
             tensors[f"{name}.mean"], tensors[f"{name}.deviation"] = scaling.mean, scaling.deviation
+        tensors["input.range"] = self.input_range_
         return {name: value.contiguous() for name, value in tensors.items()}
 
     def restore(self, tensors: dict[str, Tensor]) -> NetworkCalibrator:
         """The inverse of :meth:`state`."""
         self.input_scaling_ = Scaling(tensors["input.mean"], tensors["input.deviation"])
         self.output_scaling_ = Scaling(tensors["output.mean"], tensors["output.deviation"])
+        self.input_range_ = tensors["input.range"]
         self.network_ = make_network(len(self.input_scaling_.mean), len(self.output_scaling_.mean))
         prefix = "network."
         self.network_.load_state_dict(
