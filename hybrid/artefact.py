@@ -24,6 +24,7 @@ from hybrid.vessel.plant import Plant
 
 SIDECAR = "calibrator.json"
 FORMAT = 1
+_WEIGHTS = {name: f"{name}.safetensors" for name in ("calibrator", "data_driven")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +68,7 @@ def save(trained: Trained, folder: Path) -> Path:
     make_folder(folder)
     try:
         for name, model in (("calibrator", trained.calibrator), ("data_driven", trained.data_driven)):
-            save_file(model.state(), folder / f"{name}.safetensors")
+            save_file(model.state(), folder / _WEIGHTS[name])
         path = folder / SIDECAR
         path.write_text(json.dumps(sidecar, indent=2) + "\n")
     except OSError as error:
@@ -86,15 +87,20 @@ def make_folder(folder: Path) -> None:
 def load(folder: Path) -> Trained:
     """Read an artefact. Raises :class:`InputError` naming what is missing or not what it should be."""
     path = folder / SIDECAR
+    gone = [name for name in (SIDECAR, *_WEIGHTS.values()) if not (folder / name).is_file()]
+    if gone:
+        raise InputError("is no trained calibrator", where=str(folder), why=f"{gone[0]} is missing",
+                         fix="make one with `seatrial train`")  # fmt: skip
     try:
         sidecar = json.loads(path.read_text(encoding="utf-8"))
         if sidecar["format"] != FORMAT:
             raise InputError(f"is of format {sidecar['format']}, and this version reads {FORMAT}",
                              where=str(path), fix="train anew")  # fmt: skip
-        tensors = {name: load_file(folder / f"{name}.safetensors") for name in ("calibrator", "data_driven")}
+        tensors = {name: load_file(folder / file) for name, file in _WEIGHTS.items()}
         calibrator = make_calibrator(sidecar["method"], sidecar["seed"]).restore(tensors["calibrator"])
         data_driven = make_calibrator("data_driven", sidecar["seed"]).restore(tensors["data_driven"])
-        if list(calibrator.inputs) != sidecar["inputs"]:
+        widths = all(each.input_scaling_.mean.numel() == len(each.inputs) for each in (calibrator, data_driven))
+        if list(calibrator.inputs) != sidecar["inputs"] or not widths:
             raise InputError(
                 "was trained on other inputs than this version gives", where=str(path), fix="train anew"
             )
@@ -108,12 +114,7 @@ def load(folder: Path) -> Trained:
         )  # fmt: skip
     except SeatrialError:
         raise
-    except OSError as error:
-        gone = f"{Path(error.filename or folder).name} is missing"
-        why = gone if isinstance(error, FileNotFoundError) else error.strerror or str(error)
-        raise InputError("is no trained calibrator", where=str(folder), why=why,
-                         fix="make one with `seatrial train`") from error  # fmt: skip
-    except (ValueError, KeyError, IndexError, TypeError, SafetensorError, RuntimeError) as error:
+    except (OSError, ValueError, KeyError, IndexError, TypeError, SafetensorError, RuntimeError) as error:
         raise InputError("is damaged or of another version", where=str(folder), why=_reason(error),
                          fix="train anew") from error  # fmt: skip
 

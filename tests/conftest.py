@@ -1,11 +1,20 @@
-"""What all tests share: where the recorded data lie, if they are here."""
+"""What all tests share: the recorded data, if they are here; simulated voyages and a calibrator trained on them."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from hybrid.artefact import Trained
+    from hybrid.calibrators.network import NetworkCalibrator
+
+Simulated = Callable[..., Path]
+SMALL_HORIZON_S = 30
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +25,65 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no recorded data at {folder}; set SEATRIAL_DATA to the folder that holds them")
     return folder
+
+
+@pytest.fixture(scope="session")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
+    """Recordings of the lengthened ship in the paper's manoeuvre; one that was asked for before is given again."""
+    from acquisition.recording.tables import write_table
+    from acquisition.trial import Trial
+    from hybrid.truth.trial import simulate_trial
+
+    folder = tmp_path_factory.mktemp("simulated")
+
+    def recording(sea_state: str, seed: int, duration_s: float, rate_hz: float = 1.0) -> Path:
+        path = folder / f"{sea_state}_{seed}_{duration_s:g}s_{rate_hz:g}Hz.mcap"
+        if not path.exists():
+            table, _ = simulate_trial("gunnerus_long", sea_state, "paper", duration_s, rate_hz, seed)
+            write_table(table, path, Trial(name=path.stem, vessel="gunnerus_long"), source="simulated")
+        return path
+
+    return recording
+
+
+@pytest.fixture(scope="session")
+def earlier(simulated: Simulated) -> list[Path]:
+    """The voyages that the small calibrator is trained on."""
+    return [simulated("gentle", seed, 1200.0) for seed in range(4)]
+
+
+@pytest.fixture(scope="session")
+def unseen(simulated: Simulated) -> Path:
+    """A voyage that the small calibrator has not seen."""
+    return simulated("gentle", 100, 1200.0)
+
+
+def few_epochs(method: str, seed: int = 0, epochs: int = 120) -> NetworkCalibrator:
+    """An untrained calibrator that takes seconds to train, not minutes."""
+    from hybrid.calibrators import make_calibrator
+
+    calibrator = make_calibrator(method, seed)
+    calibrator.epochs, calibrator.batch = epochs, 128
+    return calibrator
+
+
+@pytest.fixture(scope="session")
+def small(earlier: list[Path]) -> Trained:
+    """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.gather import gather
+    from hybrid.train import train
+    from hybrid.vessel.files import load_vessel
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hybrid.train.make_calibrator", few_epochs)
+        gathered = gather(earlier, SMALL_HORIZON_S, 5)
+        return train(gathered, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")))
+
+
+@pytest.fixture(scope="session")
+def small_folder(small: Trained, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small calibrator on disk."""
+    from hybrid.artefact import save
+
+    return save(small, tmp_path_factory.mktemp("calibrator") / "small").parent

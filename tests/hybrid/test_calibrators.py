@@ -1,0 +1,306 @@
+"""Calibrators: scaling, learning, stopping, seeds, circles, and what comes back from the disk."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.errors import ConfigurationError, InputError, StorageError
+from hybrid.artefact import SIDECAR, Trained, load, plant_for, save
+from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.data_driven import DataDriven
+from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS, start_inputs
+from hybrid.calibrators.network import NetworkCalibrator, Scaling
+from hybrid.calibrators.paper import PaperCalibrator
+from hybrid.horizon import Horizons
+from hybrid.scores import score
+from hybrid.vessel.files import load_vessel, save_vessel
+from tests.hybrid.windows_by_hand import Floats, moved, random_windows, windows_at
+
+SECONDS = 8
+Data = tuple[Horizons, Floats]
+
+
+def drifting(count: int, seed: int = 0) -> Data:
+    """Windows whose ships are set north-west and slowed down, and a reference that knows nothing of it.
+
+    The truth is linear in what the calibrator sees: the reference's displacement and the second.
+    """
+    windows = random_windows(count, SECONDS, seed)
+    reference = windows.track.copy()
+    set_m = np.arange(SECONDS + 1.0)[:, None] * [0.4, -0.3]
+    track = reference.copy()
+    track[..., :2] = windows.start[:, None, :2] + 0.9 * (reference - windows.start[:, None, :3])[..., :2] + set_m
+    return replace(windows, track=track), reference
+
+
+def unlearnable(data: Data, seed: int = 0) -> Data:
+    """The same windows with tracks that are noise."""
+    windows, reference = data
+    noise = np.random.default_rng(seed).normal(0.0, 5.0, windows.track.shape)
+    return replace(windows, track=windows.track + noise), reference
+
+
+def states(calibrator: NetworkCalibrator) -> dict[str, list[float]]:
+    return {name: tensor.flatten().tolist() for name, tensor in calibrator.state().items()}
+
+
+@given(
+    mean=st.floats(-1e3, 1e3),
+    deviation=st.floats(1e-3, 1e3),
+    rows=st.integers(2, 40),
+    seed=st.integers(0, 100),
+)
+def test_scaling_comes_back(mean: float, deviation: float, rows: int, seed: int) -> None:
+    """Columns go to mean zero and deviation one, and back; a constant column becomes zero and comes back."""
+    random = np.random.default_rng(seed)
+    columns = torch.from_numpy(mean + deviation * random.normal(size=(rows, 3)))
+    columns[:, 1] = mean
+    scaling = Scaling.of(columns)
+    scaled = scaling.scaled(columns)
+    assert torch.isfinite(scaled).all()
+    assert scaled.mean(dim=0).abs().max() < 1e-6
+    assert scaled[:, [0, 2]].std(dim=0, correction=0).numpy() == pytest.approx(1.0, rel=1e-6)
+    assert (scaled[:, 1] == 0.0).all()
+    assert scaling.restored(scaled).numpy() == pytest.approx(columns.numpy(), rel=1e-9, abs=1e-9)
+
+
+def test_what_was_constant_in_training_cannot_blow_up_later() -> None:
+    """The tunnel thruster never ran in training; when it does run, the prediction stays where it was."""
+    data = drifting(40)
+    calibrator = PaperCalibrator(epochs=3, batch=64).fit(data, drifting(10, seed=1))
+    windows, reference = drifting(5, seed=2)
+    control = windows.control.copy()
+    control[:, 4] = 300.0
+    running = calibrator.predict(replace(windows, control=control), reference)
+    assert np.array_equal(running, calibrator.predict(windows, reference))
+
+
+def test_a_linear_truth_is_learned() -> None:
+    """The set and the loss of speed are found on windows that were not seen: four fifths of the error go."""
+    calibrator = PaperCalibrator(epochs=150, batch=64).fit(drifting(200), drifting(40, seed=1))
+    windows, reference = drifting(80, seed=2)
+    before = score(reference, windows.track).mean_distance_m
+    after = score(calibrator.predict(windows, reference), windows.track).mean_distance_m
+    assert after < 0.2 * before
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_seed_is_one_calibrator(method: str) -> None:
+    """The same seed gives the same numbers to the last bit whatever was drawn before; another others."""
+
+    def fitted(seed: int) -> NetworkCalibrator:
+        calibrator = make_calibrator(method, seed)
+        calibrator.epochs, calibrator.batch = 4, 32
+        return calibrator.fit(drifting(30), drifting(8, seed=1))
+
+    first = states(fitted(7))
+    torch.rand(5)
+    assert states(fitted(7)) == first
+    assert states(fitted(8)) != first
+
+
+def test_early_stopping_keeps_the_best() -> None:
+    """On data without a pattern it stops long before the end, with the weights that did best on the way."""
+    training, stopping = unlearnable(drifting(30), 1), unlearnable(drifting(20, seed=1), 2)
+    calibrator = PaperCalibrator(epochs=300, batch=32, patience=15)
+    losses: list[float] = []
+
+    def loss() -> float:
+        inputs, targets = calibrator._scaled_rows(*stopping)
+        with torch.no_grad():
+            return torch.nn.functional.mse_loss(calibrator.network_(inputs), targets).item()
+
+    calibrator.fit(training, stopping, lambda share: losses.append(loss()))
+    assert len(losses) < 300
+    assert len(losses) == int(np.argmin(losses)) + 1 + 15 + 1
+    assert loss() == min(losses)
+
+
+def test_progress_goes_from_nothing_to_all() -> None:
+    shares: list[float] = []
+    PaperCalibrator(epochs=5, batch=64).fit(drifting(20), drifting(5, seed=1), shares.append)
+    assert shares == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+def test_data_driven_knows_no_reference() -> None:
+    """Neither in training nor in prediction does it look at the reference's track, its heading included."""
+    data, stopping, unseen = drifting(30), drifting(8, seed=1), drifting(10, seed=2)
+    blind = [(windows, np.full_like(track, np.nan)) for windows, track in (data, stopping, unseen)]
+    seeing = DataDriven(epochs=4, batch=32).fit(data, stopping)
+    without = DataDriven(epochs=4, batch=32).fit(blind[0], blind[1])
+    assert states(seeing) == states(without)
+    assert np.array_equal(seeing.predict(*unseen), without.predict(*blind[2]))
+
+
+def test_the_hybrid_does_look_at_the_reference() -> None:
+    calibrator = PaperCalibrator(epochs=4, batch=32).fit(drifting(30), drifting(8, seed=1))
+    windows, reference = drifting(10, seed=2)
+    other = reference + np.linspace(0.0, 5.0, SECONDS + 1)[:, None]
+    assert not np.allclose(calibrator.predict(windows, reference), calibrator.predict(windows, other))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@settings(max_examples=15, deadline=None)
+@given(north=st.floats(-1e4, 1e4), east=st.floats(-1e4, 1e4))
+def test_predictions_go_with_the_ship(fitted: dict[str, NetworkCalibrator], method: str, north: float,
+                                      east: float) -> None:  # fmt: skip
+    """Where the ship is makes no difference to how she moves; the track starts at her."""
+    windows, reference = drifting(6, seed=4)
+    there, by = moved(windows, north, east), np.array([north, east, 0.0])
+    here = fitted[method].predict(windows, reference)
+    shifted = fitted[method].predict(there, reference + by)
+    assert shifted == pytest.approx(here + by, abs=1e-6)
+    assert np.array_equal(here[:, 0, :2], windows.start[:, :2])
+
+
+@pytest.fixture(scope="module")
+def fitted() -> dict[str, NetworkCalibrator]:
+    """One calibrator a method, hardly trained."""
+    made = {method: make_calibrator(method) for method in METHODS}
+    for calibrator in made.values():
+        calibrator.epochs, calibrator.batch = 3, 64
+        calibrator.fit(drifting(30), drifting(8, seed=1))
+    return made
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_north_is_no_edge(fitted: dict[str, NetworkCalibrator], method: str) -> None:
+    """359.9 and 0.1 degrees, and 360 more, are neighbours for heading, wind and azimuths alike."""
+
+    def predicted(angle_deg: float) -> tuple[Floats, Floats]:
+        angle = np.deg2rad(angle_deg)
+        windows = windows_at([0.0, 0.0, angle, 4.0, 0.1, 0.0], SECONDS, wind=(angle, 5.0))
+        control = windows.control.copy()
+        control[:, [1, 3]] = angle
+        windows = replace(windows, control=control)
+        return start_inputs(windows), fitted[method].predict(windows, windows.track)[..., :2]
+
+    for before, after, most in ((359.9, 0.1, 0.01), (180.1, -179.9, 1e-9), (10.0, 370.0, 1e-9)):
+        (features_a, track_a), (features_b, track_b) = predicted(before), predicted(after)
+        assert np.abs(features_a - features_b).max() < most
+        assert np.abs(track_a - track_b).max() < max(10 * most, 1e-8)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_inputs_have_names(fitted: dict[str, NetworkCalibrator], method: str) -> None:
+    """As many columns as names, and the reference's displacement stands where its names do."""
+    windows, reference = drifting(6, seed=4)
+    features = fitted[method].features(windows, reference)
+    inputs = fitted[method].inputs
+    assert features.shape == (6, SECONDS, len(inputs))
+    assert features[0, :, inputs.index("second")].tolist() == list(range(1, SECONDS + 1))
+    assert inputs[: len(START_INPUTS)] == START_INPUTS
+    if fitted[method].needs_reference:
+        north = features[..., inputs.index(REFERENCE_INPUTS[0])]
+        assert np.array_equal(north, reference[:, 1:, 0] - windows.start[:, None, 0])
+
+
+def test_an_unknown_method_lists_the_known() -> None:
+    with pytest.raises(ConfigurationError, match="paper, data_driven"):
+        make_calibrator("oracle")
+
+
+def test_what_is_loaded_predicts_the_same_to_the_bit(small: Trained, small_folder: Path) -> None:
+    """Weights, scalings, band, sources and metrics come back as they were."""
+    loaded = load(small_folder)
+    windows = random_windows(20, small.horizon_s, seed=9)
+    reference = windows.track
+    for kind in ("calibrator", "data_driven"):
+        before, after = getattr(small, kind), getattr(loaded, kind)
+        assert np.array_equal(before.predict(windows, reference), after.predict(windows, reference))
+    assert np.array_equal(loaded.band_m, small.band_m)
+    assert (loaded.sources, loaded.metrics, loaded.horizon_s) == (small.sources, small.metrics, small.horizon_s)
+    assert (loaded.vessel, loaded.vessel_sha256) == (small.vessel, small.vessel_sha256)
+
+
+def test_the_sidecar_is_for_people_and_says_where_it_comes_from(small_folder: Path) -> None:
+    sidecar = json.loads((small_folder / SIDECAR).read_text())
+    assert sidecar["method"] == "paper"
+    assert sidecar["inputs"] == [*START_INPUTS, *REFERENCE_INPUTS]
+    assert len(sidecar["band_m"]) == sidecar["horizon_s"]
+    assert all(len(each["sha256"]) == 64 for each in sidecar["trained_on"])
+    assert sidecar["software"].startswith("seatrial")
+
+
+def edited(**changes: object) -> Callable[[Path], None]:
+    """Change keys of the sidecar."""
+
+    def damage(folder: Path) -> None:
+        sidecar = json.loads((folder / SIDECAR).read_text())
+        (folder / SIDECAR).write_text(json.dumps({**sidecar, **changes}))
+
+    return damage
+
+
+def _truncate(folder: Path) -> None:
+    weights = folder / "calibrator.safetensors"
+    weights.write_bytes(weights.read_bytes()[:200])
+
+
+def _swap(folder: Path) -> None:
+    (folder / "calibrator.safetensors").write_bytes((folder / "data_driven.safetensors").read_bytes())
+
+
+DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no sidecar": (lambda folder: (folder / SIDECAR).unlink(), "calibrator.json is missing"),
+    "no weights": (lambda folder: (folder / "calibrator.safetensors").unlink(), "safetensors is missing"),
+    "empty sidecar": (lambda folder: (folder / SIDECAR).write_text(""), "is damaged"),
+    "binary sidecar": (lambda folder: (folder / SIDECAR).write_bytes(b"\xff\xfe\x00\x81"), "is damaged"),
+    "a list": (lambda folder: (folder / SIDECAR).write_text("[]"), "is damaged"),
+    "no band": (edited(band_m=None), "is damaged"),
+    "a short band": (edited(band_m=[1.0, 2.0]), "band_m has 2 values for 30 s"),
+    "another format": (edited(format=99), "is of format 99"),
+    "other inputs": (edited(inputs=["moon"]), "other inputs"),
+    "no recordings": (edited(trained_on=[{}]), "is damaged"),
+    "cut weights": (_truncate, "is damaged"),
+    "wrong weights": (_swap, "is damaged|other inputs"),
+    "empty weights": (lambda folder: (folder / "calibrator.safetensors").write_bytes(b""), "is damaged"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_a_damaged_artefact_is_one_clear_error(name: str, small: Trained, tmp_path: Path) -> None:
+    """Whatever is missing or broken, the text is one line that names the folder and what to do."""
+    folder = save(small, tmp_path / "calibrator").parent
+    damage, message = DAMAGES[name]
+    damage(folder)
+    with pytest.raises(InputError, match=message) as caught:
+        load(folder)
+    text = str(caught.value)
+    assert str(folder) in text
+    assert "\n" not in text
+    assert "train" in caught.value.fix
+    assert len(text) < 400
+
+
+def test_no_folder_and_no_place_to_write(small: Trained, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is no trained calibrator"):
+        load(tmp_path / "nowhere")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="is no trained calibrator"):
+        load(tmp_path / "file")
+    with pytest.raises(StorageError, match="is a file, not a folder"):
+        save(small, tmp_path / "file" / "calibrator")
+
+
+def test_a_calibrator_goes_with_its_vessel_only(small: Trained, tmp_path: Path) -> None:
+    """Another ship, and the same ship with one number changed, are refused; a copy under any name is not."""
+    assert plant_for(small, None) == plant_for(small, "gunnerus_short")
+    with pytest.raises(ConfigurationError, match="not the model that the calibrator was trained on"):
+        plant_for(small, "gunnerus_long")
+    ship = load_vessel("gunnerus_short")
+    heavier = replace(ship, inertia=replace(ship.inertia, mass_kg=ship.inertia.mass_kg + 1.0))
+    for vessel, name in ((ship, "copy.toml"), (heavier, "heavier.toml")):
+        save_vessel(vessel, tmp_path / name)
+    assert plant_for(small, str(tmp_path / "copy.toml")) == plant_for(small, None)
+    with pytest.raises(ConfigurationError, match=r"heavier\.toml"):
+        plant_for(small, str(tmp_path / "heavier.toml"))

@@ -1,0 +1,154 @@
+"""One prediction: from where, with which method, inside which band, in the contract's units."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.angles import difference
+from acquisition.channels import NAMES
+from acquisition.errors import InputError, ModelRangeError
+from analysis.resample import resample
+from analysis.table import read_table
+from hybrid.artefact import Trained
+from hybrid.baselines import reference
+from hybrid.predict import parse_time, predict, window_at
+from hybrid.tables import prediction_table
+from hybrid.vessel.plant import Plant
+from tests.conftest import SMALL_HORIZON_S
+
+
+@pytest.fixture(scope="module")
+def table(unseen: Path) -> pd.DataFrame:
+    return resample(read_table(unseen))
+
+
+def at(table: pd.DataFrame, seconds: float) -> pd.Timestamp:
+    return pd.Timestamp(table.index[0]) + pd.Timedelta(seconds=seconds)
+
+
+def test_a_time_may_be_written_in_three_ways(table: pd.DataFrame) -> None:
+    """ISO 8601 with any zone, seconds since 1970, seconds from the start: one instant."""
+    wanted = at(table, 90.0)
+    oslo = wanted.tz_convert("Europe/Oslo").isoformat()
+    for text in (wanted.isoformat(), wanted.isoformat().replace("+00:00", "Z"), oslo, "+90",
+                 str(int(wanted.timestamp()))):  # fmt: skip
+        assert parse_time(text, table) == wanted, text
+    assert parse_time("+90.5", table) == at(table, 90.5)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "noon", "+", "+x", "+nan", "+inf", "+1e300", "9" * 30, "2026-13-01T00:00:00Z"]
+)
+def test_what_is_no_time_is_said_with_an_example(text: str, table: pd.DataFrame) -> None:
+    with pytest.raises(InputError, match="write it like 2026-06-01T08:00:00"):
+        parse_time(text, table)
+
+
+@pytest.mark.parametrize("text", ["2026-06-01T08:01:00", "2026-06-01", "NaT"])
+def test_a_time_without_a_zone_is_none(text: str, table: pd.DataFrame) -> None:
+    with pytest.raises(InputError, match=r"zone|is no time"):
+        parse_time(text, table)
+
+
+@pytest.mark.parametrize("seconds", [-1.0, -1e6, 1200.0, 1e6])
+def test_outside_the_recording_says_what_is_inside(seconds: float, table: pd.DataFrame, plant: Plant) -> None:
+    with pytest.raises(InputError, match="lies outside the recording; choose from 2026-06-01T08:00:00"):
+        predict(table, at(table, seconds), 15, plant)
+
+
+def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Plant) -> None:
+    found = predict(table, at(table, 300.0), 20, plant)
+    horizons, covered = window_at(table, at(table, 300.0), 20)
+    assert covered
+    assert found.method == "reference"
+    assert found.band_m is None
+    assert np.array_equal(found.track, reference(horizons, plant)[0])
+
+
+def test_with_a_calibrator_it_is_the_hybrid_in_its_band(table: pd.DataFrame, plant: Plant, small: Trained) -> None:
+    """The band is nothing at the start, never falls, and is that of the training."""
+    found = predict(table, at(table, 300.0), SMALL_HORIZON_S, plant, small)
+    horizons, _ = window_at(table, at(table, 300.0), SMALL_HORIZON_S)
+    assert found.method == "hybrid"
+    assert np.array_equal(found.track, small.calibrator.predict(horizons, reference(horizons, plant))[0])
+    assert found.band_m is not None
+    assert found.band_m[0] == 0.0
+    assert (np.diff(found.band_m) >= 0.0).all()
+    assert np.array_equal(found.band_m[1:], small.band_m)
+
+
+@pytest.mark.parametrize("horizon_s", [SMALL_HORIZON_S - 10, SMALL_HORIZON_S + 10])
+def test_a_calibrator_predicts_its_own_horizon_only(
+    horizon_s: int, table: pd.DataFrame, plant: Plant, small: Trained
+) -> None:
+    with pytest.raises(InputError, match=f"predicts {SMALL_HORIZON_S} s, not {horizon_s} s"):
+        predict(table, at(table, 300.0), horizon_s, plant, small)
+
+
+def test_it_starts_at_the_nearest_second_near_the_ship(table: pd.DataFrame, plant: Plant) -> None:
+    """The smoothed start lies within the waves' reach of what was measured there."""
+    found = predict(table, at(table, 300.4), 10, plant)
+    assert found.at == at(table, 300.0)
+    measured = table.loc[found.at]
+    assert np.hypot(*(found.track[0, :2] - measured[["north_m", "east_m"]].to_numpy())) < 2.0
+    assert abs(float(difference(np.rad2deg(found.track[0, 2]), measured["heading_deg"]))) < 5.0
+
+
+def test_the_measured_track_stands_beside_it_while_there_is_one(table: pd.DataFrame, plant: Plant) -> None:
+    inside, beyond = (predict(table, at(table, seconds), 15, plant) for seconds in (600.0, 1190.0))
+    assert inside.measured is not None
+    expected = table.loc[inside.at :, ["north_m", "east_m"]].iloc[:16].to_numpy()
+    assert inside.measured[:, :2] == pytest.approx(expected)
+    assert beyond.measured is None
+    assert len(beyond.track) == 16
+
+
+def test_json_has_one_object_a_second(table: pd.DataFrame, plant: Plant) -> None:
+    """Finite numbers, headings in 0 to 360."""
+    plain = json.loads(json.dumps(predict(table, at(table, 600.0), 15, plant).as_dict(), allow_nan=False))
+    assert set(plain) >= {"at", "horizon_s", "method", "track"}
+    assert plain["horizon_s"] == 15
+    assert [row["second"] for row in plain["track"]] == list(range(16))
+    assert set(plain["track"][0]) == {
+        "second", "north_m", "east_m", "heading_deg", "band_m", "measured_north_m", "measured_east_m",
+    }  # fmt: skip
+    assert all(0.0 <= row["heading_deg"] < 360.0 for row in plain["track"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_hole_at_the_start_is_named(name: str, table: pd.DataFrame, plant: Plant) -> None:
+    holed = table.copy()
+    holed.loc[at(table, 300.0), name] = np.nan
+    with pytest.raises(InputError, match=f"{name} has no value at .*choose another time"):
+        predict(holed, at(table, 300.0), 15, plant)
+
+
+def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: Trained) -> None:
+    """Thrusters and wind after the start change nothing: what is to come is not known."""
+    later = table.copy()
+    later.loc[at(table, 301.0) :, ["port_rpm", "starboard_angle_deg", "wind_speed_mps"]] += 20.0
+    for trained in (None, small):
+        there = predict(later, at(table, 300.0), SMALL_HORIZON_S, plant, trained)
+        here = predict(table, at(table, 300.0), SMALL_HORIZON_S, plant, trained)
+        assert np.array_equal(here.track, there.track)
+
+
+def test_a_model_out_of_its_range_is_no_prediction(table: pd.DataFrame, plant: Plant) -> None:
+    """Twenty-five metres a second is no speed of this ship: an error, not a track of NaN."""
+    fast = table.assign(surge_mps=25.0)
+    with pytest.raises(ModelRangeError, match="leaves its range"):
+        predict(fast, at(table, 300.0), 15, plant)
+
+
+@pytest.mark.parametrize("horizon_s", [1, 7, 10, 15, 29, 60])
+def test_the_table_has_the_start_and_the_end(horizon_s: int, table: pd.DataFrame, plant: Plant) -> None:
+    """A dozen rows or so at any horizon, the last second among them."""
+    shown = prediction_table(predict(table, at(table, 300.0), horizon_s, plant))
+    seconds = [str(each) for each in shown.columns[0].cells]
+    assert (seconds[0], seconds[-1]) == ("0", str(horizon_s))
+    assert len(seconds) <= 22

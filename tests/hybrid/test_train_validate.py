@@ -1,0 +1,255 @@
+"""Training and judging: what is gained on voyages that were not seen, and that unseen means unseen."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.errors import DataShortageError, InputError
+from hybrid.artefact import Trained
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.gather import Source, gather
+from hybrid.scores import distances
+from hybrid.train import band_radius, inside_range, train
+from hybrid.validate import Validation, refuse_seen, validate
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import Plant
+from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
+from tests.hybrid.windows_by_hand import random_windows
+
+METHOD_KEYS = {
+    "mean_distance_m", "end_distance_m", "mae_north_m", "mae_east_m", "heading_error_deg", "by_second",
+}  # fmt: skip
+CONTRACT = {"horizon_s", "windows", "methods", "reduction", "coverage_95"}
+
+
+@pytest.fixture(scope="module")
+def judged(small: Trained, unseen: Path, plant: Plant) -> Validation:
+    """The small calibrator on a voyage it has not seen."""
+    return validate(gather([unseen], SMALL_HORIZON_S, 5), plant, small)
+
+
+def test_a_calibrator_halves_the_error_on_an_unseen_voyage(judged: Validation) -> None:
+    """Little data and a few seconds of training suffice for half; it beats every method without the model."""
+    mean = {name: each.mean_distance_m for name, each in judged.scores.items()}
+    assert judged.reduction is not None
+    assert judged.reduction > 0.5
+    assert judged.reduction == pytest.approx(1.0 - mean["hybrid"] / mean["reference"])
+    assert mean["hybrid"] < min(mean["constant_velocity"], mean["data_driven"])
+
+
+def test_the_band_holds_what_it_says(judged: Validation) -> None:
+    """Of the positions of an unseen voyage about 95 % lie in the band that was sized on other legs."""
+    assert judged.coverage_95 is not None
+    assert 0.85 <= judged.coverage_95 <= 1.0
+    assert judged.band_m is not None
+    gaps = distances(judged.tracks["hybrid"], judged.horizons.track)
+    assert judged.coverage_95 == pytest.approx((gaps <= judged.band_m).mean())
+
+
+def test_json_is_the_contracts_object(judged: Validation) -> None:
+    """The keys to the letter, every number finite, one value a second."""
+    plain = json.loads(json.dumps(judged.as_dict(), allow_nan=False))
+    assert set(plain) >= CONTRACT
+    assert list(plain["methods"]) == ["constant_velocity", "reference", "data_driven", "hybrid"]
+    for method in plain["methods"].values():
+        assert set(method) == METHOD_KEYS
+        assert len(method["by_second"]) == plain["horizon_s"] == SMALL_HORIZON_S
+    assert plain["windows"] == len(judged.horizons)
+
+
+def test_without_a_calibrator_there_are_baselines(unseen: Path, plant: Plant) -> None:
+    plain = validate(gather([unseen], SMALL_HORIZON_S, 5), plant).as_dict()
+    assert list(plain["methods"]) == ["constant_velocity", "reference"]
+    assert plain["reduction"] is None
+    assert plain["coverage_95"] is None
+
+
+def test_every_method_is_judged_on_the_same_windows(judged: Validation) -> None:
+    shapes = {tracks.shape for tracks in judged.tracks.values()}
+    assert shapes == {judged.horizons.track.shape}
+    assert all(np.isfinite(tracks).all() for tracks in judged.tracks.values())
+
+
+def test_a_calibrator_of_another_horizon_is_refused(small: Trained, unseen: Path, plant: Plant) -> None:
+    with pytest.raises(InputError, match="predicts 30 s, not 15 s; say --horizon 30"):
+        validate(gather([unseen], 15, 5), plant, small)
+
+
+def test_what_it_was_trained_on_is_refused_under_any_name(
+    small: Trained, earlier: list[Path], unseen: Path, tmp_path: Path
+) -> None:
+    """A copy is the same recording; another voyage is not; the message names the file."""
+    copy = Path(shutil.copy(earlier[2], tmp_path / "innocent.mcap"))
+    with pytest.raises(InputError, match=r"innocent\.mcap: took part in the training"):
+        refuse_seen(gather([copy], SMALL_HORIZON_S, 5).sources, small)
+    refuse_seen(gather([unseen], SMALL_HORIZON_S, 5).sources, small)
+
+
+@pytest.mark.parametrize(
+    ("trained_part", "validated_part", "refused"),
+    [
+        ((0.0, 70.0), (70.0, 100.0), False),
+        ((0.0, 70.0), (0.0, 100.0), True),
+        ((0.0, 70.0), (69.0, 100.0), True),
+        ((0.0, 70.0), (10.0, 20.0), True),
+        ((70.0, 100.0), (0.0, 70.0), False),
+        ((30.0, 40.0), (0.0, 100.0), True),
+    ],
+)
+def test_parts_of_one_recording(
+    small: Trained, trained_part: tuple[float, float], validated_part: tuple[float, float], refused: bool
+) -> None:
+    """What was trained on the first 70 % may be judged on the rest, and on nothing that overlaps."""
+    source = Source(Path("voyage.mcap"), "ab" * 32, trained_part)
+    trained = replace(small, sources=(source,))
+    asked = (replace(source, part=validated_part),)
+    if refused:
+        with pytest.raises(InputError, match="took part in the training"):
+            refuse_seen(asked, trained)
+    else:
+        refuse_seen(asked, trained)
+
+
+def test_parts_that_meet_share_no_second(unseen: Path) -> None:
+    """The windows of 0..70 end before those of 70..100 begin."""
+    first, second = (gather([unseen], 15, 5, part).horizons for part in ((0.0, 70.0), (70.0, 100.0)))
+    assert first.start_time.max().timestamp() + 15 < second.start_time.min().timestamp()
+
+
+percent = st.floats(0.0, 100.0)
+
+
+@given(a=st.tuples(percent, percent).map(sorted), b=st.tuples(percent, percent).map(sorted))
+def test_overlap_is_mutual_and_needs_the_same_recording(a: list[float], b: list[float]) -> None:
+    one, other = Source(Path("a"), "x", (a[0], a[1])), Source(Path("b"), "x", (b[0], b[1]))
+    assert one.overlaps(other) == other.overlaps(one)
+    assert not one.overlaps(replace(other, sha256="y"))
+
+
+def test_a_recording_given_twice_is_refused(unseen: Path, tmp_path: Path) -> None:
+    """Its legs would stand on both sides of every split, and its windows count twice."""
+    copy = Path(shutil.copy(unseen, tmp_path / "copy.mcap"))
+    with pytest.raises(InputError, match=r"copy\.mcap: is given twice"):
+        gather([unseen, copy], 15, 5)
+
+
+def test_recordings_are_gathered_in_any_order(earlier: list[Path]) -> None:
+    """Start states belong to their windows whatever the order of the files."""
+    there, back = gather(earlier[:2], 15, 5).horizons, gather(earlier[1::-1], 15, 5).horizons
+    order = [np.lexsort((each.start_time.asi8, each.trial)) for each in (there, back)]
+    assert np.array_equal(there.start[order[0]], back.start[order[1]])
+    assert np.array_equal(there.track[order[0]], back.track[order[1]])
+
+
+def test_training_keeps_whole_legs_out_and_says_so(small: Trained, earlier: list[Path]) -> None:
+    metrics = small.metrics
+    assert metrics["training_windows"] + metrics["held_out_windows"] == metrics["windows"]
+    assert 0.1 < metrics["held_out_windows"] / metrics["windows"] < 0.4
+    assert metrics["held_out_hybrid_m"] < metrics["held_out_reference_m"]
+    assert [each.path for each in small.sources] == [path.resolve() for path in earlier]
+
+
+def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One seed is one calibrator from the files on; another seed keeps other legs out."""
+
+    def fewer(method: str, seed: int = 0) -> object:
+        return few_epochs(method, seed, epochs=2)
+
+    monkeypatch.setattr("hybrid.train.make_calibrator", fewer)
+    gathered = gather(earlier[:2], 15, 5)
+    first, again, other = (train(gathered, "gunnerus_short", plant, seed=seed) for seed in (1, 1, 2))
+    assert np.array_equal(first.band_m, again.band_m)
+    assert first.metrics == again.metrics
+    assert first.metrics != other.metrics
+    validations = [validate(gather([unseen], 15, 5), plant, each).as_dict() for each in (first, again)]
+    assert validations[0] == validations[1]
+
+
+def test_windows_out_of_the_models_range_are_left_out_and_counted(unseen: Path, plant: Plant) -> None:
+    gathered = gather([unseen], 15, 5)
+    fast = gathered.horizons.start.copy()
+    fast[:3, 3] = 25.0
+    found = validate(replace(gathered, horizons=replace(gathered.horizons, start=fast)), plant)
+    assert found.outside == 3
+    assert len(found.horizons) == len(gathered.horizons) - 3
+    fast[:, 3] = 25.0
+    with pytest.raises(DataShortageError, match="leaves its range in every window"):
+        inside_range(replace(gathered.horizons, start=fast), plant)
+
+
+def test_one_leg_cannot_be_split(unseen: Path, plant: Plant) -> None:
+    gathered = gather([unseen], 15, 5)
+    single = gathered.horizons.subset(gathered.horizons.leg == gathered.horizons.leg[0])
+    with pytest.raises(DataShortageError, match="only one leg"):
+        train(replace(gathered, horizons=single), "gunnerus_short", plant)
+
+
+@given(seed=st.integers(0, 500), count=st.integers(1, 60))
+def test_the_band_is_never_too_small_for_what_sized_it(seed: int, count: int) -> None:
+    """It holds 95 % of the windows it was sized on at every second, all of them when they are few, and it
+    never falls.
+    """
+    windows = random_windows(count, 6, seed)
+    off = windows.track + np.random.default_rng(seed).normal(0.0, 1.0, windows.track.shape)
+    radius = band_radius(off, windows.track)
+    inside = (distances(off, windows.track) <= radius).mean(axis=0)
+    assert (inside >= 0.95).all()
+    assert (np.diff(radius) >= 0.0).all()
+    if count < 20:
+        assert (inside == 1.0).all()
+
+
+def test_the_band_covers_new_windows_of_the_same_kind() -> None:
+    """Sized on 200 windows, it holds 95 % of others of the same kind on average over many draws."""
+    random = np.random.default_rng(6)
+    windows = random_windows(400, 3)
+    inside = []
+    for _ in range(60):
+        off = windows.track + random.normal(0.0, 1.0, windows.track.shape)
+        radius = band_radius(off[:200], windows.track[:200])[0]
+        inside.append((distances(off[200:], windows.track[200:])[:, 0] <= radius).mean())
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("sea_state", ["calm", "gentle", "moderate"])
+def test_three_quarters_of_the_error_go(
+    sea_state: str, simulated: Simulated, report_line: Callable[[str], None]
+) -> None:
+    """The lengthened ship, the model of the ship before, half a minute ahead, voyages that were not seen."""
+    plant = vessel_plant(load_vessel("gunnerus_short"))
+    training = [simulated(sea_state, seed, 1800.0, 2.0) for seed in range(12)]
+    trained = train(gather(training, 30, 5), "gunnerus_short", plant)
+    unseen = gather([simulated(sea_state, seed, 1800.0, 2.0) for seed in (100, 101, 102)], 30, 5)
+    found = validate(unseen, plant, trained)
+    means = ", ".join(f"{name} {each.mean_distance_m:.3f} m" for name, each in found.scores.items())
+    report_line(
+        f"{sea_state}: {means}; {found.reduction:.1%} less, the band holds {found.coverage_95:.1%}, "
+        f"{len(found.horizons)} windows"
+    )
+    assert found.reduction is not None
+    assert found.reduction >= 0.75
+    assert found.scores["hybrid"].mean_distance_m < found.scores["data_driven"].mean_distance_m
+    assert found.coverage_95 is not None
+    assert found.coverage_95 >= 0.9
+
+
+@pytest.fixture
+def report_line(capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
+    """Print a line whatever pytest captures: the figures are what the slow tests are read for."""
+
+    def line(text: str) -> None:
+        with capsys.disabled():
+            print(f"\n{text}")  # noqa: T201
+
+    return line
