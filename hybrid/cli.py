@@ -103,9 +103,9 @@ def train(
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.gather import gather
     from hybrid.train import train as run
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.vessel.files import DEFAULT, load_vessel, located
 
-    name = vessel or DEFAULT
+    name = located(vessel or DEFAULT)
     plant = vessel_plant(load_vessel(name))
     make_folder(output)
     with bar("reading") as progress:

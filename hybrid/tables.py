@@ -17,7 +17,7 @@ _COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg
 def validation_table(validation: Validation) -> Table:
     """One row a method, the best mean distance in bold."""
     horizon_s = validation.horizons.horizon_s
-    table = Table(title=f"{len(validation.horizons)} unseen held windows of {horizon_s} s", title_justify="left",
+    table = Table(title=f"{len(validation.horizons)} held windows of {horizon_s} s", title_justify="left",
                   box=None, header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
     table.add_column("method")
     for title in _COLUMNS:

@@ -22,7 +22,7 @@ from hybrid.calibrators.network import NetworkCalibrator, Scaling
 from hybrid.calibrators.paper import PaperCalibrator
 from hybrid.horizon import Horizons
 from hybrid.scores import score
-from hybrid.vessel.files import load_vessel, save_vessel
+from hybrid.vessel.files import load_vessel, located, save_vessel
 from tests.hybrid.windows_by_hand import Floats, moved, random_windows, windows_at
 
 SECONDS = 8
@@ -304,3 +304,16 @@ def test_a_calibrator_goes_with_its_vessel_only(small: Trained, tmp_path: Path) 
     assert plant_for(small, str(tmp_path / "copy.toml")) == plant_for(small, None)
     with pytest.raises(ConfigurationError, match=r"heavier\.toml"):
         plant_for(small, str(tmp_path / "heavier.toml"))
+
+
+def test_a_vessel_file_is_found_again_from_another_folder(
+    small: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the artefact remembers of a file given by a relative path holds wherever it is used."""
+    save_vessel(load_vessel("gunnerus_short"), tmp_path / "mine.toml")
+    monkeypatch.chdir(tmp_path)
+    remembered = replace(small, vessel=located("mine.toml"))
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    assert plant_for(remembered, None) == plant_for(small, None)
+    assert located("gunnerus_long") == "gunnerus_long"
