@@ -29,7 +29,7 @@ def mount(app: typer.Typer) -> None:
 def record(
     config: Annotated[Path, typer.Argument(help="The trial's configuration, a TOML file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the recording goes into.")],
-    duration: Annotated[float | None, typer.Option(help="End after so many seconds.")] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
 ) -> None:
     """Record a trial."""
     from acquisition.config import load_config
@@ -65,6 +65,9 @@ def emulate(
         f"{played.duration_s:.1f} s, at most {1000 * played.latest_s:.0f} ms late",
         err=True,
     )
+    if played.unsent:
+        unsent = ", ".join(f"{name} {count:,}" for name, count in played.unsent.items())
+        typer.echo(f"warning: no message could carry {unsent}; position, for one, needs north and east", err=True)
 
 
 def import_(
@@ -112,13 +115,14 @@ def _channel_table(channels: dict[str, Any]) -> Table:
 
     from acquisition.channels import BY_NAME
 
-    table = Table(box=None, header_style="dim")
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
-                           ("longest gap s", "right"), ("sources", "left")):  # fmt: skip
-        table.add_column(title, justify=justify)  # type: ignore[arg-type]
-    for name, each in sorted(channels.items(), key=lambda item: list(BY_NAME).index(item[0])):
+                           ("gap s", "right"), ("sources", "left")):  # fmt: skip
+        table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
+    order = {name: number for number, name in enumerate(BY_NAME)}
+    for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
-            name, BY_NAME[name].unit, f"{each['count']:,}", f"{each['rate_hz']:.2f}",
+            name, BY_NAME[name].unit if name in BY_NAME else "", f"{each['count']:,}", f"{each['rate_hz']:.2f}",
             f"{each['longest_gap_s']:.2f}", ", ".join(each["sources"]),
         )  # fmt: skip
     return table

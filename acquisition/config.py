@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Discriminator, PositiveFloat
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, PositiveFloat, PositiveInt
 from pydantic.dataclasses import dataclass
 
 from acquisition.channels import BY_NAME, NAMES
@@ -33,6 +33,8 @@ def _known_channel(name: str) -> str:
 
 ChannelName = Annotated[str, AfterValidator(_known_channel)]
 Clock = Literal["receiver", "source"]
+Port = Annotated[int, Field(ge=1, le=65_535)]
+FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -46,9 +48,9 @@ class Signal:
 
 @dataclass(frozen=True, config=_STRICT)
 class NamedValue:
-    """One MAVLink NAMED_VALUE_FLOAT that carries a channel."""
+    """One MAVLink NAMED_VALUE_FLOAT that carries a channel; MAVLink has room for ten letters."""
 
-    name: str
+    name: Annotated[str, Field(pattern=r"^[\x21-\x7e]{1,10}$")]
     unit: str
 
 
@@ -59,6 +61,10 @@ class Thrusters:
     port: int = 2
     starboard: int = 4
     tunnel: int = 1
+
+    def __post_init__(self) -> None:
+        if len({self.port, self.starboard, self.tunnel}) < 3:
+            raise ValueError("two thrusters have the same number")
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -87,7 +93,7 @@ class SerialSource:
     type: Literal["serial"]
     device: str
     channels: tuple[ChannelName, ...]
-    baud_rate: int = 4800
+    baud_rate: PositiveInt = 4800
     clock: Clock = "receiver"
     thrusters: Thrusters = field(default_factory=Thrusters)
 
@@ -98,7 +104,7 @@ class UdpSource:
 
     name: str
     type: Literal["udp"]
-    port: int
+    port: Port
     channels: tuple[ChannelName, ...]
     address: str = "127.0.0.1"
     clock: Clock = "receiver"
@@ -111,7 +117,7 @@ class TcpSource:
 
     name: str
     type: Literal["tcp"]
-    port: int
+    port: Port
     channels: tuple[ChannelName, ...]
     address: str = "127.0.0.1"
     clock: Clock = "receiver"
@@ -136,10 +142,10 @@ class MavlinkSource:
 
     name: str
     type: Literal["mavlink"]
-    port: int
+    port: Port
     channels: tuple[ChannelName, ...]
     address: str = "127.0.0.1"
-    system_id: int = 1
+    system_id: Annotated[int, Field(ge=1, le=255)] = 1
     clock: Clock = "receiver"
     named_values: dict[ChannelName, NamedValue] = field(
         default_factory=lambda: {
@@ -158,20 +164,20 @@ AnySource = CanSource | LineSource | MavlinkSource
 class Origin:
     """The origin of the trial's tangent plane, WGS 84."""
 
-    latitude_deg: float
-    longitude_deg: float
+    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
+    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
 
 
 @dataclass(frozen=True, config=_STRICT)
 class TrialSection:
     """The run sheet. Without an origin the first fix becomes the origin."""
 
-    name: str
+    name: Annotated[str, Field(min_length=1, max_length=100)]
     vessel: str = ""
     place: str = ""
     origin: Origin | None = None
-    water_depth_m: float | None = None
-    draught_m: float | None = None
+    water_depth_m: FiniteFloat | None = None
+    draught_m: FiniteFloat | None = None
     crew_notes: str = ""
 
 
@@ -179,9 +185,9 @@ class TrialSection:
 class RecordingSection:
     """How often what was received is handed to the system (flush) and forced onto the disk (sync)."""
 
-    flush_s: PositiveFloat = 0.2
-    sync_s: PositiveFloat = 0.5
-    queue_frames: int = 50_000
+    flush_s: Annotated[PositiveFloat, Field(allow_inf_nan=False)] = 0.2
+    sync_s: Annotated[PositiveFloat, Field(allow_inf_nan=False)] = 0.5
+    queue_frames: PositiveInt = 50_000
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -219,6 +225,7 @@ def load_config(path: Path | str) -> TrialConfig:
     text = read_text(path)
     _check_names(file.source, path)
     _check_units(file.source, text, path)
+    _check_channels(file.source, text, path)
     folder = Path(path).resolve().parent
     return TrialConfig(
         trial=_trial(file.trial),
@@ -269,6 +276,35 @@ def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) ->
             except ConfigurationError as error:
                 line = line_of(text, ["source", number, key, channel, "unit"])
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
+
+
+def _check_channels(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    """Refuse a channel that no message of the source can carry: it would stay silent all day."""
+    for number, source in enumerate(sources):
+        possible = carried_channels(source)
+        for channel in source.channels:
+            if channel not in possible:
+                raise ConfigurationError(
+                    f"no message on source {source.name!r} carries {channel}",
+                    where=f"{path}, line {line_of(text, ['source', number, 'channels'])}",
+                    fix=_MAPPING_HINT.get(source.type, "take it off the source's channels"),
+                )
+
+
+_MAPPING_HINT = {
+    "can": "say which DBC signal does in [source.signals], or take it off the source's channels",
+    "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
+}
+_MOTION = frozenset(NAMES[:8]) | {"latitude_deg", "longitude_deg"}
+
+
+def carried_channels(source: AnySource) -> frozenset[str]:
+    """The channels that a source's protocol and its mapping can carry."""
+    if isinstance(source, CanSource):
+        return _MOTION | {"speed_through_water_mps", "roll_deg", "pitch_deg", *source.signals}
+    if isinstance(source, MavlinkSource):
+        return _MOTION | {"port_rpm", "starboard_rpm", "roll_deg", "pitch_deg", *source.named_values}
+    return _MOTION | set(NAMES)
 
 
 def _resolved(source: AnySource, folder: Path, path: Path | str) -> AnySource:

@@ -7,6 +7,7 @@ recording. A source with ``clock = "source"`` announces the recording's own time
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +26,15 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class Played:
-    """What was sent: moments and packets in all, values by channel, the time it took [s]."""
+    """What was sent: moments and packets in all, values by channel, the time it took [s].
+
+    ``unsent`` counts values that no message could carry: a north without an east at the same time, say.
+    """
 
     moments: int
     packets: int
     counts: dict[str, int]
+    unsent: dict[str, int]
     duration_s: float
     latest_s: float
 
@@ -60,7 +65,8 @@ def moments_of(
 
 def _with_fix(time_ns: int, values: dict[str, float], origin: tuple[float, float] | None) -> Moment:
     if origin is None or "north_m" not in values or "east_m" not in values:
-        return Moment(time_ns, values)
+        fix = values.get("latitude_deg"), values.get("longitude_deg")
+        return Moment(time_ns, values) if None in fix else Moment(time_ns, values, *fix)
     latitude, longitude, _ = pymap3d.ned2geodetic(values["north_m"], values["east_m"], 0.0, *origin, 0.0)
     return Moment(time_ns, values, float(latitude), float(longitude))
 
@@ -89,6 +95,8 @@ def emulate(path: Path | str, config: TrialConfig, speed: float = 1.0, progress:
         schedule = _schedule(players)
         if not schedule:
             raise InputError("holds none of the channels that the configuration plays", where=str(path))
+        for player in players:
+            player.outlet.ready()
         return _play(schedule, players, speed, progress or (lambda share: None))
     finally:
         for player in players:
@@ -108,7 +116,8 @@ def _play(schedule: list[tuple[int, int, int]], players: list[_Player], speed: f
     first_ns, last_ns = schedule[0][0], schedule[-1][0]
     span_ns = max(last_ns - first_ns, 1)
     started_s = time.monotonic()
-    values: dict[str, int] = {}
+    given: Counter[str] = Counter()
+    sent: Counter[str] = Counter()
     packets_sent, latest_s = 0, 0.0
     for time_ns, number, index in schedule:
         due_s = started_s + (time_ns - first_ns) / 1e9 / speed
@@ -121,7 +130,9 @@ def _play(schedule: list[tuple[int, int, int]], players: list[_Player], speed: f
         packets = player.encoder.encode(moment)
         player.outlet.send(packets)
         packets_sent += len(packets)
-        for name in moment.values:
-            values[name] = values.get(name, 0) + 1
+        given.update(moment.values.keys())
+        for packet in packets:
+            sent.update(packet.carries)
         progress((time_ns - first_ns) / span_ns)
-    return Played(len(schedule), packets_sent, values, time.monotonic() - started_s, latest_s)
+    took_s = time.monotonic() - started_s
+    return Played(len(schedule), packets_sent, dict(sent), dict(given - sent), took_s, latest_s)

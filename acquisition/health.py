@@ -12,6 +12,7 @@ from acquisition.frames import Sample
 
 _RATE_OVER_NS = 5_000_000_000
 _SILENT_NS = 2_500_000_000
+_QUIET_NS = 1_500_000_000
 
 
 @dataclass(slots=True)
@@ -22,8 +23,14 @@ class SourceHealth:
     state: str = "open"
     frames: int = 0
     dropped: int = 0
-    refused: int = 0
+    refused: int = 0  # by the decoders, which keep the sum
+    impossible: int = 0  # decoded, but no value that its channel can hold
     last_ns: int | None = None
+
+    @property
+    def rejected(self) -> int:
+        """Frames and values that came and were not believed."""
+        return self.refused + self.impossible
 
     def saw(self, frames: int, monotonic_ns: int) -> None:
         """That many frames came."""
@@ -38,7 +45,7 @@ class SourceHealth:
             "source": self.name,
             "state": "silent" if self.state == "open" and silent else self.state,
             "frames": self.frames,
-            "rejected": self.refused,
+            "rejected": self.rejected,
             "dropped": self.dropped,
             "age_s": age_s,
         }
@@ -64,11 +71,12 @@ class ChannelHealth:
         return (now_ns - self.times_ns[-1]) / 1e9 if self.times_ns else float("inf")
 
     def rate_hz(self, now_ns: int) -> float:
-        """Samples a second over the last seconds."""
+        """Samples a second over the last seconds; it falls when the channel falls silent."""
         recent = [each for each in tuple(self.times_ns) if now_ns - each < _RATE_OVER_NS]
         if len(recent) < 2:
             return 0.0
-        return (len(recent) - 1) / max((recent[-1] - recent[0]) / 1e9, 1e-9)
+        until_ns = recent[-1] if now_ns - recent[-1] < _QUIET_NS else now_ns
+        return (len(recent) - 1) / max((until_ns - recent[0]) / 1e9, 1e-9)
 
 
 @dataclass(slots=True)
@@ -77,7 +85,7 @@ class Health:
 
     sources: dict[str, SourceHealth]
     channels: dict[str, ChannelHealth] = field(default_factory=lambda: {name: ChannelHealth() for name in NAMES})
-    events: deque[str] = field(default_factory=lambda: deque(maxlen=5))
+    events: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=5))
     started_ns: int = field(default_factory=time.monotonic_ns)
     samples: int = 0
 

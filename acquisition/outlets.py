@@ -17,17 +17,29 @@ from acquisition.config import (
     UdpSource,
 )
 from acquisition.encoders import Packet
-from acquisition.errors import SourceError
+from acquisition.errors import SourceError, storage_error
 
 
 class Outlet(Protocol):
     """One bus or line to send on."""
+
+    def ready(self) -> None:
+        """Wait until somebody can listen. Raises :class:`SourceError` when nobody comes."""
 
     def send(self, packets: list[Packet]) -> None:
         """Send the packets in order. Raises :class:`SourceError`."""
 
     def close(self) -> None:
         """Let go of it."""
+
+
+_WRITE_TIMEOUT_S = 5.0
+
+
+def _cannot_send(name: str, error: Exception) -> SourceError:
+    return SourceError(
+        "cannot be sent on", where=f"source {name!r}", why=str(error), fix="check the line and who listens on it"
+    )
 
 
 def open_outlet(config: AnySource) -> Outlet:
@@ -43,52 +55,72 @@ def open_outlet(config: AnySource) -> Outlet:
     return _FileOutlet(config)
 
 
-class _CanOutlet:
+class _AlwaysReady:
+    """A bus or line that can be sent on whether anybody listens or not."""
+
+    def ready(self) -> None:
+        return
+
+
+class _CanOutlet(_AlwaysReady):
     def __init__(self, config: CanSource) -> None:
         import can
 
         from acquisition.sources.can_bus import open_bus
 
+        self._name = config.name
         self._make_message = can.Message
+        self._errors = (can.CanError, OSError)
         self._bus = open_bus(config)
 
     def send(self, packets: list[Packet]) -> None:
-        for packet in packets:
-            self._bus.send(
-                self._make_message(
-                    arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
+        try:
+            for packet in packets:
+                self._bus.send(
+                    self._make_message(
+                        arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
+                    )
                 )
-            )
+        except self._errors as error:
+            raise _cannot_send(self._name, error) from error
 
     def close(self) -> None:
-        self._bus.shutdown()
+        with suppress(*self._errors):
+            self._bus.shutdown()
 
 
-class _SerialOutlet:
+class _SerialOutlet(_AlwaysReady):
     def __init__(self, config: SerialSource) -> None:
         from acquisition.sources.serial_line import open_port
 
+        self._name = config.name
         self._port = open_port(config)
-        self._port.timeout = None
+        self._port.write_timeout = _WRITE_TIMEOUT_S
 
     def send(self, packets: list[Packet]) -> None:
-        self._port.write(b"".join(packet.payload for packet in packets))
+        try:
+            self._port.write(b"".join(packet.payload for packet in packets))
+        except OSError as error:  # pyserial's errors are among them
+            raise _cannot_send(self._name, error) from error
 
     def close(self) -> None:
-        self._port.flush()
-        self._port.close()
+        self._port.close()  # the system sends what it holds before it lets the line go
 
 
-class _UdpOutlet:
+class _UdpOutlet(_AlwaysReady):
     def __init__(self, config: UdpSource | MavlinkSource) -> None:
+        self._name = config.name
         self._address = (config.address, config.port)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def send(self, packets: list[Packet]) -> None:
         payload = b"".join(packet.payload for packet in packets)
-        if payload:
-            with suppress(ConnectionRefusedError):  # nobody listens yet, which is no fault of a datagram's
-                self._socket.sendto(payload, self._address)
+        try:
+            if payload:
+                with suppress(ConnectionRefusedError):  # nobody listens yet, which is no fault of a datagram's
+                    self._socket.sendto(payload, self._address)
+        except OSError as error:
+            raise _cannot_send(self._name, error) from error
 
     def close(self) -> None:
         self._socket.close()
@@ -111,13 +143,24 @@ class _TcpOutlet:
         self._server.settimeout(self._WAIT_S)
         self._client: socket.socket | None = None
 
-    def send(self, packets: list[Packet]) -> None:
-        try:
-            if self._client is None:
+    def ready(self) -> None:
+        self._connected()
+
+    def _connected(self) -> socket.socket:
+        if self._client is None:
+            try:
                 self._client, _ = self._server.accept()
-            self._client.sendall(b"".join(packet.payload for packet in packets))
+            except OSError as error:
+                where = f"source {self._name!r}"
+                raise SourceError("no logger connected", where=where, why=str(error), fix="start it") from error
+        return self._client
+
+    def send(self, packets: list[Packet]) -> None:
+        client = self._connected()
+        try:
+            client.sendall(b"".join(packet.payload for packet in packets))
         except OSError as error:
-            raise SourceError("no logger connected", where=f"source {self._name!r}", why=str(error)) from error
+            raise _cannot_send(self._name, error) from error
 
     def close(self) -> None:
         if self._client is not None:
@@ -125,9 +168,12 @@ class _TcpOutlet:
         self._server.close()
 
 
-class _FileOutlet:
+class _FileOutlet(_AlwaysReady):
     def __init__(self, config: FileSource) -> None:
-        self._file = config.path.open("wb")
+        try:
+            self._file = config.path.open("wb")
+        except OSError as error:
+            raise storage_error(config.path, error) from error
 
     def send(self, packets: list[Packet]) -> None:
         self._file.write(b"".join(packet.payload for packet in packets))

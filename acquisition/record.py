@@ -55,11 +55,13 @@ def record(
             writer.close()
             path.unlink(missing_ok=True)
             raise
-        if config.missing_channels:
-            print(f"no source provides {', '.join(config.missing_channels)}", file=sys.stderr)  # noqa: T201
-        with _display(recorder.health, path, expected):
-            _wait(recorder, stop, duration_s)
-            recorder.stop()
+        try:
+            if config.missing_channels:
+                print(f"no source provides {', '.join(config.missing_channels)}", file=sys.stderr)  # noqa: T201
+            with _display(recorder.health, path, expected):
+                _wait(recorder, stop, duration_s)
+        finally:
+            recorder.stop()  # whatever became of the display: the writer is closed by one thread, not under another
     return path, recorder.health
 
 
@@ -80,10 +82,9 @@ def _display(health: Health, path: Path, expected: frozenset[str]) -> Iterator[N
     from rich.console import Console
     from rich.live import Live
 
-    console = Console(stderr=True)
     with Live(
-        get_renderable=lambda: terminal.picture(health, path, expected),
-        console=console,
+        terminal.Picture(health, path, expected),
+        console=Console(stderr=True),
         refresh_per_second=_REDRAW_PER_S,
         transient=True,
     ):
@@ -92,13 +93,19 @@ def _display(health: Health, path: Path, expected: frozenset[str]) -> Iterator[N
 
 @contextmanager
 def stopped_by_signals() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, so that both end a recording cleanly."""
+    """An event that SIGINT, SIGTERM and the loss of the terminal set, so that all end a recording cleanly.
+
+    Under ``nohup``, which ignores the loss of the terminal, the recording goes on.
+    """
     stop = threading.Event()
 
     def handle(number: int, frame: FrameType | None) -> None:
         stop.set()
 
-    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    ends = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ends.append(signal.SIGHUP)
+    previous = {number: signal.signal(number, handle) for number in ends}
     try:
         yield stop
     finally:

@@ -9,19 +9,23 @@ from acquisition.frames import Sample
 
 SILENT_NS = 2_500_000_000
 
+# What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
+# often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA tells whether there is a fix at all.
+_SECOND_CHOICE = frozenset({"129029", "GLOBAL_POSITION_INT", "RMC", "GLL"})
+
 
 @dataclass(slots=True)
 class _Holder:
     source: str
-    rank: int
+    rank: tuple[int, bool]
     last_ns: int
 
 
 class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
-    The order of the configuration's sources is the order of preference. Of two devices or messages on one
-    line the first that came keeps the channel until it has been silent for 2.5 s.
+    The order of the configuration's sources is the order of preference. Of two devices on one line the first
+    that came keeps the channel until it has been silent for 2.5 s; of two messages the finer one has it.
     """
 
     def __init__(self, sources: tuple[AnySource, ...]) -> None:
@@ -35,9 +39,11 @@ class Selector:
 
         Call once a sample, in order of reception.
         """
-        rank = self._rank.get((sample.source.split("/", maxsplit=1)[0], sample.quantity))
-        if rank is None:
+        line, _, device = sample.source.partition("/")
+        line_rank = self._rank.get((line, sample.quantity))
+        if line_rank is None:
             return False, ""
+        rank = line_rank, device.removesuffix(" derived").rpartition(":")[2] in _SECOND_CHOICE
         holder = self._holders.get(sample.quantity)
         if holder is None:
             self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)

@@ -29,7 +29,7 @@ def make_decoders(config: AnySource) -> list[Decoder]:
         from acquisition.decoders.dbc import DbcDecoder
         from acquisition.decoders.nmea2000 import Nmea2000Decoder
 
-        decoders: list[Decoder] = [Nmea2000Decoder(config.clock)]
+        decoders: list[Decoder] = [Nmea2000Decoder(config.clock, shares_bus=config.dbc is not None)]
         if config.dbc is not None:
             decoders.append(DbcDecoder(config.dbc, config.signals, decoders[0].clock))  # type: ignore[attr-defined]
         return decoders

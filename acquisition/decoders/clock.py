@@ -10,6 +10,11 @@ from acquisition.frames import Frame, Group, Quality, Sample
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _EPOCH = dt.date(1970, 1, 1)
+# A receiver that does not know the time yet tells 1980, one whose weeks rolled over tells 20 years ago; times
+# after 2262 do not fit into 64 bits of nanoseconds and would make the whole recording unreadable.
+_POSSIBLE_NS = range(
+    (dt.date(2010, 1, 1) - _EPOCH).days * 86_400 * 10**9, (dt.date(2100, 1, 1) - _EPOCH).days * 86_400 * 10**9
+)
 _NANO = 1_000_000_000
 _DAY_NS = 86_400 * _NANO
 
@@ -21,6 +26,22 @@ def utc_ns(date: dt.date, seconds_of_day: float) -> int:
     86400500000000
     """
     return (date - _EPOCH).days * _DAY_NS + round(seconds_of_day * 1e6) * 1000
+
+
+def is_possible(time_ns: int) -> bool:
+    """Whether a time that a source tells can be true at all."""
+    return time_ns in _POSSIBLE_NS
+
+
+def nearest_day(seconds_of_day: float, now_ns: int) -> int:
+    """The time of day, on the day that brings it closest to ``now_ns``: before and after midnight they differ.
+
+    >>> nearest_day(86_399.9, utc_ns(dt.date(2027, 1, 1), 0.1)) == utc_ns(dt.date(2026, 12, 31), 86_399.9)
+    True
+    """
+    day = _EPOCH + dt.timedelta(days=now_ns // _DAY_NS)
+    candidates = (utc_ns(day + dt.timedelta(days=shift), seconds_of_day) for shift in (-1, 0, 1))
+    return min(candidates, key=lambda time_ns: abs(time_ns - now_ns))
 
 
 class SourceClock:
@@ -37,7 +58,12 @@ class SourceClock:
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source said that it is ``source_ns`` UTC."""
-        self._announced = (source_ns, frame.monotonic_ns)
+        if is_possible(source_ns):
+            self._announced = (source_ns, frame.monotonic_ns)
+
+    def forget(self) -> None:
+        """What the source said no longer holds: it has started anew."""
+        self._announced = None
 
     def at(self, frame: Frame) -> int | None:
         """The source's UTC time when ``frame`` was received; None if it has not said it of late."""
@@ -46,11 +72,6 @@ class SourceClock:
         source_ns, monotonic_ns = self._announced
         elapsed_ns = frame.monotonic_ns - monotonic_ns
         return source_ns + elapsed_ns if 0 <= elapsed_ns <= _LONGEST_EXTRAPOLATION_NS else None
-
-    def date_at(self, frame: Frame) -> dt.date | None:
-        """The source's date, where it is known."""
-        now = self.at(frame)
-        return None if now is None else _EPOCH + dt.timedelta(days=now // _DAY_NS)
 
     def group(
         self,
@@ -64,7 +85,7 @@ class SourceClock:
 
         ``source_ns`` is what the message itself said of when it was measured.
         """
-        told_ns = source_ns if source_ns is not None else self.at(frame)
+        told_ns = source_ns if source_ns is not None and is_possible(source_ns) else self.at(frame)
         measured_ns, clock = frame.received_ns if frame.stamped_ns is None else frame.stamped_ns, "receiver"
         if self.stamps == "source" and told_ns is not None:
             measured_ns, clock = told_ns, self.name

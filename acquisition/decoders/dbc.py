@@ -7,6 +7,7 @@ obey its rule that the highest raw values mean "not available" or "error"; 11-bi
 from __future__ import annotations
 
 from collections import Counter
+from math import isfinite
 from pathlib import Path
 
 import cantools
@@ -49,8 +50,14 @@ def frame_key(message: DbcMessage) -> tuple[bool, int]:
     return False, message.frame_id
 
 
-def is_sentinel(raw: int, signal: DbcSignal) -> bool:
+def is_sentinel(raw: float, signal: DbcSignal) -> bool:
     """Whether a raw value means "not available" or "error" by the rule of J1939-71 and NMEA 2000."""
+    if signal.is_float:
+        return not isfinite(raw)
+    return _is_integer_sentinel(int(raw), signal)
+
+
+def _is_integer_sentinel(raw: int, signal: DbcSignal) -> bool:
     bits: int = signal.length
     if signal.is_signed:
         return bool(raw >= 2 ** (bits - 1) - 2)
@@ -86,8 +93,11 @@ class DbcDecoder:
         raw = message.decode(frame.payload, decode_choices=False, scaling=False)
         values = []
         for channel, signal, scale in wanted:
-            if extended and is_sentinel(int(raw[signal.name]), signal):
+            if signal.name not in raw:  # multiplexed, and this frame carries another signal
+                continue
+            if (extended or signal.is_float) and is_sentinel(raw[signal.name], signal):
                 self.refused["not available"] += 1
             else:
                 values.append((channel, float(signal.raw_to_scaled(raw[signal.name], False)) * scale))
-        return self._clock.group(frame, f"{frame.origin}/{frame.identifier & 0xFF}:{message.name}", values)
+        device = f"{frame.identifier & 0xFF}" if extended else f"{frame.identifier:03X}"
+        return self._clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)

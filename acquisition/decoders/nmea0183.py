@@ -16,7 +16,7 @@ from pynmeagps import VALCKSUM, NMEAReader
 from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
 
 from acquisition.config import Clock, Thrusters
-from acquisition.decoders.clock import SourceClock, utc_ns
+from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.frames import Frame, Group
 from acquisition.units import KNOT_MPS
 
@@ -133,13 +133,16 @@ class Nmea0183Decoder:
     def _told_time(self, message: Any, kind: str, frame: Frame) -> int | None:
         """When the sentence says its values were true; ZDA and RMC also set the line's clock."""
         time = getattr(message, "time", None)
-        date = _date_of(message, kind) or self.clock.date_at(frame)
-        if not isinstance(time, dt.time) or date is None:
+        if not isinstance(time, dt.time):
             return None
-        told_ns = utc_ns(date, time.hour * 3600 + time.minute * 60 + time.second + time.microsecond / 1e6)
-        if kind in ("ZDA", "RMC"):
+        seconds_of_day = time.hour * 3600 + time.minute * 60 + time.second + time.microsecond / 1e6
+        date = _date_of(message, kind)
+        if date is not None:
+            told_ns = utc_ns(date, seconds_of_day)
             self.clock.announce(told_ns, frame)
-        return told_ns
+            return told_ns
+        now_ns = self.clock.at(frame)
+        return None if now_ns is None else nearest_day(seconds_of_day, now_ns)
 
     def _thruster_response(self, fields: list[str]) -> Values:
         """TRD: number, rpm, mode, pitch, mode, azimuth; the azimuth is the direction of the thrust."""

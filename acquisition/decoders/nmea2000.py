@@ -8,6 +8,7 @@ of heading and wind).
 from __future__ import annotations
 
 import datetime as dt
+import threading
 from collections import Counter
 from collections.abc import Callable
 from typing import Any
@@ -18,13 +19,17 @@ from nmea2000.input_formats import N2KFormat
 
 from acquisition.config import Clock
 from acquisition.decoders.clock import SourceClock, utc_ns
-from acquisition.frames import Frame, Group
+from acquisition.frames import Frame, FrameFlag, Group
 from acquisition.units import DEG_PER_RAD
 
 # A sequence number comes round after eight messages; parts further apart than this belong to two messages.
 _LONGEST_PART_GAP_NS = 750_000_000
+_DAY_S = 86_400
 _SYSTEM_TIME = 126992
 _GNSS_POSITION = 129029
+
+LIBRARY = threading.Lock()
+"""To be held around every call of the library: its codec, one a process, raises when two threads meet in it."""
 
 Fields = dict[str, Any]
 Values = list[tuple[str, float | None]]
@@ -35,6 +40,8 @@ def _scaled(value: float | None, scale: float) -> float | None:
 
 
 def _position(fields: Fields) -> Values:
+    if fields.get("method") == 0:  # 129029 without a fix repeats an old position or invents one
+        return []
     return [("latitude_deg", fields["latitude"]), ("longitude_deg", fields["longitude"])]
 
 
@@ -106,9 +113,11 @@ def parameter_group(identifier: int) -> tuple[int, int]:
 class Nmea2000Decoder:
     """One bus; partial fast packets are kept by device and parameter group."""
 
-    def __init__(self, stamps: Clock = "receiver") -> None:
+    def __init__(self, stamps: Clock = "receiver", *, shares_bus: bool = False) -> None:
         self.refused: Counter[str] = Counter()
+        self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.clock = SourceClock(stamps, "nmea2000 126992")
+        self._timekeeper: int | None = None
         self._singles = NMEA2000Decoder(bound_format=N2KFormat.PYTHON_CAN)
         self._fast: dict[tuple[int, int], tuple[NMEA2000Decoder, int]] = {}
 
@@ -121,14 +130,17 @@ class Nmea2000Decoder:
             return []
         fields = {each.id: each.raw_value for each in message.fields}
         if group == _SYSTEM_TIME:
-            self._announce(fields, frame)
+            self._announce(fields, frame, device)
             return []
         told_ns = _told_time(fields) if group == _GNSS_POSITION else None
-        values = [(name, value) for name, value in _READERS[group](fields) if value is not None]
-        self.refused["not available"] += len(_READERS[group](fields)) - len(values)
+        found = _READERS[group](fields)
+        values = [(name, value) for name, value in found if value is not None]
+        self.refused["not available"] += len(found) - len(values)
         return self.clock.group(frame, f"{frame.origin}/{device}:{group}", values, told_ns)
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
+        if frame.flags == FrameFlag.STANDARD_ID and self._shares_bus:
+            return False
         if frame.flags:
             self.refused["remote, error or 11-bit frame"] += 1
             return False
@@ -143,7 +155,8 @@ class Nmea2000Decoder:
         message = can.Message(arbitration_id=frame.identifier, data=frame.payload, is_extended_id=True)
         decoder = self._fast_decoder(frame, group, device) if _is_fast(group) else self._singles
         try:
-            return decoder.decode(message)
+            with LIBRARY:
+                return decoder.decode(message)
         except Exception:  # the library promises no set of errors for bytes off a wire
             self.refused["undecodable"] += 1
             return None
@@ -156,9 +169,11 @@ class Nmea2000Decoder:
         self._fast[device, group] = (decoder, frame.monotonic_ns)
         return decoder
 
-    def _announce(self, fields: Fields, frame: Frame) -> None:
+    def _announce(self, fields: Fields, frame: Frame, device: int) -> None:
+        """One device is the bus's clock until it falls silent: two clocks would make time go to and fro."""
         told_ns = _told_time(fields)
-        if told_ns is not None:
+        if told_ns is not None and (device == self._timekeeper or self.clock.at(frame) is None):
+            self._timekeeper = device
             self.clock.announce(told_ns, frame)
 
 
@@ -169,6 +184,6 @@ def _is_fast(group: int) -> bool:
 def _told_time(fields: Fields) -> int | None:
     """Date and time as ns since 1970; the library's raw time keeps the fractions."""
     days, seconds = fields.get("date"), fields.get("time")
-    if days is None or seconds is None:
+    if days is None or seconds is None or not 0 <= seconds < _DAY_S + 1:  # a leap second is possible
         return None
     return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=int(days)), float(seconds))

@@ -10,11 +10,15 @@ from acquisition.config import AnySource, CanSource, MavlinkSource
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """What is sent at once: one CAN frame, one sentence with its line end, or one datagram."""
+    """What is sent at once: one CAN frame, one sentence with its line end, or one datagram.
+
+    ``carries`` names the channels whose values are in it.
+    """
 
     payload: bytes
     identifier: int = 0
     extended: bool = True
+    carries: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +32,17 @@ class Moment:
     values: dict[str, float]
     latitude_deg: float | None = None
     longitude_deg: float | None = None
+
+    @property
+    def fix_of(self) -> tuple[str, ...]:
+        """The channels that travel in the fix."""
+        return (
+            () if self.latitude_deg is None else self.present("north_m", "east_m", "latitude_deg", "longitude_deg")
+        )
+
+    def present(self, *channels: str) -> tuple[str, ...]:
+        """Those of ``channels`` that have a value now."""
+        return tuple(name for name in channels if name in self.values)
 
     def both(self, first: str, second: str) -> tuple[float | None, float | None] | None:
         """Two values that travel in one message; None if neither is there."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from math import nan, pi
 from typing import Any
 
 from cantools.database.can import Message as DbcMessage
@@ -13,7 +14,8 @@ from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.channels import BY_NAME
 from acquisition.config import CanSource
-from acquisition.decoders.dbc import find_signal, load_dbc
+from acquisition.decoders.dbc import find_signal, is_sentinel, load_dbc
+from acquisition.decoders.nmea2000 import LIBRARY
 from acquisition.encoders import Moment, Packet
 from acquisition.units import DEG_PER_RAD, scale_to
 
@@ -36,20 +38,23 @@ class CanEncoder:
         packets = self._system_time(moment) if self._announces else []
         if moment.latitude_deg is not None:
             fix = {"latitude": moment.latitude_deg, "longitude": moment.longitude_deg}
-            packets += self._group(129025, "positionRapidUpdate", fix)
+            packets += self._group(129025, "positionRapidUpdate", fix, moment.fix_of)
         values = dict(moment.values)
         for message, signals in self._dbc.values():
             packets += _dbc_frame(message, signals, values)
         if "heading_deg" in values:
-            heading = {"heading": values["heading_deg"] / DEG_PER_RAD, "reference": "True"}
-            packets += self._group(127250, "vesselHeading", heading)
+            heading = {"heading": _turn_rad(values["heading_deg"]), "reference": "True"}
+            packets += self._group(127250, "vesselHeading", heading, ("heading_deg",))
         if "yaw_rate_dps" in values:
-            packets += self._group(127251, "rateOfTurn", {"rate": values["yaw_rate_dps"] / DEG_PER_RAD})
+            rate = {"rate": values["yaw_rate_dps"] / DEG_PER_RAD}
+            packets += self._group(127251, "rateOfTurn", rate, ("yaw_rate_dps",))
         if speeds := moment.both("surge_mps", "sway_mps"):
             names = ("longitudinalSpeedGroundReferenced", "transverseSpeedGroundReferenced")
-            packets += self._group(130578, "vesselSpeedComponents", dict(zip(names, speeds, strict=True)))
+            fields = dict(zip(names, speeds, strict=True))
+            packets += self._group(130578, "vesselSpeedComponents", fields, moment.present("surge_mps", "sway_mps"))
         if wind := moment.both("wind_direction_deg", "wind_speed_mps"):
-            packets += self._group(130306, "windData", _wind(*wind))
+            carries = moment.present("wind_direction_deg", "wind_speed_mps")
+            packets += self._group(130306, "windData", _wind(*wind), carries)
         return packets
 
     def _load_signals(self, config: CanSource) -> None:
@@ -68,9 +73,11 @@ class CanEncoder:
             "date": dt.date(1970, 1, 1) + dt.timedelta(days=days),
             "time": rest_ns / 1e9,
         }
-        return self._group(126992, "systemTime", fields, priority=3)
+        return self._group(126992, "systemTime", fields, (), priority=3)
 
-    def _group(self, group: int, name: str, fields: dict[str, Any], priority: int = 2) -> list[Packet]:
+    def _group(
+        self, group: int, name: str, fields: dict[str, Any], carries: tuple[str, ...], priority: int = 2
+    ) -> list[Packet]:
         """One parameter group as frames; fields that are None go out as not available."""
         message = NMEA2000Message(
             PGN=group,
@@ -84,27 +91,46 @@ class CanEncoder:
                 if value is not None
             ],
         )
-        return [Packet(bytes(each.data), each.arbitration_id) for each in self._encoder.encode(message)]
+        with LIBRARY:
+            first, *others = self._encoder.encode(message)
+        packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
+        return packets + [Packet(bytes(each.data), each.arbitration_id) for each in others]
+
+
+def _turn_rad(angle_deg: float) -> float:
+    """An angle in radians that rounds to less than a whole turn on the wire."""
+    angle_rad = round(angle_deg / DEG_PER_RAD, 4)
+    return 0.0 if angle_rad > 2 * pi else angle_rad
 
 
 def _wind(direction_deg: float | None, speed_mps: float | None) -> dict[str, Any]:
-    angle_rad = None if direction_deg is None else direction_deg / DEG_PER_RAD
+    angle_rad = None if direction_deg is None else _turn_rad(direction_deg)
     return {"windSpeed": speed_mps, "windAngle": angle_rad, "reference": _GROUND_REFERENCED_WIND}
 
 
 def _dbc_frame(
     message: DbcMessage, signals: dict[str, tuple[DbcSignal, float]], values: dict[str, float]
 ) -> list[Packet]:
-    """One DBC message with the signals that have a value now; all others go out as not available."""
+    """One DBC message with the signals that have a value now; others, and values beyond it, as not available."""
     if not any(channel in values for channel in signals):
         return []
     raw = {signal.name: _not_available(signal) for signal in message.signals}
+    carried = []
     for channel, (signal, scale) in signals.items():
         if channel in values:
-            raw[signal.name] = round(float(signal.scaled_to_raw(values[channel] / scale)))
+            value = float(signal.scaled_to_raw(values[channel] / scale))
+            if signal.is_float or (_lowest(signal) <= value and not is_sentinel(round(value), signal)):
+                raw[signal.name] = value if signal.is_float else round(value)
+                carried.append(channel)
     payload = message.encode(raw, scaling=False, strict=False)
-    return [Packet(payload, message.frame_id, message.is_extended_frame)]
+    return [Packet(payload, message.frame_id, message.is_extended_frame, tuple(carried))]
 
 
-def _not_available(signal: DbcSignal) -> int:
+def _lowest(signal: DbcSignal) -> int:
+    return -int(2 ** (signal.length - 1)) if signal.is_signed else 0
+
+
+def _not_available(signal: DbcSignal) -> float:
+    if signal.is_float:
+        return nan
     return int(2 ** (signal.length - (1 if signal.is_signed else 0)) - 1)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
-from math import cos, pi, radians, sin
+from collections.abc import Iterator
+from math import cos, nan, pi, radians, sin
 from typing import Any
 
 from acquisition.angles import wrap_180
 from acquisition.channels import BY_NAME
 from acquisition.config import MavlinkSource
+from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from acquisition.encoders import Moment, Packet
 from acquisition.units import scale_to
 
@@ -29,46 +31,62 @@ class MavlinkEncoder:
             for channel, entry in config.named_values.items()
         }
         self._boot_ns: int | None = None
+        self._heading_rad: float | None = None
 
     def encode(self, moment: Moment) -> list[Packet]:
         if self._boot_ns is None:
             self._boot_ns = moment.time_ns
         boot_ms = round((moment.time_ns - self._boot_ns) / 1e6) % 2**32
-        messages = self._motion(moment, boot_ms) + self._machinery(moment, boot_ms)
+        carries, messages = self._motion(moment, boot_ms)
+        for more, message in self._machinery(moment, boot_ms):
+            carries.update(more)
+            messages.append(message)
         if self._announces:
             messages.insert(0, self._link.system_time_encode(moment.time_ns // 1000, boot_ms))
-        return [Packet(b"".join(each.pack(self._link) for each in messages))] if messages else []
+        if not messages:
+            return []
+        return [Packet(b"".join(each.pack(self._link) for each in messages), carries=tuple(carries))]
 
-    def _motion(self, moment: Moment, boot_ms: int) -> list[Any]:
+    def _motion(self, moment: Moment, boot_ms: int) -> tuple[set[str], list[Any]]:
+        """Attitude, velocity and position, and which channels they carry; what is not known is not made up."""
         values, messages = moment.values, []
-        heading_deg = values.get("heading_deg")
-        if heading_deg is not None:
-            yaw = radians(float(wrap_180(heading_deg)))
-            rate = radians(values.get("yaw_rate_dps", 0.0))
-            messages.append(self._link.attitude_encode(boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, rate))
-        velocity = (0.0, 0.0)
-        if heading_deg is not None and "surge_mps" in values and "sway_mps" in values:
-            velocity = _over_ground(values["surge_mps"], values["sway_mps"], radians(heading_deg))
+        carries = set(moment.present("heading_deg", "yaw_rate_dps"))
+        if carries:
+            messages.append(self._attitude(values, boot_ms))
+        velocity = None
+        if self._heading_rad is not None and {"surge_mps", "sway_mps"} <= values.keys():
+            velocity = _over_ground(values["surge_mps"], values["sway_mps"], self._heading_rad)
             messages.append(self._link.local_position_ned_encode(boot_ms, 0.0, 0.0, 0.0, *velocity, 0.0))
+            carries |= {"surge_mps", "sway_mps"}
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
             fix = round(moment.latitude_deg * 1e7), round(moment.longitude_deg * 1e7)
-            rounded = round(velocity[0] * 100), round(velocity[1] * 100)
+            rounded = [UNKNOWN_VELOCITY] * 2 if velocity is None else [round(100 * each) for each in velocity]
             messages.append(
                 self._link.global_position_int_encode(boot_ms, *fix, 0, 0, *rounded, 0, _UNKNOWN_COURSE)
             )
-        return messages
+            carries.update(moment.fix_of)
+        return carries, messages
 
-    def _machinery(self, moment: Moment, boot_ms: int) -> list[Any]:
-        values, messages = moment.values, []
-        if "wind_direction_deg" in values and "wind_speed_mps" in values:
-            direction_deg = float(wrap_180(values["wind_direction_deg"]))
-            messages.append(self._link.wind_encode(direction_deg, values["wind_speed_mps"], 0.0))
-        if "port_rpm" in values and "starboard_rpm" in values:
-            messages.append(self._link.rpm_encode(values["port_rpm"], values["starboard_rpm"]))
+    def _attitude(self, values: dict[str, float], boot_ms: int) -> Any:
+        if "heading_deg" in values:
+            self._heading_rad = radians(values["heading_deg"])
+        yaw = radians(float(wrap_180(values.get("heading_deg", nan))))
+        return self._link.attitude_encode(
+            boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, radians(values.get("yaw_rate_dps", nan))
+        )
+
+    def _machinery(self, moment: Moment, boot_ms: int) -> Iterator[tuple[tuple[str, ...], Any]]:
+        """Wind, rpm and named values, each with the channels that it carries."""
+        values = moment.values
+        if wind := moment.present("wind_direction_deg", "wind_speed_mps"):
+            direction_deg = float(wrap_180(values.get("wind_direction_deg", nan)))
+            yield wind, self._link.wind_encode(direction_deg, values.get("wind_speed_mps", nan), 0.0)
+        if rpm := moment.present("port_rpm", "starboard_rpm"):
+            yield rpm, self._link.rpm_encode(values.get("port_rpm", nan), values.get("starboard_rpm", nan))
         for channel, (name, scale) in self._named.items():
             if channel in values:
-                messages.append(self._link.named_value_float_encode(boot_ms, name, values[channel] / scale))
-        return messages
+                message = self._link.named_value_float_encode(boot_ms, name, values[channel] / scale)
+                yield (channel,), message
 
 
 def _over_ground(surge_mps: float, sway_mps: float, heading_rad: float) -> tuple[float, float]:

@@ -45,46 +45,56 @@ class Nmea0183Encoder:
         }
 
     def encode(self, moment: Moment) -> list[Packet]:
-        bodies = self._navigation(moment) + self._wind(moment) + self._thruster_responses(moment)
-        if self._announces:
-            bodies.insert(0, _zda(moment.time_ns))
-        return [Packet(sentence(body)) for body in bodies]
+        packets = self._navigation(moment) + self._wind(moment) + self._thruster_responses(moment)
+        return [_packet(_zda(moment.time_ns)), *packets] if self._announces else packets
 
-    def _navigation(self, moment: Moment) -> list[str]:
-        values, bodies = moment.values, []
+    def _navigation(self, moment: Moment) -> list[Packet]:
+        values, packets = moment.values, []
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
-            bodies.append(_gga(moment.time_ns, moment.latitude_deg, moment.longitude_deg))
+            fix = _gga(moment.time_ns, moment.latitude_deg, moment.longitude_deg)
+            packets.append(_packet(fix, *moment.fix_of))
         if "heading_deg" in values:
-            bodies.append(f"HEHDT,{values['heading_deg'] % 360.0:.4f},T")
+            packets.append(_packet(f"HEHDT,{_turn(values['heading_deg'], 4)},T", "heading_deg"))
         if "yaw_rate_dps" in values:
-            bodies.append(f"TIROT,{values['yaw_rate_dps'] * 60.0:.3f},A")
+            packets.append(_packet(f"TIROT,{values['yaw_rate_dps'] * 60.0:.3f},A", "yaw_rate_dps"))
         if speeds := moment.both("surge_mps", "sway_mps"):
             along, across = (_decimals(each, 1.0 / KNOT_MPS, 4) for each in speeds)
-            bodies.append(f"VDVBW,,,V,{along},{across},A,,V,,V")
-        return bodies
+            carries = moment.present("surge_mps", "sway_mps")
+            packets.append(_packet(f"VDVBW,,,V,{along},{across},A,,V,,V", *carries))
+        return packets
 
-    def _wind(self, moment: Moment) -> list[str]:
+    def _wind(self, moment: Moment) -> list[Packet]:
         wind = moment.both("wind_direction_deg", "wind_speed_mps")
         if wind is None:
             return []
         direction, speed = wind
         knots, metres = _decimals(speed, 1.0 / KNOT_MPS, 3), _decimals(speed, 1.0, 3)
-        return [f"WIMWD,{_decimals(direction, 1.0, 3)},T,,M,{knots},N,{metres},M"]
+        carries = moment.present("wind_direction_deg", "wind_speed_mps")
+        return [_packet(f"WIMWD,{_turn(direction, 3)},T,,M,{knots},N,{metres},M", *carries)]
 
-    def _thruster_responses(self, moment: Moment) -> list[str]:
-        bodies = []
+    def _thruster_responses(self, moment: Moment) -> list[Packet]:
+        packets = []
         for name, number in self._thrusters.items():
             pair = moment.both(f"{name}_rpm", f"{name}_angle_deg")
             if pair is not None:
                 rpm, angle_deg = pair
-                azimuth = "" if angle_deg is None else f"{angle_deg % 360.0:.3f}"
                 mode = "V" if rpm is None else "R"
-                bodies.append(f"RCTRD,{number},{_decimals(rpm, 1.0, 3)},{mode},,V,{azimuth}")
-        return bodies
+                body = f"RCTRD,{number},{_decimals(rpm, 1.0, 3)},{mode},,V,{_turn(angle_deg, 3)}"
+                packets.append(_packet(body, *moment.present(f"{name}_rpm", f"{name}_angle_deg")))
+        return packets
+
+
+def _packet(body: str, *carries: str) -> Packet:
+    return Packet(sentence(body), carries=carries)
 
 
 def _decimals(value: float | None, scale: float, digits: int) -> str:
     return "" if value is None else f"{value * scale:.{digits}f}"
+
+
+def _turn(angle_deg: float | None, digits: int) -> str:
+    """An angle from 0 to just below 360; rounding comes first, or 359.99999 would be sent as 360.0000."""
+    return "" if angle_deg is None else f"{round(angle_deg % 360.0, digits) % 360.0:.{digits}f}"
 
 
 def _clock(time_ns: int) -> tuple[dt.datetime, str]:

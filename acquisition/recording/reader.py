@@ -94,11 +94,17 @@ class MessageStream:
             elif isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Metadata) and record.name == "trial":
-                self.trial = Trial.from_metadata(record.metadata)
+                self.trial = self._trial_of(record.metadata)
             elif isinstance(record, Attachment) and record.name == "configuration.toml":
                 self.configuration = record.data.decode("utf-8", "replace")
             elif isinstance(record, Footer):
                 self.closed = True
+
+    def _trial_of(self, metadata: dict[str, str]) -> Trial:
+        try:
+            return Trial.from_metadata(metadata)
+        except ValueError as error:  # metadata have no checksum of their own
+            raise InputError("is damaged: its run sheet", where=str(self.path), why=str(error)) from error
 
     def _records(self) -> Iterator[Any]:
         """Records until the end or the cut; what breaks the format before the end is an InputError."""
@@ -150,7 +156,7 @@ class _SeriesBuilder:
     def add(self, entry: Entry) -> None:
         body = orjson.loads(entry.data)
         source = self.sources.setdefault(body["source"], len(self.sources))
-        self.rows.append((entry.publish_ns, entry.log_ns, body["value"], body["quality"], source))
+        self.rows.append((entry.publish_ns, entry.log_ns, float(body["value"]), int(body["quality"]), source))
 
     def series(self) -> Series:
         measured, received, value, quality, source = zip(*self.rows, strict=True)
@@ -162,6 +168,19 @@ class _SeriesBuilder:
             tuple(self.sources),
             np.array(source, np.int64),
         )
+
+
+def _add_sample(builders: dict[str, _SeriesBuilder], entry: Entry, path: Path) -> None:
+    name = entry.topic.removeprefix(CHANNEL_PREFIX)
+    try:
+        builders.setdefault(name, _SeriesBuilder()).add(entry)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"topic {entry.topic} holds a message that is no sample of ours",
+            where=str(path),
+            why=f"{type(error).__name__} {error}",
+            fix="give a recording made by seatrial",
+        ) from error
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -178,7 +197,7 @@ def read_recording(path: Path | str) -> Recording:
         messages += 1
         start_ns, end_ns = min(start_ns, entry.log_ns), max(end_ns, entry.log_ns)
         if entry.topic.startswith(CHANNEL_PREFIX):
-            builders.setdefault(entry.topic.removeprefix(CHANNEL_PREFIX), _SeriesBuilder()).add(entry)
+            _add_sample(builders, entry, stream.path)
         elif entry.topic.startswith(RAW_PREFIX):
             raw[entry.topic] += 1
         elif entry.topic == EVENT_TOPIC:

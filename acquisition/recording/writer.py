@@ -46,6 +46,7 @@ class RecordingWriter:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = self.path.open("wb")
+            _sync_folder(self.path.parent)
         except OSError as error:
             raise storage_error(path, error, "cannot be created") from error
         self._mcap = Writer(self._file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
@@ -135,10 +136,10 @@ class RecordingWriter:
             return
         try:
             self._guarded(self._mcap.finish)
-            self._file.flush()
-            os.fsync(self._file.fileno())
+            self._guarded(self._file.flush)
+            self._guarded(os.fsync, self._file.fileno())
         finally:
-            self._file.close()
+            self._guarded(self._file.close)
 
     def _write(self, topic: str, body: dict[str, Any], log_ns: int, publish_ns: int) -> None:
         channel_id = self._topics.get(topic) or self._register(topic)
@@ -159,6 +160,15 @@ class RecordingWriter:
             call(*arguments)
         except OSError as error:
             raise storage_error(self.path, error) from error
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the disk keep the new file's name too, not only what is in it."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _timestamp(time_ns: int) -> dict[str, int]:

@@ -15,6 +15,8 @@ _BLOCK_BYTES = 8192
 class LogFile:
     """One file, read once; it ends, which the pipeline understands."""
 
+    waits = True
+
     def __init__(self, config: FileSource) -> None:
         self.name = config.name
         self._config = config
@@ -35,7 +37,10 @@ class LogFile:
     def read(self, timeout_s: float) -> list[Frame] | None:
         if self._file is None:
             raise SourceError("is not open", where=f"source {self.name!r}")
-        block = self._file.read(_BLOCK_BYTES)
+        try:
+            block = self._file.read(_BLOCK_BYTES)
+        except OSError as error:
+            raise SourceError("file failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
         return self._lines.push(block) if block else (self._lines.end() or None)
 
     def close(self) -> None:

@@ -12,6 +12,8 @@ from acquisition.sources.network import bind_udp, receive_datagram
 class MavlinkLink:
     """One UDP port that an autopilot or a router sends to."""
 
+    waits = False
+
     def __init__(self, config: MavlinkSource) -> None:
         self.name = config.name
         self._config = config

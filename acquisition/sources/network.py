@@ -47,6 +47,8 @@ def receive_datagram(opened: socket.socket | None, name: str, timeout_s: float) 
 class UdpLines:
     """Datagrams of one or more sentences each."""
 
+    waits = False
+
     def __init__(self, config: UdpSource) -> None:
         self.name = config.name
         self._config = config
@@ -68,6 +70,8 @@ class UdpLines:
 
 class TcpLines:
     """One connection to a multiplexer or gateway."""
+
+    waits = False
 
     def __init__(self, config: TcpSource) -> None:
         self.name = config.name

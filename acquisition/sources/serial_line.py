@@ -13,18 +13,20 @@ from acquisition.sources.lines import LineAssembler
 def open_port(config: SerialSource) -> serial.Serial:
     """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
     try:
-        return serial.Serial(config.device, config.baud_rate, timeout=0)
+        return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
     except (serial.SerialException, ValueError, OSError) as error:
         raise SourceError(
             f"serial line {config.device} cannot be opened",
             where=f"source {config.name!r}",
             why=str(error),
-            fix="connect it, or correct `device`",
+            fix="connect it, end the program that uses it, or correct `device`",
         ) from error
 
 
 class SerialLine:
     """One serial port."""
+
+    waits = False
 
     def __init__(self, config: SerialSource) -> None:
         self.name = config.name
@@ -40,7 +42,8 @@ class SerialLine:
         if self._port is None:
             raise SourceError("is not open", where=f"source {self.name!r}")
         try:
-            self._port.timeout = timeout_s
+            if self._port.timeout != timeout_s:  # setting it asks the system for the line's settings each time
+                self._port.timeout = timeout_s
             first = self._port.read(1)
             return self._lines.push(first + self._port.read(self._port.in_waiting)) if first else []
         except (serial.SerialException, OSError, TypeError) as error:  # pyserial raises TypeError on unplug
