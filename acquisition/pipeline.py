@@ -51,10 +51,10 @@ class Recorder:
         sources = [make_source(section) for section in self._config.sources]
         try:
             for source in sources:
-                source.open()
+                _open(source)
         except BaseException:
             for source in sources:
-                source.close()
+                self._close(source)
             raise
         self._worker.start()
         for source in sources:
@@ -179,6 +179,13 @@ class Recorder:
                 frame = self._queue.get_nowait()
         except queue.Empty:
             return taken
+
+
+def _open(source: Source) -> None:
+    try:
+        source.open()
+    except Exception as error:
+        raise _as_source_error(source, error) from error
 
 
 def _as_source_error(source: Source, error: Exception) -> SourceError:

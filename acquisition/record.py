@@ -86,7 +86,7 @@ def _display(health: Health, path: Path, expected: frozenset[str]) -> Iterator[N
         terminal.Picture(health, path, expected),
         console=Console(stderr=True),
         refresh_per_second=_REDRAW_PER_S,
-        transient=True,
+        screen=True,  # a window that is resized leaves no ruins, and the terminal comes back as it was
     ):
         yield
 

@@ -45,7 +45,7 @@ class MavlinkEncoder:
             messages.insert(0, self._link.system_time_encode(moment.time_ns // 1000, boot_ms))
         if not messages:
             return []
-        return [Packet(b"".join(each.pack(self._link) for each in messages), carries=tuple(carries))]
+        return [Packet(b"".join(each.pack(self._link) for each in messages), carries=tuple(sorted(carries)))]
 
     def _motion(self, moment: Moment, boot_ms: int) -> tuple[set[str], list[Any]]:
         """Attitude, velocity and position, and which channels they carry; what is not known is not made up."""

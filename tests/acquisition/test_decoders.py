@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 import json
+import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.config import MavlinkSource, Signal
+from acquisition.config import CanSource, MavlinkSource, Signal
+from acquisition.decoders import Decoder, make_decoders
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.dbc import DbcDecoder
 from acquisition.decoders.mavlink import MavlinkDecoder
@@ -109,6 +112,43 @@ def test_system_time_stamps_what_follows() -> None:
     assert late.clock == "receiver"
 
 
+def test_one_device_is_the_clock_of_a_bus() -> None:
+    """A second device's time, 13 h later, is taken only when the first has been silent."""
+    decoder = Nmea2000Decoder("source")
+    decoder.decode(can_frame(0x0DF01023, "01f02a51d22e7515", 100.0))
+    decoder.decode(can_frame(0x0DF01024, "01f02a51d2000000", 100.1))
+    (sample,) = decoder.decode(can_frame(HEADING, "ff10270000ff7ffc", 100.25))[0]
+    assert sample.measured_ns == 1_795_255_200_123_400_000 + SECOND // 4
+    decoder.decode(can_frame(0x0DF01024, "01f02a51d2000000", 110.0))
+    (sample,) = decoder.decode(can_frame(HEADING, "ff10270000ff7ffc", 110.0))[0]
+    assert sample.clock == "nmea2000 126992"
+    assert sample.measured_ns < 1_795_255_200_000_000_000
+
+
+def test_system_time_beyond_a_day_is_not_believed() -> None:
+    decoder = Nmea2000Decoder("source")
+    decoder.decode(can_frame(0x0DF01023, "01f02a51fcffffff"[:8] + "00f0ff7f", 100.0))
+    (sample,) = decoder.decode(can_frame(HEADING, "ff10270000ff7ffc", 100.25))[0]
+    assert sample.clock == "receiver"
+
+
+def test_a_gnss_position_without_a_fix_is_no_position() -> None:
+    """129029 in seven frames; the same message with method 1 (GNSS fix) is a position."""
+    for method, expected in ((0, set()), (1, {"latitude_deg", "longitude_deg"})):
+        body = struct.pack(
+            "<BHIqqqBBBhhiB", 1, 20000, 360_000_000, int(63.4e16), int(10.4e16), 0, method << 4, 0xFC, 0, 9, 9, 0, 0
+        )
+        parts = [bytes([0, len(body)]) + body[:6]]
+        parts += [
+            bytes([number]) + body[start : start + 7].ljust(7, b"\xff")
+            for number, start in enumerate(range(6, len(body), 7), start=1)
+        ]
+        decoder, found = Nmea2000Decoder(), {}
+        for part in parts:
+            found |= values(decoder.decode(can_frame(0x0DF80523, part.hex())))
+        assert set(found) == expected
+
+
 def test_parameter_group_of_addressed_and_broadcast_identifiers() -> None:
     assert parameter_group(0x18EEFF05) == (60928, 5)
     assert parameter_group(0x09F80123) == (129025, 35)
@@ -131,6 +171,57 @@ def test_dbc_signals_by_parameter_group_with_sentinels() -> None:
     assert values(decoder.decode(can_frame(other_address, missing.hex()))) == {"port_angle_deg": -30.0}
     assert decoder.decode(can_frame(other_address, data[:3].hex())) == []
     assert decoder.decode(can_frame(0x18FF2099, data.hex())) == []
+
+
+OTHER_DBC = """VERSION "1"
+BU_: Bridge
+BO_ 256 Plain: 8 Bridge
+ SG_ Speed : 0|16@1- (0.1,0) [0|0] "rpm" Bridge
+BO_ 2566852641 Many: 8 Bridge
+ SG_ Which M : 0|8@1+ (1,0) [0|0] "" Bridge
+ SG_ Port m1 : 8|16@1- (0.1,0) [0|0] "rpm" Bridge
+ SG_ Starboard m2 : 8|16@1- (0.1,0) [0|0] "rpm" Bridge
+BO_ 2566852897 Real: 8 Bridge
+ SG_ Angle : 0|32@1- (1,0) [0|0] "deg" Bridge
+SIG_VALTYPE_ 2566852897 Angle : 1;
+"""
+
+
+def other_dbc(tmp_path: Path) -> list[Decoder]:
+    (tmp_path / "other.dbc").write_text(OTHER_DBC)
+    signals = {
+        "tunnel_rpm": Signal(message="Plain", signal="Speed", unit="rpm"),
+        "port_rpm": Signal(message="Many", signal="Port", unit="rpm"),
+        "starboard_rpm": Signal(message="Many", signal="Starboard", unit="rpm"),
+        "port_angle_deg": Signal(message="Real", signal="Angle", unit="deg"),
+    }
+    return make_decoders(
+        CanSource("bus", "can", "virtual", "x", tuple(signals), dbc=tmp_path / "other.dbc", signals=signals)
+    )
+
+
+@pytest.mark.parametrize(
+    ("identifier", "data", "flags", "expected", "refused"),
+    [
+        (0x100, "feff" + "00" * 6, FrameFlag.STANDARD_ID, {"tunnel_rpm": -0.2}, 0),
+        (0x100, "ff7f" + "00" * 6, FrameFlag.STANDARD_ID, {"tunnel_rpm": 3276.7}, 0),
+        (0x100, "ff7f" + "00" * 6, FrameFlag.NONE, {}, 0),
+        (0x18FF1021, "01e803" + "ff" * 5, FrameFlag.NONE, {"port_rpm": 100.0}, 0),
+        (0x18FF1021, "02e803" + "ff" * 5, FrameFlag.NONE, {"starboard_rpm": 100.0}, 0),
+        (0x18FF1121, struct.pack("<f", -12.5).hex() + "ff" * 4, FrameFlag.NONE, {"port_angle_deg": -12.5}, 0),
+        (0x18FF1121, struct.pack("<f", math.nan).hex() + "ff" * 4, FrameFlag.NONE, {}, 1),
+        (0x18FF1121, struct.pack("<f", math.inf).hex() + "ff" * 4, FrameFlag.NONE, {}, 1),
+    ],
+)
+def test_11_bit_multiplexed_and_real_signals(
+    tmp_path: Path, identifier: int, data: str, flags: FrameFlag, expected: dict[str, float], refused: int
+) -> None:
+    decoders = other_dbc(tmp_path)
+    found = {}
+    for decoder in decoders:
+        found |= values(decoder.decode(can_frame(identifier, data, flags=flags)))
+    assert found == pytest.approx(expected)
+    assert sum(decoder.refused.total() for decoder in decoders) == refused
 
 
 @pytest.mark.parametrize(
@@ -160,6 +251,48 @@ def test_position_signs_and_the_date_from_zda() -> None:
     (latitude, longitude), *_ = decoder.decode(line(fix, 10.75))
     assert (latitude.value, longitude.value) == pytest.approx((-33.91, -151.2))
     assert latitude.measured_ns == 1_798_761_600_250_000_000  # 2027-01-01T00:00:00.25
+
+
+def zda(text: str) -> bytes:
+    return sentence(f"GPZDA,{text},00,00").strip()
+
+
+def gga(clock: str) -> bytes:
+    return sentence(f"GPGGA,{clock},6326.4,N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,").strip()
+
+
+@pytest.mark.parametrize(
+    ("clock", "at_s", "expected"),
+    [
+        ("235959.900", 10.7, 1_798_761_599_900_000_000),  # 0.2 s under way, across midnight
+        ("000000.000", 10.4, 1_798_761_600_000_000_000),  # the next day's first fix, a little early
+    ],
+)
+def test_a_fix_at_midnight_belongs_to_the_day_that_is_nearer(clock: str, at_s: float, expected: int) -> None:
+    decoder = Nmea0183Decoder(stamps="source")
+    decoder.decode(line(zda("235959.500,31,12,2026"), 10.0))
+    (latitude, *_), *_ = decoder.decode(line(gga(clock), at_s))
+    assert latitude.measured_ns == expected
+
+
+@pytest.mark.parametrize("date", ["06,01,1980", "20,04,2006", "01,01,2300", "31,12,9999"])
+def test_a_date_that_cannot_be_is_not_believed(date: str) -> None:
+    """The year 9999 would not fit into the recording, 2300 would make it unreadable; 1980 is a GPS without fix."""
+    decoder = Nmea0183Decoder(stamps="source")
+    decoder.decode(line(zda(f"120000.000,{date}"), 10.0))
+    (sample,) = decoder.decode(line(sentence("HEHDT,12.3,T").strip(), 10.5))[0]
+    assert (sample.measured_ns, sample.source_ns, sample.clock) == (10.5 * SECOND, None, "receiver")
+
+
+def test_a_source_clock_that_goes_back_is_recorded_as_it_says() -> None:
+    """The time of reception goes on beside it, so that the jump can be found and undone."""
+    decoder = Nmea0183Decoder(stamps="source")
+    stamps = []
+    for clock, at_s in (("120000.000", 10.0), ("110000.000", 11.0)):
+        decoder.decode(line(zda(f"{clock},31,12,2026"), at_s))
+        stamps += decoder.decode(line(sentence("HEHDT,12.3,T").strip(), at_s))[0]
+    assert stamps[1].measured_ns - stamps[0].measured_ns == -3600 * SECOND
+    assert stamps[1].received_ns - stamps[0].received_ns == SECOND
 
 
 @given(st.binary(max_size=100))
@@ -204,6 +337,52 @@ def test_mavlink_listens_to_its_own_system_only() -> None:
         link = dialect.MAVLink(None, srcSystem=system)
         payload = bytes(link.attitude_encode(0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.01).pack(link))
         assert set(values(decoder.decode(Frame("link", "mavlink", payload, 0, 0)))) == expected
+
+
+def link_frame(message: Any, at_s: float, system: int = 1) -> Frame:
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    payload = bytes(message.pack(dialect.MAVLink(None, srcSystem=system, srcComponent=1)))
+    return Frame("link", "mavlink", payload, round(at_s * SECOND), round(at_s * SECOND))
+
+
+def test_a_restarted_autopilot_is_not_stamped_with_its_former_life() -> None:
+    """time_boot_ms falls back to zero; until SYSTEM_TIME comes again nobody knows what its clock says."""
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    link = dialect.MAVLink(None)
+    decoder = MavlinkDecoder(MavlinkSource(name="link", type="mavlink", port=1, channels=(), clock="source"))
+    utc_us = 1_795_255_200_000_000
+    decoder.decode(link_frame(link.system_time_encode(utc_us, 3_600_000), 100.0))
+    (before, *_), *_ = decoder.decode(link_frame(link.attitude_encode(3_600_100, 0, 0, 1, 0, 0, 0), 100.1))
+    (after, *_), *_ = decoder.decode(link_frame(link.attitude_encode(2_000, 0, 0, 1, 0, 0, 0), 102.0))
+    decoder.decode(link_frame(link.system_time_encode(utc_us + 3_000_000, 3_000), 103.0))
+    (again, *_), *_ = decoder.decode(link_frame(link.attitude_encode(3_100, 0, 0, 1, 0, 0, 0), 103.1))
+    assert before.measured_ns == utc_us * 1000 + SECOND // 10
+    assert (after.source_ns, after.clock, after.measured_ns) == (None, "receiver", 102 * SECOND)
+    assert again.measured_ns == utc_us * 1000 + 3 * SECOND + SECOND // 10
+
+
+@pytest.mark.parametrize("utc_us", [0, 2**64 - 1, 10**15])
+def test_an_autopilot_that_does_not_know_the_time(utc_us: int) -> None:
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    link = dialect.MAVLink(None)
+    decoder = MavlinkDecoder(MavlinkSource(name="link", type="mavlink", port=1, channels=(), clock="source"))
+    decoder.decode(link_frame(link.system_time_encode(utc_us, 1000), 10.0))
+    (sample, *_), *_ = decoder.decode(link_frame(link.attitude_encode(1100, 0, 0, 1, 0, 0, 0), 10.1))
+    assert (sample.source_ns, sample.measured_ns) == (None, 10.1 * SECOND)
+
+
+def test_an_autopilot_without_a_fix_sends_no_position() -> None:
+    from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+    link = dialect.MAVLink(None)
+    message = link.global_position_int_encode(0, 0, 0, 0, 0, 150, 0, 0, 0)
+    assert values(mavlink_decoder().decode(link_frame(message, 1.0))) == {
+        "velocity_north_mps": 1.5,
+        "velocity_east_mps": 0.0,
+    }
 
 
 @pytest.mark.shared

@@ -1,0 +1,249 @@
+"""The recorder's threads: nothing is lost or ends without a word, and a recording can always be stopped."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from acquisition.config import TrialConfig, load_config
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.errors import SourceError, StorageError
+from acquisition.frames import Frame, now_ns
+from acquisition.pipeline import Recorder
+from acquisition.recording.reader import Recording, read_recording
+from acquisition.recording.writer import RecordingWriter
+from tests.acquisition.conftest import config_text
+
+HEADING = sentence("HEHDT,12.3,T").strip()
+Read = Callable[[], list[Frame] | None]
+
+
+class FakeSource:
+    """A source whose reads are a function; counts how often it was opened and closed."""
+
+    def __init__(self, name: str, read: Read, *, waits: bool = False) -> None:
+        self.name, self.waits, self._read = name, waits, read
+        self.opened = self.closed = 0
+
+    def open(self) -> None:
+        self.opened += 1
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        return self._read()
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def frame(payload: bytes = HEADING, name: str = "line") -> Frame:
+    return Frame(name, "nmea0183", payload, *now_ns())
+
+
+def idle() -> list[Frame]:
+    time.sleep(0.02)
+    return []
+
+
+def reads(*results: list[Frame] | Exception | None) -> Read:
+    """Each result once, then nothing more."""
+    left: Iterator[list[Frame] | Exception | None] = iter(results)
+
+    def read() -> list[Frame] | None:
+        result = next(left, [])
+        if isinstance(result, Exception):
+            raise result
+        return idle() if result == [] else result
+
+    return read
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> TrialConfig:
+    """One line of sentences, and a queue that holds a hundred of them."""
+    text = config_text('type = "udp"\nport = 1\n', ("heading_deg",), clock="receiver")
+    (tmp_path / "trial.toml").write_text(text + "[recording]\nqueue_frames = 100\n")
+    return load_config(tmp_path / "trial.toml")
+
+
+Run = Callable[..., Recording]
+
+
+@pytest.fixture
+def run(config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Record from a fake source for a while and give the recording back."""
+
+    def recorded(
+        source: FakeSource, during: Callable[[Recorder], None] = lambda recorder: time.sleep(0.15)
+    ) -> Recording:
+        monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: source)
+        with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
+            recorder = Recorder(config, writer)
+            recorder.start()
+            during(recorder)
+            recorder.stop()
+        return read_recording(tmp_path / "x.mcap")
+
+    return recorded
+
+
+def texts(recording: Recording) -> str:
+    return " | ".join(text for _, text in recording.events)
+
+
+def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recorded and dropped are all that came, and the event log has said it once."""
+    from acquisition.processing import Processing
+
+    slow = Processing.process
+
+    def process(self: Processing, each: Frame) -> None:
+        time.sleep(0.0005)
+        slow(self, each)
+
+    monkeypatch.setattr(Processing, "process", process)
+    recorders: list[Recorder] = []
+
+    def during(recorder: Recorder) -> None:
+        recorders.append(recorder)
+        time.sleep(0.3)
+
+    recording = run(FakeSource("line", reads([frame() for _ in range(1000)])), during)
+    health = recorders[0].health.sources["line"]
+    assert health.frames == 1000
+    assert health.dropped > 0
+    assert recording.raw["/raw/nmea0183/line"] == 1000 - health.dropped
+    assert texts(recording).count("the queue is full") == 1
+
+
+def test_a_source_that_can_wait_loses_nothing(run: Run) -> None:
+    """A file is read faster than it can be recorded; the queue holds it back."""
+    lines = [frame() for _ in range(3000)]
+    recording = run(FakeSource("line", reads(lines, None), waits=True), lambda recorder: wait_until_ended(recorder))
+    assert recording.raw["/raw/nmea0183/line"] == 3000
+
+
+def wait_until_ended(recorder: Recorder) -> None:
+    until_s = time.monotonic() + 10
+    while not recorder.ended and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert recorder.ended
+
+
+@pytest.mark.parametrize("error", [SourceError("pulled"), ValueError("a driver's own"), RuntimeError("another")])
+def test_whatever_a_driver_raises_the_source_is_opened_again(run: Run, error: Exception) -> None:
+    source = FakeSource("line", reads([frame()], error, [frame()]))
+    recording = run(source, lambda recorder: time.sleep(0.4))
+    assert recording.series["heading_deg"].value.size == 2
+    assert source.opened == source.closed == 2
+    assert str(error) in texts(recording)
+    assert "'line' is back" in texts(recording)
+
+
+def test_a_source_that_hangs_is_left_behind(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("acquisition.pipeline._LONGEST_JOIN_S", 0.2)
+    release = threading.Event()
+    first = reads([frame()])
+
+    def read() -> list[Frame] | None:
+        return first() or (release.wait(20) and None) or []
+
+    started_s = time.monotonic()
+    recording = run(FakeSource("line", read), lambda recorder: time.sleep(0.15))
+    release.set()
+    assert time.monotonic() - started_s < 5
+    assert recording.closed
+    assert recording.series["heading_deg"].value.size == 1
+    assert "does not stop and is left behind" in texts(recording)
+
+
+@pytest.mark.parametrize("error", [StorageError("disk full"), ZeroDivisionError("a bug")])
+def test_what_breaks_the_recording_ends_it_and_is_raised(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """With a source that goes on flooding: stop must neither hang nor keep silent."""
+
+    def fail(self: RecordingWriter, each: Frame) -> None:
+        raise error
+
+    monkeypatch.setattr(RecordingWriter, "write_raw", fail)
+    with pytest.raises(type(error), match=str(error)):
+        run(FakeSource("line", lambda: [frame() for _ in range(50)]), wait_until_ended)
+
+
+def test_a_frame_that_breaks_a_decoder_is_kept_raw(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    from acquisition.decoders.nmea0183 import Nmea0183Decoder
+
+    sound = Nmea0183Decoder.decode
+
+    def decode(self: Nmea0183Decoder, each: Frame) -> object:
+        return 1 / 0 if b"HEHDT,9" in each.payload else sound(self, each)
+
+    monkeypatch.setattr(Nmea0183Decoder, "decode", decode)
+    bad = sentence("HEHDT,9.9,T").strip()
+    recording = run(FakeSource("line", reads([frame(), frame(bad), frame(bad), frame()])))
+    assert recording.raw["/raw/nmea0183/line"] == 4
+    assert recording.series["heading_deg"].value.tolist() == [12.3, 12.3]
+    assert texts(recording).count("broke the decoder: ZeroDivisionError") == 1
+
+
+def test_marks_from_many_threads_keep_their_times(run: Run) -> None:
+    marked_ns: list[int] = []
+
+    def during(recorder: Recorder) -> None:
+        def mark(number: int) -> None:
+            marked_ns.append(now_ns()[0])
+            recorder.mark(f"mark {number}")
+
+        threads = [threading.Thread(target=mark, args=(number,)) for number in range(20)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+
+    events = [each for each in run(FakeSource("line", idle), during).events if each[1].startswith("mark")]
+    assert {text for _, text in events} == {f"mark {number}" for number in range(20)}
+    assert min(marked_ns) <= min(time_ns for time_ns, _ in events)
+    assert max(time_ns for time_ns, _ in events) - max(marked_ns) < 50e6
+
+
+def test_the_disk_is_told_twice_a_second_even_when_nothing_comes(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also in a flood: no two syncs are further apart than 0.5 s and what a slow machine adds."""
+    synced_s: list[float] = []
+    real = os.fsync
+
+    def fsync(descriptor: int) -> None:
+        synced_s.append(time.monotonic())
+        real(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    for read in (idle, lambda: [frame() for _ in range(20)]):
+        synced_s.clear()
+        run(FakeSource("line", read), lambda recorder: time.sleep(1.6))
+        gaps_s = [later - earlier for earlier, later in pairwise(synced_s)]
+        assert len(synced_s) >= 4
+        assert max(gaps_s) < 0.6
+
+
+def test_a_source_that_cannot_be_opened_closes_the_others(
+    config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Broken(FakeSource):
+        def open(self) -> None:
+            raise ValueError("a driver's own error")
+
+    from dataclasses import replace
+
+    sound, broken = FakeSource("line", idle), Broken("line", idle)
+    left = iter([sound, broken])
+    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: next(left))
+    with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
+        recorder = Recorder(replace(config, sources=config.sources * 2), writer)
+        with pytest.raises(SourceError, match="source 'line': failed: ValueError a driver's own error"):
+            recorder.start()
+    assert sound.opened == sound.closed == 1
