@@ -116,7 +116,7 @@ _HEALTH = _object(
     "The state of one source",
     {
         "source": {"type": "string"},
-        "state": {"type": "string", "description": "open, silent or failed"},
+        "state": {"type": "string", "description": "open, silent, failed or ended"},
         "frames": {"type": "integer", "description": "Received since the start"},
         "rejected": {"type": "integer", "description": "Frames that a guard refused"},
         "dropped": {"type": "integer", "description": "Frames lost because the queue was full"},

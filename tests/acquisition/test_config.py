@@ -49,6 +49,28 @@ def test_a_configuration_becomes_frozen_objects(tmp_path: Path) -> None:
         (config_text('type = "seriel"\n'), 8, "seriel"),
         (config_text(SERIAL, clock="sundial"), 6, "clock"),
         (config_text(SERIAL + 'baud_rate = "fast"\n'), 10, "baud_rate: 'fast'"),
+        (config_text(SERIAL + "baud_rate = 0\n"), 10, "baud_rate: 0"),
+        (config_text('type = "udp"\nport = 70000\n'), 9, "port: 70000"),
+        (config_text('type = "mavlink"\nport = 1\nsystem_id = 256\n'), 10, "system_id: 256"),
+        (config_text(SERIAL).replace("63.44", "634.4"), 3, "634.4"),
+        (config_text(SERIAL).replace("63.44", "nan"), 3, "origin.latitude_deg"),
+        (config_text(SERIAL).replace('"round trip"', '""'), 2, "trial.name"),
+        (config_text(SERIAL) + "[recording]\nsync_s = inf\n", 11, "recording.sync_s"),
+        (config_text(SERIAL) + "[recording]\nqueue_frames = 0\n", 11, "recording.queue_frames"),
+        (config_text(SERIAL + "thrusters = { port = 4 }\n"), 10, "two thrusters have the same number"),
+        (config_text(SERIAL, ("heave_m",)), 7, "no message on source 'line' carries heave_m"),
+        (config_text(CAN.split("[source.signals]")[0]), 7, "carries port_rpm; say which DBC signal does"),
+        (
+            config_text('type = "mavlink"\nport = 1\n[source.named_values]\n', ("tunnel_rpm",)),
+            7,
+            "carries tunnel_rpm; say which named value does",
+        ),
+        (
+            config_text('type = "mavlink"\nport = 1\n', ("heading_deg",))
+            + '[source.named_values]\ntunnel_rpm = { name = "longer_than_ten", unit = "rpm" }\n',
+            11,
+            "longer_than_ten",
+        ),
     ],
 )
 def test_what_is_wrong_names_its_line(tmp_path: Path, text: str, line: int, message: str) -> None:

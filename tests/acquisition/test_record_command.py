@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pty
+import select
 import signal
 import subprocess
 import sys
@@ -43,12 +45,11 @@ def config_file(tmp_path: Path, section: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_a_recording_cleanly(tmp_path: Path, number: signal.Signals) -> None:
     config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=3.0)
     process = start_recorder(config, tmp_path / "out")
-    time.sleep(0.3)  # the socket is bound right after the line is printed
     emulate(tmp_path / "voyage.mcap", load_config(config), speed=3.0)
     time.sleep(0.3)
     process.send_signal(number)
@@ -60,18 +61,52 @@ def test_signals_end_a_recording_cleanly(tmp_path: Path, number: signal.Signals)
     assert recording.raw["/raw/nmea0183/line"] > len(table)
 
 
+def test_a_terminal_is_left_as_it_was(tmp_path: Path) -> None:
+    """On a terminal: the table on a screen of its own; after Ctrl-C that screen is gone and the cursor is back."""
+    near, far = pty.openpty()
+    config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "seatrial.py"), "record", str(config), "-o", str(tmp_path / "out")],
+        stdin=far, stdout=subprocess.PIPE, stderr=far, text=True, cwd=ROOT, env={**os.environ, "TERM": "xterm"},
+    )  # fmt: skip
+    os.close(far)
+    shown = _read_until(near, b"waiting")
+    process.send_signal(signal.SIGINT)
+    stdout, _ = process.communicate(timeout=20)
+    shown += _read_until(near, b"the end")
+    os.close(near)
+    assert process.returncode == 0
+    assert read_recording(stdout.strip()).closed
+    assert b"\x1b[?1049h" in shown
+    after = shown[shown.rindex(b"\x1b[?1049l") :]
+    assert b"\x1b[?25h" in shown[shown.rindex(b"\x1b[?25l") :]
+    assert b"0 of 13 channels, 0 dropped" in after
+    assert b"warning: nothing came of heading_deg" in after
+
+
+def _read_until(descriptor: int, wanted: bytes) -> bytes:
+    """What a terminal shows, up to ``wanted`` or its end."""
+    shown, until_s = b"", time.monotonic() + 15
+    while wanted not in shown and time.monotonic() < until_s:
+        readable, _, _ = select.select([descriptor], [], [], 0.5)
+        try:
+            shown += os.read(descriptor, 65_536) if readable else b""
+        except OSError:  # the other end has closed
+            break
+    return shown
+
+
 def test_a_kill_loses_no_more_than_what_was_not_yet_flushed(tmp_path: Path) -> None:
     config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
-    write_voyage(tmp_path / "voyage.mcap", duration_s=4.0)
+    write_voyage(tmp_path / "voyage.mcap", duration_s=2.0, rate_hz=20.0)
     process = start_recorder(config, tmp_path / "out")
-    time.sleep(0.3)
     emulate(tmp_path / "voyage.mcap", load_config(config), speed=1.0)
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
     (path,) = (tmp_path / "out").glob("*.mcap")
     recording = read_recording(path)
     assert not recording.closed
-    assert recording.series["heading_deg"].value.size >= 40 - 10 * 0.5
+    assert recording.series["heading_deg"].value.size >= 40 - 20 * 0.5
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,210 @@
+"""From frames to the recording: one source a channel, one map, the trial's origin, JSON that fits its schema."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from rich.console import Console
+
+from acquisition.config import TrialConfig, load_config
+from acquisition.encoders import Moment, make_encoder
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.frames import Frame
+from acquisition.health import ChannelHealth, Health, SourceHealth
+from acquisition.live.terminal import Picture
+from acquisition.processing import Processing
+from acquisition.recording.reader import Recording, read_recording
+from acquisition.recording.writer import RecordingWriter
+from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS
+
+SECOND = 1_000_000_000
+START_NS = 1_779_019_200 * SECOND
+TWO_LINES = """
+[[source]]
+name = "first"
+type = "udp"
+port = 1
+channels = ["north_m", "east_m", "heading_deg"]
+[[source]]
+name = "second"
+type = "udp"
+port = 2
+channels = ["heading_deg", "latitude_deg"]
+"""
+Process = Callable[[str, list[tuple[str, float, str]]], tuple[Recording, Health]]
+
+
+def configured(folder: Path, text: str, trial: str = '[trial]\nname = "x"\n') -> TrialConfig:
+    (folder / "trial.toml").write_text(trial + text)
+    return load_config(folder / "trial.toml")
+
+
+@pytest.fixture
+def process(tmp_path: Path) -> Process:
+    """Record sentences, given as (line, second, body), without threads."""
+
+    def recorded(text: str, said: list[tuple[str, float, str]]) -> tuple[Recording, Health]:
+        config = configured(tmp_path, text)
+        health = Health({each.name: SourceHealth(each.name) for each in config.sources})
+        with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
+            processing = Processing(config, writer, health)
+            for line, at_s, body in said:
+                at_ns = round(at_s * SECOND)
+                processing.process(Frame(line, "nmea0183", sentence(body).strip(), START_NS + at_ns, at_ns))
+        return read_recording(tmp_path / "x.mcap"), health
+
+    return recorded
+
+
+def fix(minutes: float) -> str:
+    return f"GPGGA,120000.00,63{minutes:09.6f},N,01024.000000,E,4,12,0.6,0.0,M,0.0,M,,"
+
+
+def test_the_preferred_source_has_the_channel_until_it_falls_silent(process: Process) -> None:
+    said = [("second", 0.0, "HEHDT,2.0,T"), ("first", 0.1, "HEHDT,1.0,T")]
+    said += [("second", 0.5 * number, "HEHDT,2.0,T") for number in range(1, 8)]
+    said += [("first", 4.0, "HEHDT,1.0,T"), ("second", 4.1, "HEHDT,2.0,T")]
+    recording, _ = process(TWO_LINES, said)
+    assert recording.series["heading_deg"].value.tolist() == [2.0, 1.0, 2.0, 2.0, 1.0]
+    changes = [text for _, text in recording.events]
+    assert changes == [
+        "heading_deg: from second/HE:HDT to first/HE:HDT",
+        "heading_deg: from first/HE:HDT to second/HE:HDT",
+        "heading_deg: from second/HE:HDT to first/HE:HDT",
+    ]
+    assert [time_ns - START_NS for time_ns, _ in recording.events] == [SECOND // 10, 3 * SECOND, 4 * SECOND]
+
+
+def test_a_second_compass_on_the_line_waits_for_the_first_to_fall_silent(process: Process) -> None:
+    said = [("first", 0.0, "HEHDT,1.0,T"), ("first", 0.1, "IIHDT,5.0,T"), ("first", 3.0, "IIHDT,5.0,T")]
+    recording, _ = process(TWO_LINES, said)
+    assert recording.series["heading_deg"].value.tolist() == [1.0, 5.0]
+    assert recording.series["heading_deg"].sources == ("first/HE:HDT", "first/II:HDT")
+
+
+def test_the_finer_of_two_messages_has_the_channel_whichever_came_first(process: Process) -> None:
+    said = [("first", 0.0, "GPRMC,120000.00,A,6326.0,N,01024.0,E,0.0,0.0,170526,,,A")]
+    said += [(("first", 0.1 * number, fix(26.0))) for number in range(1, 4)]
+    said += [("first", 0.5, "GPRMC,120000.00,A,6326.0,N,01024.0,E,0.0,0.0,170526,,,A")]
+    recording, _ = process(TWO_LINES, said)
+    assert recording.series["north_m"].sources == ("first/GP:RMC derived", "first/GP:GGA derived")
+    assert recording.series["north_m"].source_index.tolist() == [0, 1, 1, 1]
+
+
+def test_origin_and_map_come_from_the_source_of_the_position(process: Process, tmp_path: Path) -> None:
+    """A third line that has fixes but lists no position neither sets the origin nor draws on the map."""
+    third = '[[source]]\nname = "third"\ntype = "udp"\nport = 3\nchannels = ["heading_deg"]\n'
+    said = [
+        ("third", 0.0, fix(0.0)),
+        ("first", 0.1, fix(30.0)),
+        ("third", 0.2, fix(0.0)),
+        ("first", 0.3, fix(30.6)),
+    ]
+    recording, _ = process(TWO_LINES + third, said)
+    assert recording.trial.origin == pytest.approx((63.5, 10.4))
+    assert recording.series["north_m"].value == pytest.approx([0.0, 1114.6], abs=0.5)
+    with (tmp_path / "x.mcap").open("rb") as stream:
+        drawn = [json.loads(message.data) for _, _, message in make_reader(stream).iter_messages(["/position"])]
+    assert [each["latitude"] for each in drawn] == pytest.approx([63.5, 63.51])
+
+
+def test_values_that_no_channel_can_hold_are_counted_for_their_source(process: Process) -> None:
+    said = [("first", 0.0, "HEHDT,720.0,T"), ("first", 0.1, "HEHDT,359.9,T"), ("first", 0.2, "HEHDT,360.0,T")]
+    recording, health = process(TWO_LINES, said)
+    assert recording.series["heading_deg"].value.tolist() == [359.9, 0.0]
+    assert health.sources["first"].rejected == 1
+    assert health.sources["first"].as_message(0)["rejected"] == 1
+    assert health.sources["second"].rejected == 0
+
+
+def fits(value: Any, schema: dict[str, Any]) -> bool:
+    """Whether a value is what a JSON schema allows, as far as our schemas go."""
+    kinds = {
+        "object": dict, "array": list, "string": str, "integer": int, "number": (int, float), "null": type(None),
+    }  # fmt: skip
+    names = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
+    if not any(isinstance(value, kinds[name]) for name in names):  # type: ignore[arg-type]
+        return False
+    if isinstance(value, dict):
+        return all(
+            key in schema["properties"] and fits(each, schema["properties"][key]) for key, each in value.items()
+        )
+    if isinstance(value, list):
+        return schema["minItems"] <= len(value) <= schema["maxItems"] and all(
+            fits(each, schema["items"]) for each in value
+        )
+    return bool(not isinstance(value, int) or value >= schema.get("minimum", value))
+
+
+def test_every_message_of_every_source_fits_its_schema_for_a_plain_reader(tmp_path: Path) -> None:
+    values = {
+        "north_m": 5.0, "east_m": -5.0, "heading_deg": 12.0, "surge_mps": 3.0, "sway_mps": -0.2,
+        "yaw_rate_dps": 1.0, "wind_direction_deg": 300.0, "wind_speed_mps": 8.0,
+        "port_rpm": -50.0, "port_angle_deg": 170.0,
+        "starboard_rpm": 60.0, "starboard_angle_deg": -170.0, "tunnel_rpm": -10.0,
+    }  # fmt: skip
+    listed = json.dumps([*values, "latitude_deg", "longitude_deg"])
+    sections = {
+        "bus": f'type = "can"\ninterface = "virtual"\nchannel = "x"\ndbc = "{DBC}"\n{SIGNALS}',
+        "line": 'type = "udp"\nport = 1\n',
+        "link": 'type = "mavlink"\nport = 2\n',
+    }
+    config = configured(
+        tmp_path,
+        "".join(
+            f'[[source]]\nname = "{name}"\nclock = "source"\nchannels = {listed}\n{text}'
+            for name, text in sections.items()
+        ),
+    )
+    health = Health({each.name: SourceHealth(each.name) for each in config.sources})
+    with RecordingWriter(tmp_path / "x.mcap", config.trial, config.text) as writer:
+        processing = Processing(config, writer, health)
+        for source in config.sources[::-1]:
+            protocol = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink"}[source.type]
+            for packet in make_encoder(source).encode(Moment(START_NS, values, *ORIGIN)):
+                payload = packet.payload.strip() if protocol == "nmea0183" else packet.payload
+                frame = Frame(source.name, protocol, payload, START_NS, 7, packet.identifier)  # type: ignore[arg-type]
+                processing.process(frame)
+        for each in health.sources.values():
+            writer.write_health(each.as_message(8), START_NS)
+    topics = set()
+    with (tmp_path / "x.mcap").open("rb") as stream:
+        for schema, channel, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            assert fits(json.loads(message.data), json.loads(schema.data)), channel.topic
+            topics.add(channel.topic)
+    assert topics == {f"/channel/{name}" for name in json.loads(listed)} | {
+        "/raw/can/bus", "/raw/nmea0183/line", "/raw/mavlink/link", "/position", "/event", "/health",
+    }  # fmt: skip
+
+
+def test_a_rate_falls_when_a_channel_falls_silent() -> None:
+    channel = ChannelHealth(count=20)
+    channel.times_ns.extend(number * SECOND // 10 for number in range(20))
+    assert channel.rate_hz(2 * SECOND) == pytest.approx(10.0)
+    assert channel.rate_hz(4 * SECOND) == pytest.approx(19 / 4)
+    assert channel.rate_hz(20 * SECOND) == 0.0
+
+
+@pytest.mark.parametrize(("width", "height"), [(120, 40), (80, 24), (60, 20), (60, 18)])
+def test_the_picture_fits_its_terminal(width: int, height: int, process: Process) -> None:
+    """No name and no number is cut, no line is broken in two, and the newest events are those that stay."""
+    _, health = process(TWO_LINES, [("first", 0.1 * number, fix(30.0)) for number in range(5)])
+    health.events.extend((START_NS, f"event {number} " + "long " * 40) for number in range(10))
+    console = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, color_system=None)
+    picture = Picture(health, Path("a_rather_long_name_of_a_trial_20260517T120000Z.mcap"), frozenset({"north_m"}))
+    with console.capture() as captured:
+        console.print(picture)
+    lines = captured.get().rstrip("\n").split("\n")
+    assert len(lines) <= max(height, 18)
+    assert all(len(line) <= width for line in lines)
+    for name in ("starboard_angle_deg", "wind_direction_deg"):
+        assert any(line.startswith(name) for line in lines)
+    assert ("event 9" in captured.get()) == (height > 19)
