@@ -101,7 +101,8 @@ def info(
     console = Console()
     state = "closed properly" if found["closed"] else "NOT CLOSED: the recorder was killed or is still writing"
     console.print(f"{file}  {state}", style="bold", **_AS_IT_IS)
-    console.print(f"{found['start']} to {found['end']}", **_AS_IT_IS)
+    if found["messages"]:
+        console.print(f"{found['start']} to {found['end']}", **_AS_IT_IS)
     console.print(f"{found['duration_s']:.1f} s, {found['messages']:,} messages", **_AS_IT_IS)
     for key, value in found["trial"].items():
         console.print(f"{key.replace('_', ' ')}: {value}", style="dim", **_AS_IT_IS)

@@ -67,86 +67,80 @@ class Thrusters:
             raise ValueError("two thrusters have the same number")
 
 
-@dataclass(frozen=True, config=_STRICT)
-class CanSource:
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class _Source:
+    """What every source says: its name, the channels it provides, and whose clock stamps them."""
+
+    name: str
+    channels: tuple[ChannelName, ...]
+    clock: Clock = "receiver"
+
+
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class CanSource(_Source):
     """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
 
     ``options`` go to python-can's interface as they are (bitrate, port, hop_limit ...).
     """
 
-    name: str
     type: Literal["can"]
     interface: str
     channel: str
-    channels: tuple[ChannelName, ...]
     options: dict[str, str | int | float | bool] = field(default_factory=dict)
-    clock: Clock = "receiver"
     dbc: Path | None = None
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class SerialSource:
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class _SentenceSource(_Source):
+    """What every line of NMEA 0183 says."""
+
+    thrusters: Thrusters = field(default_factory=Thrusters)
+
+
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class SerialSource(_SentenceSource):
     """NMEA 0183 on a serial line."""
 
-    name: str
     type: Literal["serial"]
     device: str
-    channels: tuple[ChannelName, ...]
     baud_rate: PositiveInt = 4800
-    clock: Clock = "receiver"
-    thrusters: Thrusters = field(default_factory=Thrusters)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class UdpSource:
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class UdpSource(_SentenceSource):
     """NMEA 0183 in UDP datagrams that are sent to this address and port."""
 
-    name: str
     type: Literal["udp"]
     port: Port
-    channels: tuple[ChannelName, ...]
     address: str = "127.0.0.1"
-    clock: Clock = "receiver"
-    thrusters: Thrusters = field(default_factory=Thrusters)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class TcpSource:
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class TcpSource(_SentenceSource):
     """NMEA 0183 from a TCP server, a multiplexer or gateway, that we connect to."""
 
-    name: str
     type: Literal["tcp"]
     port: Port
-    channels: tuple[ChannelName, ...]
     address: str = "127.0.0.1"
-    clock: Clock = "receiver"
-    thrusters: Thrusters = field(default_factory=Thrusters)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class FileSource:
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class FileSource(_SentenceSource):
     """NMEA 0183 sentences from a text file, read once from beginning to end."""
 
-    name: str
     type: Literal["file"]
     path: Path
-    channels: tuple[ChannelName, ...]
-    clock: Clock = "receiver"
-    thrusters: Thrusters = field(default_factory=Thrusters)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class MavlinkSource:
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class MavlinkSource(_Source):
     """MAVLink in UDP datagrams that are sent to this address and port, from one system."""
 
-    name: str
     type: Literal["mavlink"]
     port: Port
-    channels: tuple[ChannelName, ...]
     address: str = "127.0.0.1"
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
-    clock: Clock = "receiver"
     named_values: dict[ChannelName, NamedValue] = field(
         default_factory=lambda: {
             "port_angle_deg": NamedValue(name="port_ang", unit="deg"),

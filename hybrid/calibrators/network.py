@@ -70,7 +70,7 @@ class NetworkCalibrator(ABC):
     inputs: ClassVar[tuple[str, ...]]
     needs_reference: ClassVar[bool]
 
-    def __init__(self, seed: int = 0, epochs: int = 800, batch: int = 512, patience: int = 100) -> None:
+    def __init__(self, seed: int = 0, epochs: int = 1000, batch: int = 512, patience: int = 150) -> None:
         self.seed, self.epochs, self.batch, self.patience = seed, epochs, batch, patience
 
     @abstractmethod

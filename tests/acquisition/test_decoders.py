@@ -196,7 +196,15 @@ def other_dbc(tmp_path: Path) -> list[Decoder]:
         "port_angle_deg": Signal(message="Real", signal="Angle", unit="deg"),
     }
     return make_decoders(
-        CanSource("bus", "can", "virtual", "x", tuple(signals), dbc=tmp_path / "other.dbc", signals=signals)
+        CanSource(
+            name="bus",
+            type="can",
+            interface="virtual",
+            channel="x",
+            channels=tuple(signals),
+            dbc=tmp_path / "other.dbc",
+            signals=signals,
+        )
     )
 
 

@@ -219,3 +219,22 @@ def test_played_pace_is_that_of_the_recording(tmp_path: Path) -> None:
     (tmp_path / "file.toml").write_text(config_text('type = "file"\npath = "sent.log"\n'))
     played = emulate(tmp_path / "voyage.mcap", load_config(tmp_path / "file.toml"), speed=4.0)
     assert np.isclose(played.duration_s, 1.9 / 4.0, atol=0.1)
+
+
+def test_encoding_and_decoding_at_the_same_time_lose_nothing(sources: dict[str, AnySource]) -> None:
+    """The CAN library's codec, one a process, raises when two threads meet in it."""
+    moment = Moment(START_NS, {"heading_deg": 12.0})
+    (*_, packet) = make_encoder(sources["can"]).encode(moment)
+    decoder, *_ = make_decoders(sources["can"])
+    frame = Frame("line", "can", packet.payload, 0, 0, packet.identifier)
+    encoded: list[int] = []
+
+    def encode() -> None:
+        encoder = make_encoder(sources["can"])
+        encoded.extend(len(encoder.encode(moment)) for _ in range(20_000))
+
+    thread = threading.Thread(target=encode)
+    thread.start()
+    decoded = sum(len(decoder.decode(frame)) for _ in range(20_000))
+    thread.join()
+    assert (len(encoded), decoded) == (20_000, 20_000)

@@ -188,3 +188,50 @@ def test_a_stream_hands_over_the_configuration(tmp_path: Path) -> None:
     stream = MessageStream(tmp_path / "x.mcap")
     assert list(stream) == []
     assert stream.configuration == "[trial]\nname = 'ø'\n"
+
+
+def info_at(columns: int, path: Path) -> str:
+    """What ``seatrial info`` prints on a terminal of so many columns."""
+    from typer.testing import CliRunner
+
+    from seatrial import app
+
+    result = CliRunner().invoke(app, ["info", str(path)], env={"COLUMNS": str(columns)})
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def test_info_loses_nothing_at_80_columns(tmp_path: Path) -> None:
+    """Every source is there to its last letter, though some need a second line."""
+    table = write_voyage(tmp_path / "voyage.mcap", duration_s=2.0)
+    source = "backbone/33:StarboardAzimuth derived from far away"
+    write_table(table, tmp_path / "long.mcap", FULL_TRIAL, source=source)
+    shown = info_at(80, tmp_path / "long.mcap")
+    assert "…" not in shown
+    assert all(len(line) <= 80 for line in shown.splitlines() if line.startswith(NAMES))
+    assert all(word in shown for word in source.split())
+    assert "closed properly" in shown
+
+
+def test_info_of_a_recording_without_a_message_names_no_time(tmp_path: Path) -> None:
+    writer = RecordingWriter(tmp_path / "empty.mcap", FULL_TRIAL)
+    writer.flush()
+    shown = info_at(80, tmp_path / "empty.mcap")
+    writer.close()
+    assert "NOT CLOSED" in shown
+    assert "0 messages" in shown
+    assert "1970" not in shown
+
+
+def test_foreign_topics_of_our_names_are_one_clear_error(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    with (tmp_path / "foreign.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("other", "jsonschema", b"{}")
+        topic = writer.register_channel("/channel/heading_deg", "json", schema)
+        writer.add_message(topic, 1, b'{"degrees": 5}', 1)
+        writer.finish()
+    with pytest.raises(InputError, match="topic /channel/heading_deg holds a message that is no sample of ours"):
+        read_recording(tmp_path / "foreign.mcap")
