@@ -21,7 +21,7 @@ demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to re
 	$(BIN)/seatrial demo -o demo
 
 test: $(STAMP)   ## the test suite (-n 2: two processes)
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow
