@@ -12,7 +12,7 @@ from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
 from acquisition.channels import BY_NAME
-from acquisition.config import ChannelName, Origin
+from acquisition.config import ChannelName, RunSheet
 from acquisition.errors import ConfigurationError
 from acquisition.toml_file import line_of, load_toml, read_text
 from acquisition.units import scale_to
@@ -92,19 +92,6 @@ class ApparentWind:
 
 
 @dataclass(frozen=True, config=_STRICT)
-class TrialEntry:
-    """What the table itself does not say of the trial."""
-
-    name: str = ""
-    vessel: str = ""
-    place: str = ""
-    water_depth_m: float | None = None
-    draught_m: float | None = None
-    crew_notes: str = ""
-    origin: Origin | None = None
-
-
-@dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
     """A whole map. ``absent`` names channels that the table has not and that stay away."""
 
@@ -112,7 +99,7 @@ class ColumnMap:
     channels: dict[ChannelName, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
-    trial: TrialEntry = field(default_factory=TrialEntry)
+    trial: RunSheet = field(default_factory=RunSheet)
     absent: tuple[ChannelName, ...] = ()
 
 

@@ -162,17 +162,37 @@ class Origin:
     longitude_deg: Annotated[float, Field(ge=-180, le=180)]
 
 
-@dataclass(frozen=True, config=_STRICT)
-class TrialSection:
-    """The run sheet. Without an origin the first fix becomes the origin."""
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class RunSheet:
+    """What a person says of a trial, in a configuration or in a column map."""
 
-    name: Annotated[str, Field(min_length=1, max_length=100)]
+    name: str = ""
     vessel: str = ""
     place: str = ""
     origin: Origin | None = None
     water_depth_m: FiniteFloat | None = None
     draught_m: FiniteFloat | None = None
     crew_notes: str = ""
+
+    def as_trial(self) -> Trial:
+        """The run sheet as a recording carries it."""
+        return Trial(
+            name=self.name,
+            vessel=self.vessel,
+            place=self.place,
+            origin_latitude_deg=self.origin.latitude_deg if self.origin else None,
+            origin_longitude_deg=self.origin.longitude_deg if self.origin else None,
+            water_depth_m=self.water_depth_m,
+            draught_m=self.draught_m,
+            crew_notes=self.crew_notes,
+        )
+
+
+@dataclass(frozen=True, config=_STRICT, kw_only=True)
+class TrialSection(RunSheet):
+    """The run sheet of a trial to record, which needs a name. Without an origin the first fix becomes it."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)]
 
 
 @dataclass(frozen=True, config=_STRICT)
@@ -222,24 +242,11 @@ def load_config(path: Path | str) -> TrialConfig:
     _check_channels(file.source, text, path)
     folder = Path(path).resolve().parent
     return TrialConfig(
-        trial=_trial(file.trial),
+        trial=file.trial.as_trial(),
         sources=tuple(_resolved(source, folder, path) for source in file.source),
         recording=file.recording,
         text=text,
         path=Path(path),
-    )
-
-
-def _trial(section: TrialSection) -> Trial:
-    return Trial(
-        name=section.name,
-        vessel=section.vessel,
-        place=section.place,
-        origin_latitude_deg=section.origin.latitude_deg if section.origin else None,
-        origin_longitude_deg=section.origin.longitude_deg if section.origin else None,
-        water_depth_m=section.water_depth_m,
-        draught_m=section.draught_m,
-        crew_notes=section.crew_notes,
     )
 
 

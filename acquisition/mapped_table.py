@@ -69,7 +69,7 @@ def mapped(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> Mapped:
     time = columns.time
     name = asked.known(time.column, ("time", "column"))
     index = times(raw, name, time.zone, time.start, seconds=time.format == "seconds")
-    result = Mapped(pd.DataFrame(index=index), _trial(columns))
+    result = Mapped(pd.DataFrame(index=index), columns.trial.as_trial())
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
@@ -82,20 +82,6 @@ def mapped(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> Mapped:
     _add_true_wind(result, columns, asked)
     result.passed_over = tuple(name for name in map(str, raw.columns.columns) if name not in asked.used)
     return result
-
-
-def _trial(columns: ColumnMap) -> Trial:
-    entry = columns.trial
-    return Trial(
-        name=entry.name,
-        vessel=entry.vessel,
-        place=entry.place,
-        origin_latitude_deg=entry.origin.latitude_deg if entry.origin else None,
-        origin_longitude_deg=entry.origin.longitude_deg if entry.origin else None,
-        water_depth_m=entry.water_depth_m,
-        draught_m=entry.draught_m,
-        crew_notes=entry.crew_notes,
-    )
 
 
 def _in_turn(name: str, values: Floats) -> Floats:

@@ -31,25 +31,12 @@ def bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
     return opened
 
 
-def receive_datagram(opened: socket.socket | None, name: str, timeout_s: float) -> bytes:
-    """The next datagram, or nothing after the timeout. Raises :class:`SourceError`."""
-    if opened is None:
-        raise SourceError("is not open", where=f"source {name!r}")
-    try:
-        opened.settimeout(timeout_s)
-        return opened.recv(_DATAGRAM_BYTES)
-    except (TimeoutError, BlockingIOError):
-        return b""
-    except OSError as error:
-        raise SourceError("network failed", where=f"source {name!r}", why=str(error.strerror)) from error
-
-
-class UdpLines:
-    """Datagrams of one or more sentences each."""
+class DatagramSource:
+    """A UDP port that others send to; what a datagram holds is for the heirs to say."""
 
     waits = False
 
-    def __init__(self, config: UdpSource) -> None:
+    def __init__(self, config: UdpSource | MavlinkSource) -> None:
         self.name = config.name
         self._config = config
         self._socket: socket.socket | None = None
@@ -57,15 +44,30 @@ class UdpLines:
     def open(self) -> None:
         self._socket = bind_udp(self._config)
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        datagram = receive_datagram(self._socket, self.name, timeout_s)
-        lines = LineAssembler(self.name)  # a datagram never continues the one before it
-        return lines.push(datagram) + lines.end()
+    def receive(self, timeout_s: float) -> bytes:
+        """The next datagram, or nothing after the timeout. Raises :class:`SourceError`."""
+        if self._socket is None:
+            raise SourceError("is not open", where=f"source {self.name!r}")
+        try:
+            self._socket.settimeout(timeout_s)
+            return self._socket.recv(_DATAGRAM_BYTES)
+        except (TimeoutError, BlockingIOError):
+            return b""
+        except OSError as error:
+            raise SourceError("network failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
 
     def close(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+class UdpLines(DatagramSource):
+    """Datagrams of one or more sentences each."""
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        lines = LineAssembler(self.name)  # a datagram never continues the one before it
+        return lines.push(self.receive(timeout_s)) + lines.end()
 
 
 class TcpLines:
