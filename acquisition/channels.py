@@ -80,6 +80,18 @@ AUXILIARY: tuple[Channel, ...] = (
     Channel("roll_deg", "deg", -90, 90, "auxiliary", "Roll, positive to starboard"),
     Channel("pitch_deg", "deg", -90, 90, "auxiliary", "Pitch, positive bow up"),
     Channel("heave_m", "m", -100, 100, "auxiliary", "Heave, positive down"),
+    Channel("speed_over_ground_mps", "m/s", 0, 30, "auxiliary", "Speed over ground along the course"),
+    _circle("course_over_ground_deg", "auxiliary", "Course over ground from true north, clockwise"),
+    _circle("heading_magnetic_deg", "auxiliary", "Heading from magnetic north, clockwise"),
+    Channel("magnetic_variation_deg", "deg", -180, 180, "auxiliary", "Magnetic variation, positive to the east"),
+    _circle("apparent_wind_angle_deg", "auxiliary", "Direction the wind on board comes from, from the bow"),
+    Channel("apparent_wind_speed_mps", "m/s", 0, 100, "auxiliary", "Wind speed on board"),
+    Channel("rudder_angle_deg", "deg", -90, 90, "auxiliary", "Rudder, positive turns the ship to starboard"),
+    Channel("port_order_rpm", "rpm", -3000, 3000, "auxiliary", "Order to the port shaft"),
+    _circle("port_order_angle_deg", "auxiliary", "Order to the port azimuth", -180.0),
+    Channel("starboard_order_rpm", "rpm", -3000, 3000, "auxiliary", "Order to the starboard shaft"),
+    _circle("starboard_order_angle_deg", "auxiliary", "Order to the starboard azimuth", -180.0),
+    Channel("tunnel_order_rpm", "rpm", -3000, 3000, "auxiliary", "Order to the tunnel thruster"),
 )
 """Channels that may be recorded beside the 13; they never replace one of them."""
 

@@ -12,8 +12,8 @@ from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
 from acquisition.channels import BY_NAME
-from acquisition.config import ChannelName, RunSheet
 from acquisition.errors import ConfigurationError
+from acquisition.sections import ChannelName, RunSheet
 from acquisition.toml_file import line_of, load_toml, read_text
 from acquisition.units import scale_to
 

@@ -7,7 +7,9 @@ import socket
 from contextlib import suppress
 from typing import Protocol
 
-from acquisition.config import (
+from acquisition.encoders import Packet
+from acquisition.errors import SourceError, storage_error
+from acquisition.sections import (
     AnySource,
     CanSource,
     FileSource,
@@ -16,8 +18,6 @@ from acquisition.config import (
     TcpSource,
     UdpSource,
 )
-from acquisition.encoders import Packet
-from acquisition.errors import SourceError, storage_error
 
 
 class Outlet(Protocol):
@@ -52,7 +52,13 @@ def open_outlet(config: AnySource) -> Outlet:
         return _UdpOutlet(config)
     if isinstance(config, TcpSource):
         return _TcpOutlet(config)
-    return _FileOutlet(config)
+    if isinstance(config, FileSource):
+        return _FileOutlet(config)
+    raise SourceError(
+        f"nothing can be played onto a {config.type} source",
+        where=f"source {config.name!r}",
+        fix="play onto can, serial, udp, tcp, file or mavlink",
+    )
 
 
 class _AlwaysReady:

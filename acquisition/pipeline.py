@@ -12,12 +12,13 @@ import queue
 import threading
 import time
 
-from acquisition.config import RecordingSection, TrialConfig
+from acquisition.config import TrialConfig
 from acquisition.errors import SourceError
 from acquisition.frames import Frame, now_ns
 from acquisition.health import Health, SourceHealth
 from acquisition.processing import Processing
 from acquisition.recording.writer import RecordingWriter
+from acquisition.sections import RecordingSection
 from acquisition.sources import Source, make_source
 
 _POLL_S = 0.1

@@ -37,6 +37,9 @@ class Processing:
                 samples, impossible = self._derivation.channels(group)
                 health.impossible += impossible
                 self._record(samples, frame.received_ns)
+            while decoder.notices:
+                level, text = decoder.notices.popleft()
+                self.note(f"{frame.origin}: {text}", frame.received_ns, level)
         health.refused = sum(each.refused.total() for each in decoders)
 
     def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:

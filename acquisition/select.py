@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from acquisition.config import AnySource
 from acquisition.frames import Sample
+from acquisition.sections import AnySource
 
 SILENT_NS = 2_500_000_000
 

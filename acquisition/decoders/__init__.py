@@ -1,16 +1,33 @@
 """What is in a frame: one file a protocol. A decoder turns one frame into samples, guards first.
 
-A decoder keeps only the state its protocol forces on it (packets in parts, the clock of the line) and counts
-what it refuses. It never raises on what comes off a wire.
+A decoder keeps only the state its protocol forces on it (packets in parts, the clock of the line, who has which
+address) and counts what it refuses. It never raises on what comes off a wire.
+
+What a decoder may say, besides channels that a message carries as they are, in groups that belong together
+(``derive.py`` makes channels of them):
+
+==================================================  =========================================================
+``latitude_deg``, ``longitude_deg``                 a fix; north and east follow
+``heading_magnetic_deg``, ``magnetic_variation_deg``  compass heading with the deviation applied; east positive
+``velocity_north_mps``, ``velocity_east_mps``       over ground
+``course_over_ground_deg`` or ``course_magnetic_deg``, with ``speed_over_ground_mps``
+``wind_angle_apparent_deg``, ``wind_speed_apparent_mps``   from the bow, as felt on board
+``wind_angle_theoretical_deg``, ``wind_speed_theoretical_mps``   from the bow, over ground
+``wind_angle_water_deg``, ``wind_speed_water_mps``  from the bow, relative to the water
+``wind_direction_magnetic_deg``, ``wind_speed_mps``  from magnetic north, over ground
+==================================================  =========================================================
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from typing import Protocol
 
-from acquisition.config import AnySource, CanSource, MavlinkSource
 from acquisition.frames import Frame, Group
+from acquisition.sections import AnySource, CanFrames, MavlinkLinks
+
+Notices = deque[tuple[str, str]]
+"""What people should know, as (level, text): an address that changed, a clock that stepped."""
 
 
 class Decoder(Protocol):
@@ -18,6 +35,8 @@ class Decoder(Protocol):
 
     refused: Counter[str]
     """How many frames or values were refused, by reason."""
+    notices: Notices
+    """What there is to tell since it was last emptied; the caller empties it."""
 
     def decode(self, frame: Frame) -> list[Group]:
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
@@ -25,15 +44,15 @@ class Decoder(Protocol):
 
 def make_decoders(config: AnySource) -> list[Decoder]:
     """The decoders that a source's frames go through."""
-    if isinstance(config, CanSource):
+    if isinstance(config, CanFrames):
         from acquisition.decoders.dbc import DbcDecoder
         from acquisition.decoders.nmea2000 import Nmea2000Decoder
 
-        decoders: list[Decoder] = [Nmea2000Decoder(config.clock, shares_bus=config.dbc is not None)]
-        if config.dbc is not None:
-            decoders.append(DbcDecoder(config.dbc, config.signals, decoders[0].clock))  # type: ignore[attr-defined]
-        return decoders
-    if isinstance(config, MavlinkSource):
+        nmea2000 = Nmea2000Decoder(config.clock, shares_bus=config.dbc is not None)
+        if config.dbc is None:
+            return [nmea2000]
+        return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock)]
+    if isinstance(config, MavlinkLinks):
         from acquisition.decoders.mavlink import MavlinkDecoder
 
         return [MavlinkDecoder(config)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Iterable
 
-from acquisition.config import Clock
 from acquisition.frames import Frame, Group, Quality, Sample
+from acquisition.sections import Clock
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _EPOCH = dt.date(1970, 1, 1)

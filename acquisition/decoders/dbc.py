@@ -6,7 +6,7 @@ obey its rule that the highest raw values mean "not available" or "error"; 11-bi
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from math import isfinite
 from pathlib import Path
 
@@ -15,11 +15,12 @@ from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
 from acquisition.channels import BY_NAME
-from acquisition.config import Signal
+from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.errors import ConfigurationError
 from acquisition.frames import Frame, FrameFlag, Group
+from acquisition.sections import Signal
 from acquisition.units import scale_to
 
 
@@ -71,6 +72,7 @@ class DbcDecoder:
 
     def __init__(self, path: Path, signals: dict[str, Signal], clock: SourceClock) -> None:
         self.refused: Counter[str] = Counter()
+        self.notices: Notices = deque()
         self._clock = clock
         self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[tuple[str, DbcSignal, float]]]] = {}
         database = load_dbc(path)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from math import isnan
 from typing import Any
 
 from acquisition.channels import BY_NAME
-from acquisition.config import MavlinkSource
+from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock
 from acquisition.frames import Frame, Group
+from acquisition.sections import MavlinkLinks
 from acquisition.units import DEG_PER_RAD, scale_to
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
@@ -60,8 +61,9 @@ _READERS: dict[str, Callable[[Any], Values]] = {
 class MavlinkDecoder:
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
-    def __init__(self, config: MavlinkSource) -> None:
+    def __init__(self, config: MavlinkLinks) -> None:
         self.refused: Counter[str] = Counter()
+        self.notices: Notices = deque()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME")
         self._system_id = config.system_id
         self._named = {

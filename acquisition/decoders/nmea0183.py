@@ -6,7 +6,7 @@ TRD (thruster response) is parsed here: the library takes its real numbers for i
 from __future__ import annotations
 
 import datetime as dt
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from functools import reduce
 from operator import xor
@@ -15,9 +15,10 @@ from typing import Any
 from pynmeagps import VALCKSUM, NMEAReader
 from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
 
-from acquisition.config import Clock, Thrusters
+from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.frames import Frame, Group
+from acquisition.sections import Clock, Thrusters
 from acquisition.units import KNOT_MPS
 
 Values = list[tuple[str, float]]
@@ -97,6 +98,7 @@ class Nmea0183Decoder:
 
     def __init__(self, thrusters: Thrusters | None = None, stamps: Clock = "receiver") -> None:
         self.refused: Counter[str] = Counter()
+        self.notices: Notices = deque()
         self.clock = SourceClock(stamps, "nmea0183 ZDA or RMC")
         numbers = thrusters or Thrusters()
         self._thruster = {numbers.port: "port", numbers.starboard: "starboard", numbers.tunnel: "tunnel"}

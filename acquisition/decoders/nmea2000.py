@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import datetime as dt
 import threading
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any
 
@@ -17,9 +17,10 @@ import can
 from nmea2000 import NMEA2000Decoder
 from nmea2000.input_formats import N2KFormat
 
-from acquisition.config import Clock
+from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, utc_ns
 from acquisition.frames import Frame, FrameFlag, Group
+from acquisition.sections import Clock
 from acquisition.units import DEG_PER_RAD
 
 # A sequence number comes round after eight messages; parts further apart than this belong to two messages.
@@ -115,6 +116,7 @@ class Nmea2000Decoder:
 
     def __init__(self, stamps: Clock = "receiver", *, shares_bus: bool = False) -> None:
         self.refused: Counter[str] = Counter()
+        self.notices: Notices = deque()
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.clock = SourceClock(stamps, "nmea2000 126992")
         self._timekeeper: int | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from acquisition.config import AnySource, CanSource, MavlinkSource
+from acquisition.sections import AnySource, CanFrames, MavlinkLinks
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +59,11 @@ class Encoder(Protocol):
 
 def make_encoder(config: AnySource) -> Encoder:
     """The encoder for what a configuration section would receive."""
-    if isinstance(config, CanSource):
+    if isinstance(config, CanFrames):
         from acquisition.encoders.can_frames import CanEncoder
 
         return CanEncoder(config)
-    if isinstance(config, MavlinkSource):
+    if isinstance(config, MavlinkLinks):
         from acquisition.encoders.mavlink import MavlinkEncoder
 
         return MavlinkEncoder(config)

@@ -13,10 +13,10 @@ from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.channels import BY_NAME
-from acquisition.config import CanSource
 from acquisition.decoders.dbc import find_signal, is_sentinel, load_dbc
 from acquisition.decoders.nmea2000 import LIBRARY
 from acquisition.encoders import Moment, Packet
+from acquisition.sections import CanFrames
 from acquisition.units import DEG_PER_RAD, scale_to
 
 _ADDRESS = 35
@@ -27,7 +27,7 @@ _GROUND_REFERENCED_WIND = "True (ground referenced to North)"
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanSource) -> None:
+    def __init__(self, config: CanFrames) -> None:
         self._announces = config.clock == "source"
         self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
         self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, float]]]] = {}
@@ -57,7 +57,7 @@ class CanEncoder:
             packets += self._group(130306, "windData", _wind(*wind), carries)
         return packets
 
-    def _load_signals(self, config: CanSource) -> None:
+    def _load_signals(self, config: CanFrames) -> None:
         if config.dbc is None:
             return
         database = load_dbc(config.dbc)

@@ -9,9 +9,9 @@ from typing import Any
 
 from acquisition.angles import wrap_180
 from acquisition.channels import BY_NAME
-from acquisition.config import MavlinkSource
 from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from acquisition.encoders import Moment, Packet
+from acquisition.sections import MavlinkLinks
 from acquisition.units import scale_to
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
@@ -23,7 +23,7 @@ _UNKNOWN_COURSE = 65535
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkSource) -> None:
+    def __init__(self, config: MavlinkLinks) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import datetime as dt
 from math import floor
 
-from acquisition.config import Thrusters
 from acquisition.decoders.nmea0183 import checksum
 from acquisition.encoders import Moment, Packet
+from acquisition.sections import Thrusters
 from acquisition.units import KNOT_MPS
 
 _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)

@@ -8,17 +8,21 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Protocol
 
-from acquisition.config import AnySource
 from acquisition.frames import Frame
+from acquisition.sections import AnySource
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
     "can": ("acquisition.sources.can_bus", "CanBus"),
+    "can_file": ("acquisition.sources.can_file", "CanFile"),
     "serial": ("acquisition.sources.serial_line", "SerialLine"),
     "udp": ("acquisition.sources.network", "UdpLines"),
     "tcp": ("acquisition.sources.network", "TcpLines"),
     "file": ("acquisition.sources.logfile", "LogFile"),
     "mavlink": ("acquisition.sources.mavlink_link", "MavlinkLink"),
+    "mavlink_tcp": ("acquisition.sources.mavlink_link", "MavlinkTcp"),
+    "mavlink_serial": ("acquisition.sources.mavlink_link", "MavlinkSerial"),
+    "mavlink_file": ("acquisition.sources.telemetry_log", "TelemetryLog"),
 }
 
 

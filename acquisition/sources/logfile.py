@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import BinaryIO
 
-from acquisition.config import FileSource
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
+from acquisition.sections import FileSource
 from acquisition.sources.lines import LineAssembler
 
 _BLOCK_BYTES = 8192

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import socket
 
-from acquisition.config import MavlinkSource, TcpSource, UdpSource
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
+from acquisition.sections import MavlinkSource, TcpSource, UdpSource
 from acquisition.sources.lines import LineAssembler
 
 _DATAGRAM_BYTES = 65_535

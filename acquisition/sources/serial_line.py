@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import serial
 
-from acquisition.config import SerialSource
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
+from acquisition.sections import SerialSource
 from acquisition.sources.lines import LineAssembler
 
 

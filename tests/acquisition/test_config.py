@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config import CanSource, load_config
+from acquisition.config import load_config
 from acquisition.errors import ConfigurationError
+from acquisition.sections import CanSource
 from acquisition.toml_file import line_of
 from tests.acquisition.conftest import DBC, SIGNALS, config_text
 

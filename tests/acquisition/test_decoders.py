@@ -13,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.config import CanSource, MavlinkSource, Signal
 from acquisition.decoders import Decoder, make_decoders
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.dbc import DbcDecoder
@@ -22,6 +21,7 @@ from acquisition.decoders.nmea0183 import Nmea0183Decoder, split_sentence
 from acquisition.decoders.nmea2000 import Nmea2000Decoder, parameter_group
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.frames import Frame, FrameFlag, Sample
+from acquisition.sections import CanSource, MavlinkSource, Signal
 from acquisition.units import DEG_PER_RAD
 from tests.acquisition.conftest import DBC
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from acquisition.angles import difference
 from acquisition.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.config import AnySource, load_config
+from acquisition.config import load_config
 from acquisition.decoders import make_decoders
 from acquisition.derive import Derivation
 from acquisition.emulate import emulate, moments_of
@@ -25,6 +25,7 @@ from acquisition.errors import SourceError
 from acquisition.frames import Frame, FrameFlag
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
+from acquisition.sections import AnySource
 from acquisition.trial import Trial
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, config_text, free_port, voyage_table, write_voyage
 
