@@ -58,4 +58,4 @@ def make_decoders(config: AnySource) -> list[Decoder]:
         return [MavlinkDecoder(config)]
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
 
-    return [Nmea0183Decoder(config.thrusters, config.clock)]
+    return [Nmea0183Decoder(config.thrusters, config.clock, config.theoretical_wind)]

@@ -1,170 +1,91 @@
-"""NMEA 0183: sentences to samples, by ``pynmeagps`` behind a checksum that is not optional.
-
-TRD (thruster response) is parsed here: the library takes its real numbers for integers and refuses them.
-"""
+"""NMEA 0183: lines to samples. No sentence without a sound checksum; what each says is in ``sentences.py``."""
 
 from __future__ import annotations
 
-import datetime as dt
+import re
 from collections import Counter, deque
-from collections.abc import Callable
-from functools import reduce
-from operator import xor
-from typing import Any
-
-from pynmeagps import VALCKSUM, NMEAReader
-from pynmeagps.exceptions import NMEAMessageError, NMEAParseError, NMEAStreamError, NMEATypeError
+from typing import Literal
 
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
+from acquisition.decoders.fields import Fields
+from acquisition.decoders.sentences import Reading, readers
+from acquisition.decoders.tag_block import Tagged, checksum, split_tag
 from acquisition.frames import Frame, Group
 from acquisition.sections import Clock, Thrusters
-from acquisition.units import KNOT_MPS
 
-Values = list[tuple[str, float]]
-_LIBRARY_ERRORS = (NMEAParseError, NMEAMessageError, NMEATypeError, NMEAStreamError, ValueError, TypeError)
+__all__ = ["Nmea0183Decoder", "checksum", "split_sentence"]
 
-
-def checksum(body: bytes) -> int:
-    """The exclusive or of the bytes between ``$`` and ``*``.
-
-    >>> f"{checksum(b'RCTRD,3,-17.8,R,,V,'):02X}"
-    '59'
-    """
-    return reduce(xor, body, 0)
+_SENTENCE = re.compile(rb"[$!]([\x20-\x7e]{3,})\*([0-9A-Fa-f]{2})")
 
 
 def split_sentence(line: bytes) -> tuple[str, list[str]] | None:
     """The tag without its dollar sign and the fields of a sound sentence; None for anything else."""
-    if len(line) < 8 or line[:1] not in b"$!" or line[-3:-2] != b"*":
+    found = _SENTENCE.fullmatch(line)
+    if found is None or int(found[2], 16) != checksum(found[1]):
         return None
-    body = line[1:-3]
-    try:
-        if int(line[-2:], 16) != checksum(body):
-            return None
-        tag, *fields = body.decode("ascii").split(",")
-    except ValueError:
-        return None
+    tag, *fields = found[1].decode("ascii").split(",")
     return tag, fields
 
 
-def _present(*pairs: tuple[str, Any]) -> Values:
-    """The fields that hold a number; the library leaves empty ones as empty text."""
-    return [(name, float(value)) for name, value in pairs if isinstance(value, int | float)]
-
-
-def _position(message: Any) -> Values:
-    if getattr(message, "quality", 1) == 0 or getattr(message, "status", "A") != "A":
-        return []
-    both = _present(("latitude_deg", message.lat), ("longitude_deg", message.lon))
-    return both if len(both) == 2 else []
-
-
-def _ground_speed(message: Any) -> Values:
-    if message.groundspdstatus != "A":
-        return []
-    speeds = _present(("surge_mps", message.longgroundspd), ("sway_mps", message.transgroundspd))
-    return [(name, knots * KNOT_MPS) for name, knots in speeds]
-
-
-def _rate_of_turn(message: Any) -> Values:
-    if message.valid != "A":
-        return []
-    return [(name, deg_per_min / 60.0) for name, deg_per_min in _present(("yaw_rate_dps", message.rot))]
-
-
-def _wind(message: Any) -> Values:
-    direction = _present(("wind_direction_deg", message.dirT))
-    speed = _present(("wind_speed_mps", message.speedM))
-    if not speed:
-        speed = [(name, knots * KNOT_MPS) for name, knots in _present(("wind_speed_mps", message.speedN))]
-    return direction + speed
-
-
-_READERS: dict[str, Callable[[Any], Values]] = {
-    "GGA": _position,
-    "GLL": _position,
-    "RMC": _position,
-    "HDT": lambda message: _present(("heading_deg", message.headingT)),
-    "THS": lambda message: _present(("heading_deg", message.headt)) if message.mi == "A" else [],
-    "ROT": _rate_of_turn,
-    "VBW": _ground_speed,
-    "MWD": _wind,
-}
-
-
 class Nmea0183Decoder:
-    """One line; the date comes from ZDA or RMC, as position sentences tell only the time of day."""
+    """One line; the date comes from ZDA, RMC or TAG blocks, as position sentences tell only the time of day."""
 
-    def __init__(self, thrusters: Thrusters | None = None, stamps: Clock = "receiver") -> None:
+    def __init__(
+        self,
+        thrusters: Thrusters | None = None,
+        stamps: Clock = "receiver",
+        theoretical_wind: Literal["ground", "water"] = "ground",
+    ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.clock = SourceClock(stamps, "nmea0183 ZDA or RMC")
-        numbers = thrusters or Thrusters()
-        self._thruster = {numbers.port: "port", numbers.starboard: "starboard", numbers.tunnel: "tunnel"}
+        self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG")
+        self._readers = readers(thrusters or Thrusters(), theoretical_wind)
 
     def decode(self, frame: Frame) -> list[Group]:
-        sentence = split_sentence(frame.payload)
+        tagged = split_tag(frame.payload)
+        sentence = split_sentence(tagged.sentence)
+        if not tagged.sound:
+            self.refused["TAG block with a wrong checksum"] += 1
         if sentence is None:
             self.refused["no sound checksum"] += 1
             return []
+        if tagged.time_ns is not None:
+            self.clock.announce(tagged.time_ns, frame)
         tag, fields = sentence
-        source, kind = f"{frame.origin}/{tag[:-3]}:{tag[-3:]}", tag[-3:]
-        if kind == "TRD":
-            return self.clock.group(frame, source, self._thruster_response(fields))
-        if kind not in _READERS and kind != "ZDA":
+        talker, kind = tag[:-3], tag[-3:]
+        if kind not in self._readers or tag.startswith("P") or not tag.isalnum():  # P: a maker's own
             return []
-        message = self._parsed(frame)
-        if message is None:
-            return []
-        try:
-            told_ns = self._told_time(message, kind, frame)
-            values = _READERS[kind](message) if kind in _READERS else []
-        except AttributeError:  # the library leaves out the fields that a short sentence has not
-            self.refused["too few fields"] += 1
-            return []
-        return self.clock.group(frame, source, values, told_ns)
+        reading = self._readers[kind](Fields(fields))
+        told_ns = self._told_ns(reading, frame)
+        label = _label(frame.origin, talker, kind, tagged, reading)
+        self._count(reading)
+        return self.clock.group(
+            frame, label, reading.values, tagged.time_ns if told_ns is None else told_ns, reading.quality
+        )
 
-    def _parsed(self, frame: Frame) -> Any:
-        try:
-            return NMEAReader.parse(frame.payload + b"\r\n", validate=VALCKSUM)
-        except _LIBRARY_ERRORS:
-            self.refused["undecodable"] += 1
-            return None
+    def _count(self, reading: Reading) -> None:
+        tells_time = reading.date is not None
+        if reading.refused or not (reading.values or tells_time):
+            self.refused[reading.refused or "no value"] += 1
 
-    def _told_time(self, message: Any, kind: str, frame: Frame) -> int | None:
-        """When the sentence says its values were true; ZDA and RMC also set the line's clock."""
-        time = getattr(message, "time", None)
-        if not isinstance(time, dt.time):
+    def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
+        """When the sentence says its values were true; what tells the date too also sets the line's clock."""
+        if reading.seconds_of_day is None:
             return None
-        seconds_of_day = time.hour * 3600 + time.minute * 60 + time.second + time.microsecond / 1e6
-        date = _date_of(message, kind)
-        if date is not None:
-            told_ns = utc_ns(date, seconds_of_day)
+        if reading.date is not None:
+            told_ns = utc_ns(reading.date, reading.seconds_of_day)
             self.clock.announce(told_ns, frame)
             return told_ns
         now_ns = self.clock.at(frame)
-        return None if now_ns is None else nearest_day(seconds_of_day, now_ns)
-
-    def _thruster_response(self, fields: list[str]) -> Values:
-        """TRD: number, rpm, mode, pitch, mode, azimuth; the azimuth is the direction of the thrust."""
-        try:
-            name = self._thruster[int(fields[0])]
-            values = [(f"{name}_rpm", float(fields[1]))] if fields[2] == "R" and fields[1] else []
-            if name != "tunnel" and fields[5]:
-                values.append((f"{name}_angle_deg", float(fields[5])))
-        except (KeyError, IndexError, ValueError):
-            self.refused["thruster not understood"] += 1
-            return []
-        return values
+        return None if now_ns is None else nearest_day(reading.seconds_of_day, now_ns)
 
 
-def _date_of(message: Any, kind: str) -> dt.date | None:
-    if kind == "RMC":
-        return message.date if isinstance(message.date, dt.date) else None
-    if kind == "ZDA":
-        try:
-            return dt.date(int(message.year), int(message.month), int(message.day))
-        except (ValueError, TypeError):
-            return None
-    return None
+def _label(origin: str, talker: str, kind: str, tagged: Tagged, reading: Reading) -> str:
+    """Who says it: line, talker, the device behind a gateway if it is named, sentence, meaning if it has several.
+
+    ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.
+    """
+    device = f"{talker}@{tagged.source}" if tagged.source else talker
+    meaning = f" {reading.meaning}" if reading.meaning else ""
+    return f"{origin}/{device}:{kind}{meaning}"

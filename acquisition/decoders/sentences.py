@@ -1,0 +1,283 @@
+"""What each sentence of NMEA 0183 says: one reader a sentence, from fields to values.
+
+Everything is read here and not by a library: those at hand refuse a whole sentence for one field that they cannot
+read, do not know VWR and VWT, and take the real numbers of TRD for integers. A field that holds no number is
+missing; only what is marked valid counts; what is left out has a reason.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Literal
+
+from acquisition.decoders.fields import MPS_OF_UNIT, Fields
+from acquisition.frames import Quality
+from acquisition.sections import Thrusters
+from acquisition.units import KNOT_MPS
+
+Values = list[tuple[str, float]]
+
+_NOT_VALID = "not marked valid"
+# Dead reckoning, typed in by hand, a simulator: true enough to be recorded, and to be looked at.
+_SUSPECT_MODES = frozenset("EMS")
+_SUSPECT_FIXES = frozenset("678")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What one sentence says. ``meaning`` tells apart the different things that one kind of sentence can say;
+    ``refused`` is why something in it was left out, empty if nothing was.
+    """
+
+    values: Values = field(default_factory=list)
+    meaning: str = ""
+    quality: Quality = Quality.NOT_EVALUATED
+    refused: str = ""
+    date: dt.date | None = None
+    seconds_of_day: float | None = None
+
+
+Reader = Callable[[Fields], Reading]
+
+
+def _present(*pairs: tuple[str, float | None]) -> Values:
+    return [(name, value) for name, value in pairs if value is not None]
+
+
+def _knots(fields: Fields, index: int) -> float | None:
+    knots = fields.number(index)
+    return None if knots is None else knots * KNOT_MPS
+
+
+def _position(fields: Fields, index: int) -> Values:
+    """Both or none: half a position is none."""
+    pair = (("latitude_deg", fields.degrees(index, "NS")), ("longitude_deg", fields.degrees(index + 2, "EW")))
+    both = _present(*pair)
+    return both if len(both) == 2 else []
+
+
+def _quality(mode: str) -> Quality:
+    return Quality.SUSPECT if mode in _SUSPECT_MODES else Quality.NOT_EVALUATED
+
+
+def _gga(fields: Fields) -> Reading:
+    fix = fields.text(5)
+    if fix in ("0", ""):
+        return Reading(refused=_NOT_VALID)
+    quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
+    return Reading(_position(fields, 1), quality=quality, seconds_of_day=fields.seconds_of_day(0))
+
+
+def _gll(fields: Fields) -> Reading:
+    mode = fields.text(6)
+    if fields.text(5, absent="A") != "A" or mode == "N":
+        return Reading(refused=_NOT_VALID)
+    return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=fields.seconds_of_day(4))
+
+
+def _rmc(fields: Fields) -> Reading:
+    mode = fields.text(11)
+    if fields.text(1) != "A" or mode == "N":
+        return Reading(refused=_NOT_VALID)
+    movement = _present(
+        ("course_over_ground_deg", fields.number(7)),
+        ("speed_over_ground_mps", _knots(fields, 6)),
+        ("magnetic_variation_deg", fields.eastward(9)),
+    )
+    return Reading(
+        _position(fields, 2) + movement,
+        quality=_quality(mode),
+        date=_six_digit_date(fields.text(8)),
+        seconds_of_day=fields.seconds_of_day(0),
+    )
+
+
+def _six_digit_date(text: str) -> dt.date | None:
+    """``ddmmyy``; 80 to 99 are of the last century, as receivers say that do not know the date yet."""
+    if not re.fullmatch(r"\d{6}", text):
+        return None
+    year = int(text[4:])
+    return _date(year + (1900 if year >= 80 else 2000), int(text[2:4]), int(text[:2]))
+
+
+def _zda(fields: Fields) -> Reading:
+    parts = [fields.text(index) for index in (3, 2, 1)]
+    date = _date(*map(int, parts)) if all(re.fullmatch(r"\d{1,4}", part) for part in parts) else None
+    seconds = fields.seconds_of_day(0)
+    refused = "no time" if date is None or seconds is None else ""
+    return Reading(date=date, seconds_of_day=seconds, refused=refused)
+
+
+def _date(year: int, month: int, day: int) -> dt.date | None:
+    try:
+        return dt.date(year, month, day)
+    except ValueError:
+        return None
+
+
+def _vtg(fields: Fields) -> Reading:
+    mode = fields.text(8)
+    if mode == "N":
+        return Reading(refused=_NOT_VALID)
+    course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
+    values = _present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
+    return Reading(values, quality=_quality(mode))
+
+
+def _hdt(fields: Fields) -> Reading:
+    return Reading(_present(("heading_deg", fields.measured(0, "T"))))
+
+
+def _ths(fields: Fields) -> Reading:
+    mode = fields.text(1)
+    if mode not in ("A", *_SUSPECT_MODES):
+        return Reading(refused=_NOT_VALID)
+    return Reading(_present(("heading_deg", fields.number(0))), quality=_quality(mode))
+
+
+def _hdg(fields: Fields) -> Reading:
+    sensor, deviation = fields.number(0), fields.eastward(1)
+    # A sum may pass north; a sensor that says more than a turn itself is left for the range check to find.
+    if sensor is not None and deviation is not None and 0.0 <= sensor <= 360.0:
+        sensor = (sensor + deviation) % 360.0
+    pair = ("heading_magnetic_deg", sensor), ("magnetic_variation_deg", fields.eastward(3))
+    return Reading(_present(*pair))
+
+
+def _hdm(fields: Fields) -> Reading:
+    return Reading(_present(("heading_magnetic_deg", fields.measured(0, "M"))))
+
+
+def _rot(fields: Fields) -> Reading:
+    rate_deg_per_min = fields.number(0)
+    if fields.text(1) != "A":
+        return Reading(refused=_NOT_VALID)
+    return Reading([] if rate_deg_per_min is None else [("yaw_rate_dps", rate_deg_per_min / 60.0)])
+
+
+def _vbw(fields: Fields) -> Reading:
+    ground = _present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
+    water = _present(("speed_through_water_mps", _knots(fields, 0)))
+    ground_valid, water_valid = fields.text(5) == "A", fields.text(2) == "A"
+    left_out = (ground and not ground_valid) or (water and not water_valid)
+    values = (ground if ground_valid else []) + (water if water_valid else [])
+    return Reading(values, refused=_NOT_VALID if left_out else "")
+
+
+def _vhw(fields: Fields) -> Reading:
+    """The headings in it repeat those of another device."""
+    return Reading(_present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K")))))
+
+
+def _mwv(fields: Fields, theoretical: str) -> Reading:
+    meaning = {"R": "apparent", "T": "theoretical"}.get(fields.text(1), "")
+    if not meaning:
+        return Reading(refused="wind reference unknown")
+    if fields.text(4) != "A":
+        return Reading(refused=_NOT_VALID)
+    speed, unit = fields.number(2), MPS_OF_UNIT.get(fields.text(3))
+    unknown = speed is not None and unit is None
+    speed_mps = None if speed is None or unit is None else speed * unit
+    reading = _bow_wind(fields.number(0), speed_mps, meaning, theoretical)
+    return replace(reading, refused="unit unknown" if unknown else "")
+
+
+def _obsolete_wind(fields: Fields, meaning: str, theoretical: str) -> Reading:
+    """VWR and VWT: up to 180 degrees to the left or right of the bow."""
+    angle, sign = fields.number(0), {"R": 1.0, "L": -1.0}.get(fields.text(1))
+    signed = None if angle is None or sign is None or not 0.0 <= angle <= 180.0 else sign * angle
+    return _bow_wind(signed, fields.speed_mps((2, "N"), (4, "M"), (6, "K")), meaning, theoretical)
+
+
+def _bow_wind(angle_deg: float | None, speed_mps: float | None, meaning: str, theoretical: str) -> Reading:
+    name = theoretical if meaning == "theoretical" else "apparent"
+    pair = (f"wind_angle_{name}_deg", angle_deg), (f"wind_speed_{name}_mps", speed_mps)
+    return Reading(_present(*pair), meaning)
+
+
+def _mwd(fields: Fields) -> Reading:
+    speed = ("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M")))
+    true = _present(("wind_direction_deg", fields.measured(0, "T")))
+    magnetic = _present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
+    return Reading((true or magnetic) + _present(speed))
+
+
+def _rsa(fields: Fields) -> Reading:
+    """Starboard or single rudder first, then port."""
+    for index in (0, 2):
+        if fields.text(index + 1) == "A":
+            return Reading(_present(("rudder_angle_deg", fields.number(index))))
+    return Reading(refused=_NOT_VALID)
+
+
+def _rpm(fields: Fields) -> Reading:
+    source, number = fields.text(0), fields.number(1)
+    if source != "S":
+        return Reading(refused="engine rpm" if source == "E" else "rpm of no shaft")
+    if not number or not number.is_integer():
+        return Reading(refused="rpm of a single or unknown shaft")
+    if fields.text(4) != "A":
+        return Reading(refused=_NOT_VALID)
+    side = "starboard" if number % 2 else "port"
+    return Reading(_present((f"{side}_rpm", fields.number(2))), f"shaft {number:.0f}")
+
+
+def _thruster(fields: Fields, names: dict[float, str]) -> Reading:
+    """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust."""
+    number = fields.number(0)
+    name = None if number is None else names.get(number)
+    if name is None:
+        return Reading(refused="thruster not understood")
+    rpm, mode = _present((f"{name}_rpm", fields.number(1))), fields.text(2)
+    angle = [] if name == "tunnel" else _present((f"{name}_angle_deg", fields.number(5)))
+    if mode == "R" or not rpm:
+        return Reading(rpm + angle)
+    return Reading(angle, refused="thruster in percent" if mode == "P" else _NOT_VALID)
+
+
+def _order(fields: Fields, names: dict[float, str], fills_channels: bool) -> Reading:
+    reading = _thruster(fields, names)
+    orders = [(name.replace("_", "_order_", 1), value) for name, value in reading.values]
+    return replace(reading, values=orders + (reading.values if fills_channels else []))
+
+
+def _unwanted_response(_: Fields) -> Reading:
+    return Reading(refused="thruster response where demands are wanted")
+
+
+_READERS: dict[str, Reader] = {
+    "GGA": _gga,
+    "GLL": _gll,
+    "RMC": _rmc,
+    "ZDA": _zda,
+    "VTG": _vtg,
+    "HDT": _hdt,
+    "THS": _ths,
+    "HDG": _hdg,
+    "HDM": _hdm,
+    "ROT": _rot,
+    "VBW": _vbw,
+    "VHW": _vhw,
+    "MWD": _mwd,
+    "RSA": _rsa,
+    "RPM": _rpm,
+}
+
+
+def readers(thrusters: Thrusters, theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
+    """The reader of each sentence, by its last three letters, on a vessel with these settings."""
+    theoretical = "theoretical" if theoretical_wind == "ground" else "water"
+    names: dict[float, str] = {thrusters.port: "port", thrusters.starboard: "starboard", thrusters.tunnel: "tunnel"}
+    demand = thrusters.channels_from == "demand"
+    return {
+        **_READERS,
+        "MWV": partial(_mwv, theoretical=theoretical),
+        "VWR": partial(_obsolete_wind, meaning="apparent", theoretical=theoretical),
+        "VWT": partial(_obsolete_wind, meaning="theoretical", theoretical=theoretical),
+        "TRD": _unwanted_response if demand else partial(_thruster, names=names),
+        "TRC": partial(_order, names=names, fills_channels=demand),
+    }
