@@ -1,0 +1,226 @@
+"""All records of an MCAP file from first to last, in bounded memory, in spite of damage.
+
+:func:`scan` walks over an open file and yields what is intact and what is not, and goes on behind the damage.
+Whoever wants an intact file stops at the first damage.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from mcap.opcode import Opcode
+from mcap.records import Chunk, DataEnd, McapRecord
+
+from acquisition.recording.records import (
+    CHUNK_HEAD_BYTES,
+    HEAD,
+    LARGEST_BYTES,
+    RecordError,
+    check_chunk_head,
+    is_known,
+    is_private,
+    parse,
+)
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+_CANDIDATE = re.compile(rb"[\x01-\x0f][\x00-\xff]{3}[\x00-\x04]\x00{4}")  # a known opcode, a length that may be
+_FIRST_SEARCHED_BYTES, _SEARCHED_BYTES = 4 * 1024, 1024 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Intact:
+    """A record and the bytes it takes.
+
+    ``record`` is None for magic bytes and for what :func:`parse` has no use for; of that, what an application put
+    there is ``private``.
+    """
+
+    start: int
+    end: int
+    record: McapRecord | None
+    private: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """Bytes that hold no intact record, and why the first of them do not.
+
+    ``chunks`` counts the chunks that begin in them; ``cut`` says that the file merely ends too early.
+    """
+
+    start: int
+    end: int
+    why: str
+    chunks: int
+    cut: bool
+
+
+def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
+    """All of a file in its order, without a hole: the end of each is the start of the next."""
+    records = _Records(stream)
+    offset = 0
+    while offset < records.size_bytes:
+        found: Intact | Damage
+        try:
+            found = records.at(offset)
+        except RecordError as error:
+            found = records.damage(offset, str(error))
+        yield found
+        offset = found.end
+
+
+class _Records:
+    """Access to the records of a file, and what the way through it has taught so far."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self.size_bytes = stream.seek(0, os.SEEK_END)
+        self._checksum: int | None = 0  # of all bytes so far; unknown behind damage
+        self._chunked = False  # a chunk was met, intact or not
+        self._amid_damage = False  # no chunk has been found intact since the last damage
+        self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
+
+    def at(self, offset: int) -> Intact:
+        """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""
+        head = self._peek(offset, HEAD.size)
+        if head.startswith(MCAP_MAGIC):
+            self._count_in(MCAP_MAGIC)
+            return Intact(offset, offset + len(MCAP_MAGIC), None)
+        if offset == 0:
+            raise RecordError("no magic bytes at the beginning")
+        opcode, end = self._check_head(offset, head)
+        content = self._content(offset, end)
+        record = self._record(opcode, content, end)
+        self._account(record, head, content)
+        return Intact(offset, end, record, is_private(opcode))
+
+    def damage(self, start: int, why: str) -> Damage:
+        """What lies from ``start`` to the next record that is intact, or to the end of the file."""
+        head = self._peek(start, HEAD.size)
+        chunks = int(head[0] == Opcode.CHUNK or self._seems_chunk(start))
+        self._checksum = None
+        self._chunked |= chunks > 0
+        self._amid_damage = True
+        claimed_end = end = _claimed_end(start, head)
+        if end is None or end > self.size_bytes or not self._leads_on(end):
+            end, begun = self._next_intact(start + 1)
+            chunks += begun
+        unfinished = len(head) < HEAD.size or claimed_end is not None or not any(head)
+        return Damage(start, end, why, chunks, cut=end == self.size_bytes and start > 0 and unfinished)
+
+    def _check_head(self, offset: int, head: bytes) -> tuple[int, int]:
+        """The opcode and the end of a record, of which nothing was read but its head."""
+        if len(head) < HEAD.size:
+            raise RecordError("the file ends within a record")
+        opcode, length = HEAD.unpack(head)
+        if not is_known(opcode):
+            raise RecordError("no known kind of record")
+        if length > LARGEST_BYTES:
+            raise RecordError(f"a record of more than {LARGEST_BYTES // 2**20} MiB")
+        if offset + HEAD.size + length > self.size_bytes:
+            raise RecordError("the file ends within a record")
+        if opcode == Opcode.CHUNK:
+            check_chunk_head(self._peek(offset + HEAD.size, CHUNK_HEAD_BYTES), length)
+        return opcode, offset + HEAD.size + length
+
+    def _record(self, opcode: int, content: bytes, end: int) -> McapRecord | None:
+        """The record, if its surroundings make it one: not every kind has a checksum or a length of its own.
+
+        After damage in a file of chunks no message outside a chunk counts: it is more likely out of the damaged
+        chunk, and nothing vouches for it.
+        """
+        if opcode == Opcode.MESSAGE and self._chunked and self._amid_damage:
+            raise RecordError("a message without a checksum amid damage")
+        if (opcode == Opcode.MESSAGE or is_private(opcode)) and not self._leads_on(end):
+            raise RecordError("a record that nothing follows")
+        if opcode == Opcode.FOOTER and self._peek(end, len(MCAP_MAGIC)) != MCAP_MAGIC:
+            raise RecordError("no magic bytes at the end")
+        return parse(opcode, content)
+
+    def _account(self, record: McapRecord | None, head: bytes, content: bytes) -> None:
+        if isinstance(record, Chunk):
+            self._chunked, self._amid_damage = True, False
+        if isinstance(record, DataEnd):
+            if self._checksum is not None and record.data_section_crc not in (0, self._checksum):
+                raise RecordError("the checksum of the whole data is wrong")
+            self._checksum = None  # it ends here
+        self._count_in(head, content)
+
+    def _count_in(self, *pieces: bytes) -> None:
+        if self._checksum is not None:
+            for piece in pieces:
+                self._checksum = zlib.crc32(piece, self._checksum)
+
+    def _peek(self, offset: int, length: int) -> bytes:
+        self._stream.seek(offset)
+        return self._stream.read(min(length, max(self.size_bytes - offset, 0)))
+
+    def _content(self, offset: int, end: int) -> bytes:
+        content = self._peek(offset + HEAD.size, end - offset - HEAD.size)
+        if offset + HEAD.size + len(content) < end:
+            raise RecordError("the file ends within a record")  # it was shortened under our hands
+        return content
+
+    def _seems_chunk(self, offset: int) -> bool:
+        """Whether a chunk begins here, were its opcode and the rest of it intact."""
+        start = self._peek(offset, HEAD.size + CHUNK_HEAD_BYTES).ljust(HEAD.size, b"\0")
+        try:
+            check_chunk_head(start[HEAD.size :], HEAD.unpack_from(start)[1])
+        except RecordError:
+            return False
+        return True
+
+    def _leads_on(self, offset: int) -> bool:
+        """Whether the file ends here or something begins that looks like a record."""
+        head = self._peek(offset, HEAD.size)
+        return not head or head.startswith(MCAP_MAGIC) or _claimed_end(offset, head) is not None
+
+    def _next_intact(self, start: int) -> tuple[int, int]:
+        """Where the next intact record begins, or the end of the file; and the damaged chunks on the way."""
+        chunks = 0
+        for candidate in self._candidates(start):
+            try:
+                self._check_found(candidate)
+            except RecordError:
+                is_chunk = self._peek(candidate, 1)[0] == Opcode.CHUNK
+                chunks += is_chunk and self._seems_chunk(candidate)
+            else:
+                return candidate, chunks
+        return self.size_bytes, chunks
+
+    def _check_found(self, offset: int) -> None:
+        """Raise :class:`RecordError` unless a record begins here, where none needs to.
+
+        Only a checksum is believed, or the record that follows. Garbage can name any number of long records, and
+        to read them all would take for ever, so there is a budget.
+        """
+        opcode, end = self._check_head(offset, self._peek(offset, HEAD.size))
+        if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._leads_on(end):
+            raise RecordError("a record that nothing follows")
+        self._search_budget_bytes -= end - offset
+        if self._search_budget_bytes < 0:
+            raise RecordError("too much damage to search")
+        self._record(opcode, self._content(offset, end), end)
+
+    def _candidates(self, start: int) -> Iterator[int]:
+        """Every place from ``start`` on where a record may begin."""
+        span_bytes = _FIRST_SEARCHED_BYTES  # damage is mostly short, and there may be much of it
+        while start < self.size_bytes:
+            block = self._peek(start, span_bytes + HEAD.size - 1)
+            found = _CANDIDATE.search(block)
+            while found:
+                yield start + found.start()
+                found = _CANDIDATE.search(block, found.start() + 1)
+            start += span_bytes
+            span_bytes = min(2 * span_bytes, _SEARCHED_BYTES)
+
+
+def _claimed_end(offset: int, head: bytes) -> int | None:
+    """Where a record ends by its own word; None if this is no head of a record. The file may end within it."""
+    opcode, length = HEAD.unpack(head.ljust(HEAD.size, b"\0"))
+    return offset + HEAD.size + length if is_known(opcode) and length <= LARGEST_BYTES else None
