@@ -174,36 +174,35 @@ def _vhw(fields: Fields) -> Reading:
 
 
 def _mwv(fields: Fields, theoretical: str) -> Reading:
-    meaning = {"R": "apparent", "T": "theoretical"}.get(fields.text(1), "")
-    if not meaning:
+    reference = {"R": "apparent", "T": theoretical}.get(fields.text(1))
+    if reference is None:
         return Reading(refused="wind reference unknown")
     if fields.text(4) != "A":
         return Reading(refused=_NOT_VALID)
     speed, unit = fields.number(2), MPS_OF_UNIT.get(fields.text(3))
-    unknown = speed is not None and unit is None
-    speed_mps = None if speed is None or unit is None else speed * unit
-    reading = _bow_wind(fields.number(0), speed_mps, meaning, theoretical)
-    return replace(reading, refused="unit unknown" if unknown else "")
+    if speed is None or unit is None:
+        reading = _bow_wind(fields.number(0), None, reference)
+        return reading if speed is None else replace(reading, refused="unit unknown")
+    return _bow_wind(fields.number(0), speed * unit, reference)
 
 
-def _obsolete_wind(fields: Fields, meaning: str, theoretical: str) -> Reading:
+def _obsolete_wind(fields: Fields, reference: str) -> Reading:
     """VWR and VWT: up to 180 degrees to the left or right of the bow."""
     angle, sign = fields.number(0), {"R": 1.0, "L": -1.0}.get(fields.text(1))
     signed = None if angle is None or sign is None or not 0.0 <= angle <= 180.0 else sign * angle
-    return _bow_wind(signed, fields.speed_mps((2, "N"), (4, "M"), (6, "K")), meaning, theoretical)
+    return _bow_wind(signed, fields.speed_mps((2, "N"), (4, "M"), (6, "K")), reference)
 
 
-def _bow_wind(angle_deg: float | None, speed_mps: float | None, meaning: str, theoretical: str) -> Reading:
-    name = theoretical if meaning == "theoretical" else "apparent"
-    pair = (f"wind_angle_{name}_deg", angle_deg), (f"wind_speed_{name}_mps", speed_mps)
-    return Reading(_present(*pair), meaning)
+def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> Reading:
+    pair = (f"wind_angle_{reference}_deg", angle_deg), (f"wind_speed_{reference}_mps", speed_mps)
+    return Reading(_present(*pair), reference)
 
 
 def _mwd(fields: Fields) -> Reading:
-    speed = ("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M")))
+    speed = _present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
     true = _present(("wind_direction_deg", fields.measured(0, "T")))
     magnetic = _present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
-    return Reading((true or magnetic) + _present(speed))
+    return Reading(true + speed) if true or not magnetic else Reading(magnetic + speed, "magnetic")
 
 
 def _rsa(fields: Fields) -> Reading:
@@ -276,8 +275,8 @@ def readers(thrusters: Thrusters, theoretical_wind: Literal["ground", "water"]) 
     return {
         **_READERS,
         "MWV": partial(_mwv, theoretical=theoretical),
-        "VWR": partial(_obsolete_wind, meaning="apparent", theoretical=theoretical),
-        "VWT": partial(_obsolete_wind, meaning="theoretical", theoretical=theoretical),
+        "VWR": partial(_obsolete_wind, reference="apparent"),
+        "VWT": partial(_obsolete_wind, reference=theoretical),
         "TRD": _unwanted_response if demand else partial(_thruster, names=names),
         "TRC": partial(_order, names=names, fills_channels=demand),
     }

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+
 from acquisition.frames import Frame, now_ns
 
-_LONGEST_LINE_BYTES = 1024  # the standard allows 82; a line without an end must not eat the memory
+_LONGEST_LINE_BYTES = 1024  # the standard allows 82, and a TAG block; a line without an end must not eat the memory
+_LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
 
 
 class LineAssembler:
-    """Cuts a stream of bytes into lines, one frame a line, stamped when the line was complete."""
+    """Cuts a stream of bytes into lines, one frame a line, stamped when the line was complete.
+
+    What stands before a sentence, a TAG block or a datagram's prefix, stays with it.
+    """
 
     def __init__(self, origin: str) -> None:
         self._origin = origin
@@ -17,11 +23,11 @@ class LineAssembler:
     def push(self, received: bytes) -> list[Frame]:
         """The lines that ``received`` completes; empty lines are passed over."""
         received_ns, monotonic_ns = now_ns()
-        *complete, self._pending = (self._pending + received).split(b"\n")
+        *complete, self._pending = _LINE_END.split(self._pending + received)
         if len(self._pending) > _LONGEST_LINE_BYTES:
             complete.append(self._pending)
             self._pending = b""
-        lines = (line.strip(b"\r\n\0 ") for line in complete)
+        lines = (line.strip(b"\0 \t") for line in complete)
         return [Frame(self._origin, "nmea0183", line, received_ns, monotonic_ns) for line in lines if line]
 
     def end(self) -> list[Frame]:
