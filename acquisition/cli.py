@@ -1,4 +1,4 @@
-"""The commands aboard: record, emulate, import, info. They parse, call and print; nothing else."""
+"""The commands aboard: record, emulate, import, info, recover. They parse, call and print; nothing else."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ def mount(app: typer.Typer) -> None:
     app.command("emulate", help="Play a recording onto the buses and lines of a configuration.")(emulate)
     app.command("import", help="Turn a table (CSV, Parquet or .mat) into a recording.")(import_)
     app.command("info", help="Say what is in a recording.")(info)
+    app.command("recover", help="Save what is intact of a damaged recording into a new one.")(recover)
 
 
 def record(
@@ -99,7 +100,8 @@ def info(
     from rich.console import Console
 
     console = Console()
-    state = "closed properly" if found["closed"] else "NOT CLOSED: the recorder was killed or is still writing"
+    unclosed = "NOT CLOSED: the recorder was killed or is still writing; `seatrial recover` makes a closed copy"
+    state = "closed properly" if found["closed"] else unclosed
     console.print(f"{file}  {state}", style="bold", **_AS_IT_IS)
     if found["messages"]:
         console.print(f"{found['start']} to {found['end']}", **_AS_IT_IS)
@@ -109,6 +111,24 @@ def info(
     console.print(_channel_table(found["channels"]))
     for topic, count in found["raw"].items():
         console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)
+
+
+def recover(
+    file: Annotated[Path, typer.Argument(help="A recording that is damaged or was not closed; it is only read.")],
+    output: Output,
+    as_json: AsJson = False,
+) -> None:
+    """Save what is intact of a damaged recording."""
+    from acquisition.progress import bar
+    from acquisition.recording.recover import recover as run
+
+    with bar("recovering") as progress:
+        recovered = run(file, output, progress)
+    if as_json:
+        typer.echo(json.dumps(recovered.as_json()))
+        return
+    typer.echo(str(recovered), err=True)
+    typer.echo(output)
 
 
 def _channel_table(channels: dict[str, Any]) -> Table:

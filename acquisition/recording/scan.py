@@ -50,13 +50,15 @@ class Intact:
 class Damage:
     """Bytes that hold no intact record, and why the first of them do not.
 
-    ``chunks`` counts the chunks that begin in them; ``cut`` says that the file merely ends too early.
+    ``chunks`` counts the chunks that begin in them, ``messages`` says whether messages may have been there, and
+    ``cut`` that the file merely ends too early.
     """
 
     start: int
     end: int
     why: str
     chunks: int
+    messages: bool
     cut: bool
 
 
@@ -107,11 +109,13 @@ class _Records:
         self._chunked |= chunks > 0
         self._amid_damage = True
         claimed_end = end = _claimed_end(start, head)
-        if end is None or end > self.size_bytes or not self._leads_on(end):
+        measured = end is not None and end <= self.size_bytes and self._leads_on(end)
+        if end is None or not measured:
             end, begun = self._next_intact(start + 1)
             chunks += begun
         unfinished = len(head) < HEAD.size or claimed_end is not None or not any(head)
-        return Damage(start, end, why, chunks, cut=end == self.size_bytes and start > 0 and unfinished)
+        cut = end == self.size_bytes and start > 0 and unfinished
+        return Damage(start, end, why, chunks, chunks > 0 or not measured or head[0] == Opcode.MESSAGE, cut)
 
     def _check_head(self, offset: int, head: bytes) -> tuple[int, int]:
         """The opcode and the end of a record, of which nothing was read but its head."""

@@ -1,0 +1,368 @@
+"""Saving what is intact of a damaged recording, of whatever maker, into a new and well-closed one.
+
+The file is read twice: once for the definitions of topics, which may stand behind the messages that need them,
+once for the messages. The copy gets its name only when it has been read back and found to hold all of them.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from array import array
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from hashlib import blake2b
+from itertools import chain
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
+from mcap.writer import CompressionType, Writer
+
+from acquisition.errors import InputError, StorageError, storage_error
+from acquisition.info import iso
+from acquisition.recording.reader import MessageStream, open_recording
+from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, contents
+from acquisition.recording.scan import Damage, Intact, scan
+from acquisition.trial import Trial, software_version
+
+_CHUNK_BYTES = 1024 * 1024
+_MESSAGE_HEAD_BYTES = HEAD.size + 22
+_KEY = struct.Struct("<QQQQ")
+
+Progress = Callable[[float], None]
+
+
+@dataclass(slots=True)
+class Recovered:
+    """What was saved and what was not.
+
+    ``lost_bytes`` and ``damaged_chunks`` count in the source; ``refused`` counts the lost stretches and messages by
+    reason; ``gaps`` are the times [ns] before and after damage that may have held messages; ``closed`` says
+    whether the source was.
+    """
+
+    counts: Counter[str] = field(default_factory=Counter)
+    metadata: int = 0
+    attachments: int = 0
+    lost_bytes: int = 0
+    damaged_chunks: int = 0
+    recovered_until_ns: int | None = None
+    gaps: list[tuple[int, int]] = field(default_factory=list)
+    refused: Counter[str] = field(default_factory=Counter)
+    closed: bool = False
+
+    @property
+    def messages(self) -> int:
+        """How many messages were saved."""
+        return self.counts.total()
+
+    def lose(self, why: str, size_bytes: int, chunks: int = 0) -> None:
+        """Count what cannot be saved."""
+        self.refused[why] += 1
+        self.lost_bytes += size_bytes
+        self.damaged_chunks += chunks
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's JSON object, and more."""
+        until_ns = self.recovered_until_ns
+        return {
+            "recovered": self.messages,
+            "lost_bytes": self.lost_bytes,
+            "damaged_chunks": self.damaged_chunks,
+            "recovered_until": None if until_ns is None else iso(until_ns),
+            "gaps": [{"start": iso(start), "length_s": (end - start) / 1e9} for start, end in self.gaps],
+            "topics": dict(sorted(self.counts.items())),
+            "reasons": dict(self.refused),
+            "closed": self.closed,
+        }
+
+    def __str__(self) -> str:
+        until = "" if self.recovered_until_ns is None else f" up to {iso(self.recovered_until_ns)}"
+        saved = f"saved {self.messages:,} messages{until}"
+        ended = "" if self.closed else "; the recording had not been closed"
+        if not self.refused:
+            return f"{saved}{ended}; nothing was lost"
+        chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
+        reasons = ", ".join(f"{why} ({count})" for why, count in self.refused.most_common(3))
+        gaps = "".join(f"; a gap of {(end - start) / 1e9:.3f} s from {iso(start)}" for start, end in self.gaps[:5])
+        more = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
+        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {reasons}{gaps}{more}"
+
+
+def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> Recovered:
+    """Copy every intact message, metadata record and attachment of ``source`` into the new file ``target``.
+
+    ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
+    when ``target`` exists or cannot be written, or does not read back as what was saved. ``source`` is only read.
+    """
+    with open_recording(source, whatever_it_is=True) as stream:
+        _refuse_existing(source, target)
+        definitions = _collect_definitions(stream, source, lambda share: progress(0.3 * share))
+        partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            saved = _write(stream, partial, definitions, lambda share: progress(0.3 + 0.5 * share))
+            if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
+                raise InputError(
+                    "holds nothing that can be saved", where=str(source), fix="give another copy of it"
+                )
+            _verify(partial, target, saved)
+            partial.replace(target)
+        except OSError as error:
+            raise error if isinstance(error, StorageError) else storage_error(target, error) from error
+        finally:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+    progress(1.0)
+    return saved.found
+
+
+@dataclass(slots=True)
+class _Definitions:
+    """Channels and schemas by their number. Those out of a chunk have its checksum and go before the others.
+
+    ``chunk_starts`` is where chunks begin by the word of the index, used for nothing but to count the lost ones.
+    """
+
+    header: Header = field(default_factory=lambda: Header("", ""))
+    vouched: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
+    others: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
+    chunk_starts: array[int] = field(default_factory=lambda: array("Q"))
+
+    def channel(self, number: int) -> Channel | None:
+        found = self._get(Channel, number)
+        return found if isinstance(found, Channel) else None
+
+    def schema(self, number: int) -> Schema | None:
+        found = self._get(Schema, number)
+        return found if isinstance(found, Schema) else None
+
+    def _get(self, kind: type, number: int) -> Channel | Schema | None:
+        return self.vouched.get((kind, number)) or self.others.get((kind, number))
+
+
+def _collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> _Definitions:
+    """All definitions of a file, the first that was given to each number."""
+    definitions, size_bytes = _Definitions(), 0
+    for found in _scanned(stream, progress):
+        if not isinstance(found, Intact):
+            continue
+        if isinstance(found.record, Header):
+            definitions.header = found.record
+        if isinstance(found.record, ChunkIndex):
+            definitions.chunk_starts.append(found.record.chunk_start_offset)
+        known = definitions.vouched if isinstance(found.record, Chunk) else definitions.others
+        for record in _definitions_in(found.record):
+            first = known.setdefault((type(record), record.id), record)
+            if first is record or first != record:
+                size_bytes += _size_bytes(record)
+        if size_bytes > LARGEST_BYTES:
+            raise InputError("is damaged", where=str(path), why="it defines more topics than there can be")
+    definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
+    return definitions
+
+
+def _size_bytes(record: Channel | Schema) -> int:
+    return len(record.data) if isinstance(record, Schema) else len(record.topic) + len(str(record.metadata))
+
+
+def _definitions_in(record: McapRecord | None) -> Iterator[Channel | Schema]:
+    within = contents(record, messages=False) if isinstance(record, Chunk) else iter([record])
+    with suppress(RecordError):  # counted when the messages are copied
+        for each in within:
+            if isinstance(each, Channel | Schema):
+                yield each
+
+
+def _scanned(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+    size_bytes = stream.seek(0, os.SEEK_END)
+    shown = 0
+    for found in scan(stream):
+        yield found
+        if found.end - shown > size_bytes // 100:
+            shown = found.end
+            progress(shown / size_bytes)
+
+
+class _Digest:
+    """A running hash of messages in their order: topics, times and data."""
+
+    def __init__(self) -> None:
+        self.messages = 0
+        self._hash = blake2b()
+
+    def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
+        name = topic.encode()
+        self.messages += 1
+        self._hash.update(_KEY.pack(log_ns, publish_ns, len(name), len(data)))
+        self._hash.update(name)
+        self._hash.update(data)
+
+    @property
+    def value(self) -> tuple[int, bytes]:
+        return self.messages, self._hash.digest()
+
+
+class _Saving:
+    """Copies records into a new file and counts what was found, saved and lost."""
+
+    def __init__(self, writer: Writer, definitions: _Definitions) -> None:
+        self.found = Recovered()
+        self.digest = _Digest()
+        self._writer = writer
+        self._definitions = definitions
+        self._channels: dict[tuple[Any, ...], int] = {}
+        self._schemas: dict[tuple[Any, ...], int] = {}
+        self._topics: dict[int, tuple[int, str]] = {}  # by the number that the source gives
+        self._last_ns: int | None = None
+        self._after_damage = False
+        for record in list(definitions.vouched.values()):  # a topic without a message is to be kept too
+            if isinstance(record, Channel):
+                self._channel(record.id)
+
+    def take(self, found: Intact | Damage) -> None:
+        size_bytes = found.end - found.start
+        if isinstance(found, Damage):
+            starts = self._definitions.chunk_starts
+            indexed = bisect_left(starts, found.end) - bisect_left(starts, found.start)
+            self.found.lose(found.why, size_bytes, max(found.chunks, indexed))
+            self._after_damage |= found.messages
+        elif found.private:
+            self.found.lose("a private record of another program", size_bytes)
+        elif isinstance(found.record, Chunk):
+            self._take_chunk(found.record, size_bytes)
+        elif isinstance(found.record, Message):
+            self._take_message(found.record)
+        elif isinstance(found.record, Metadata):
+            self._take_metadata(found.record)
+        elif isinstance(found.record, Attachment):
+            each = found.record
+            self._writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
+            self.found.attachments += 1
+        elif isinstance(found.record, Footer):
+            self.found.closed = True
+
+    def _take_chunk(self, chunk: Chunk, size_bytes: int) -> None:
+        try:
+            for record in contents(chunk):
+                if isinstance(record, Message):
+                    self._take_message(record)
+                elif isinstance(record, Channel | Schema):
+                    self._redefine(record)
+        except RecordError as error:
+            self.found.lose(str(error), size_bytes, chunks=1)
+            self._after_damage = True
+
+    def _redefine(self, record: Channel | Schema) -> None:
+        key = (type(record), record.id)
+        if self._definitions.vouched.get(key) != record:  # two files made into one use their numbers twice
+            self._definitions.vouched[key] = record
+            self._topics.clear()
+
+    def _take_message(self, message: Message) -> None:
+        channel = self._topics.get(message.channel_id) or self._channel(message.channel_id)
+        if channel is None:
+            self.found.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
+            return
+        number, topic = channel
+        log_ns = message.log_time
+        self._writer.add_message(number, log_ns, message.data, message.publish_time, message.sequence)
+        self.digest.add(topic, log_ns, message.publish_time, message.data)
+        self.found.counts[topic] += 1
+        if self._last_ns is None or log_ns > self._last_ns:
+            if self._after_damage and self._last_ns is not None:
+                self.found.gaps.append((self._last_ns, log_ns))
+            self._last_ns = self.found.recovered_until_ns = log_ns
+        self._after_damage = False
+
+    def _take_metadata(self, metadata: Metadata) -> None:
+        name = metadata.name
+        if name == "trial":
+            try:
+                Trial.from_metadata(metadata.metadata)
+            except ValueError:  # it would keep the copy from being read; under another name it is not lost
+                name = "trial (damaged)"
+                self.found.lose("a run sheet, kept as metadata 'trial (damaged)'", 0)
+        self._writer.add_metadata(name, metadata.metadata)
+        self.found.metadata += 1
+
+    def _channel(self, number: int) -> tuple[int, str] | None:
+        """The copy's number of a channel, and its topic."""
+        channel = self._definitions.channel(number)
+        if channel is None:
+            return None
+        schema = self._schema(channel.schema_id)
+        key = (number, channel.topic, channel.message_encoding, schema, *chain(*channel.metadata.items()))
+        if key not in self._channels:
+            self._channels[key] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, schema, channel.metadata
+            )
+        self._topics[number] = self._channels[key], channel.topic
+        return self._topics[number]
+
+    def _schema(self, number: int) -> int:
+        schema = self._definitions.schema(number)
+        if schema is None:
+            return 0  # MCAP's word for none
+        key = (number, schema.name, schema.encoding, schema.data)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+        return self._schemas[key]
+
+
+def _refuse_existing(source: Path, target: Path) -> None:
+    if os.path.lexists(target):
+        same = target.exists() and target.samefile(source)
+        what = "is the recording that is to be saved" if same else "exists already"
+        raise StorageError(what, where=str(target), fix="name a new file")
+
+
+def _write(stream: BinaryIO, partial: Path, definitions: _Definitions, progress: Progress) -> _Saving:
+    with partial.open("xb") as file:
+        writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        writer.start(profile=definitions.header.profile, library=software_version())
+        saving = _Saving(writer, definitions)
+        for found in _scanned(stream, progress):
+            saving.take(found)
+        writer.finish()  # type: ignore[no-untyped-call]
+        file.flush()
+        os.fsync(file.fileno())
+    return saving
+
+
+def _verify(partial: Path, target: Path, saved: _Saving) -> None:
+    """Read the copy back, as we would and as any other program would."""
+    ours, theirs = _Digest(), _Digest()
+    try:
+        written = MessageStream(partial)
+        for entry in written:
+            ours.add(*entry)
+        with partial.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            for _, channel, message in reader.iter_messages(log_time_order=False):
+                theirs.add(channel.topic, message.log_time, message.publish_time, message.data)
+    except (InputError, McapError, ValueError, KeyError, struct.error) as error:
+        raise _unlike(target, str(error)) from error
+    if not written.closed or not ours.value == theirs.value == saved.digest.value:
+        raise _unlike(target, f"{ours.messages:,} and {theirs.messages:,} messages of {saved.digest.messages:,}")
+
+
+def _unlike(target: Path, why: str) -> StorageError:
+    return StorageError("does not read back as it was written", where=str(target), why=why, fix="try another disk")
