@@ -48,7 +48,7 @@ def make_decoders(config: AnySource) -> list[Decoder]:
         from acquisition.decoders.dbc import DbcDecoder
         from acquisition.decoders.nmea2000 import Nmea2000Decoder
 
-        nmea2000 = Nmea2000Decoder(config.clock, shares_bus=config.dbc is not None)
+        nmea2000 = Nmea2000Decoder(config.clock, config.devices, shares_bus=config.dbc is not None)
         if config.dbc is None:
             return [nmea2000]
         return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock)]

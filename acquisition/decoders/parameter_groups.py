@@ -1,0 +1,350 @@
+"""The parameter groups of NMEA 2000 that we listen to: where their fields are, and what the fields mean to us.
+
+Fields are named as in canboat's database and are in SI units and radians, positions in degrees. A field of a
+number keeps its three highest raw values to say "not available", "error" and nothing at all (reserved); lookups
+are given as they are.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import pi
+from typing import NamedTuple
+
+from acquisition.decoders.clock import utc_ns
+from acquisition.frames import Quality
+from acquisition.units import DEG_PER_RAD
+
+ADDRESS_CLAIM = 60928
+SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION = 126992, 129033, 129029
+NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
+
+_DAY_S = 86_400
+_WHOLE_TURN_RAD = 2 * pi + 1e-4  # a whole turn rounded up to the wire's step
+_NO_FIX, _NO_FIX_ERROR = 0, 14
+_SATELLITE_METHODS = range(1, 6)  # above them dead reckoning, manual input, simulator and what is not defined yet
+_MEASURED_MODES = range(2)  # of 130577: autonomous and differential; above them estimated, simulated, manual
+
+Value = float | str
+"""A number, or the reason why there is none."""
+Values = list[tuple[str, Value]]
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field: its first bit, its length in bits, and its step, which a lookup has not."""
+
+    start: int
+    bits: int
+    step: float | None = None
+    signed: bool = False
+
+    def read(self, raw: int) -> Value:
+        """The field's value in a message that was read as one little-endian number."""
+        value = (raw >> self.start) & ((1 << self.bits) - 1)
+        if self.step is None:
+            return value
+        highest = (1 << (self.bits - self.signed)) - 1
+        if highest - 2 <= value <= highest:
+            return NOT_AVAILABLE if value == highest else ERROR_VALUE
+        return (value - (1 << self.bits) if value > highest else value) * self.step
+
+
+class Message:
+    """One whole message; a field is read when it is asked for."""
+
+    __slots__ = ("_bits", "_fields", "_raw")
+
+    def __init__(self, fields: dict[str, Field], payload: bytes) -> None:
+        self._fields = fields
+        self._raw = int.from_bytes(payload, "little")
+        self._bits = 8 * len(payload)
+
+    def __getitem__(self, name: str) -> Value:
+        field = self._fields[name]
+        return field.read(self._raw) if field.start + field.bits <= self._bits else NOT_AVAILABLE
+
+    def degrees(self, name: str) -> Value:
+        """A field of radians in degrees."""
+        value = self[name]
+        return value if isinstance(value, str) else value * DEG_PER_RAD
+
+
+class Reading(NamedTuple):
+    """What a message says to us.
+
+    ``meaning`` tells apart what one group may mean, ``instance`` which of several equal things it is about.
+    """
+
+    values: Iterable[tuple[str, Value]]
+    meaning: str = ""
+    quality: Quality = Quality.NOT_EVALUATED
+    instance: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterGroup:
+    """How a group is read. ``shortest`` is the least length [bytes] of one that comes in several frames."""
+
+    fields: dict[str, Field]
+    read: Callable[[Message], Reading]
+    shortest: int = 0
+
+
+def _given(values: Values) -> Values:
+    """Without the values that are missing, where a device need not give them."""
+    return [(name, value) for name, value in values if not isinstance(value, str)]
+
+
+def _together(values: Values) -> Values:
+    """Values of which one alone is of no use: all of them, or why there are none."""
+    missing: Values = [(name, value) for name, value in values if isinstance(value, str)]
+    return missing or values
+
+
+def _clock(_message: Message) -> Reading:
+    return Reading([])
+
+
+def told_time(message: Message) -> int | None:
+    """A message's date and time as ns since 1970; None if it does not say."""
+    days, seconds = message["date"], message["time"]
+    if isinstance(days, str) or isinstance(seconds, str) or seconds >= _DAY_S + 1:  # a leap second is possible
+        return None
+    return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
+
+
+def _rudder(message: Message) -> Reading:
+    """Several rudders are told apart by their instance; one that does not say which it is comes last."""
+    instance = message["instance"]
+    number = 255 if isinstance(instance, str) else int(instance)
+    values: Values = [("rudder_angle_deg", message.degrees("position"))]
+    return Reading(values, f"rudder {number}" if number else "", instance=number)
+
+
+def _heading(message: Message) -> Reading:
+    reference, heading = message["reference"], message["heading"]
+    variation = _given([("magnetic_variation_deg", message.degrees("variation"))])
+    if reference == 0:
+        return Reading([("heading_deg", message.degrees("heading")), *variation])
+    if reference != 1:
+        return Reading([("heading_deg", "heading without a reference")])
+    return Reading([("heading_magnetic_deg", _deviated_deg(heading, message["deviation"])), *variation])
+
+
+def _deviated_deg(heading: Value, deviation: Value) -> Value:
+    """A compass heading with its deviation, within a turn unless the heading itself is beyond one [deg]."""
+    if isinstance(heading, str):
+        return heading
+    if isinstance(deviation, str) or heading > _WHOLE_TURN_RAD:
+        return heading * DEG_PER_RAD
+    return (heading + deviation) * DEG_PER_RAD % 360.0
+
+
+def _rate_of_turn(message: Message) -> Reading:
+    return Reading([("yaw_rate_dps", message.degrees("rate"))])
+
+
+def _attitude(message: Message) -> Reading:
+    """Roll and pitch; the yaw does not say which north it refers to."""
+    return Reading([("roll_deg", message.degrees("roll")), ("pitch_deg", message.degrees("pitch"))])
+
+
+def _variation(message: Message) -> Reading:
+    return Reading([("magnetic_variation_deg", message.degrees("variation"))])
+
+
+def _speed(message: Message) -> Reading:
+    return Reading([("speed_through_water_mps", message["speedWaterReferenced"])])
+
+
+def _position(message: Message) -> Reading:
+    return Reading(_together([("latitude_deg", message["latitude"]), ("longitude_deg", message["longitude"])]))
+
+
+def _gnss_position(message: Message) -> Reading:
+    """A position without a fix repeats an old one or invents one."""
+    method = message["method"]
+    if method in (_NO_FIX, _NO_FIX_ERROR):
+        return Reading([("latitude_deg", "no fix")], quality=Quality.MISSING)
+    quality = Quality.NOT_EVALUATED if method in _SATELLITE_METHODS else Quality.SUSPECT
+    return Reading(_position(message).values, quality=quality)
+
+
+def _course_and_speed(message: Message) -> Reading:
+    course = {0: "course_over_ground_deg", 1: "course_magnetic_deg"}.get(int(message["cogReference"]))
+    value = message.degrees("cog")
+    if course is None:
+        course, value = "course_over_ground_deg", value if isinstance(value, str) else "course without a reference"
+    return Reading([(course, value), ("speed_over_ground_mps", message["sog"])])
+
+
+def _direction_data(message: Message) -> Reading:
+    """Course and speed only: heading, set and drift are worked out by the device from what others said."""
+    quality = Quality.NOT_EVALUATED if message["dataMode"] in _MEASURED_MODES else Quality.SUSPECT
+    return Reading(_course_and_speed(message).values, quality=quality)
+
+
+def _speed_components(message: Message) -> Reading:
+    return Reading(
+        [
+            ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
+            ("sway_mps", message["transverseSpeedGroundReferenced"]),
+            *_given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
+        ]
+    )
+
+
+_WINDS = {
+    0: ("wind_direction_deg", "wind_speed_mps", ""),
+    1: ("wind_direction_magnetic_deg", "wind_speed_mps", "magnetic"),
+    2: ("wind_angle_apparent_deg", "wind_speed_apparent_mps", "apparent"),
+    3: ("wind_angle_theoretical_deg", "wind_speed_theoretical_mps", "theoretical"),
+    4: ("wind_angle_water_deg", "wind_speed_water_mps", "water"),
+}
+
+
+def _wind(message: Message) -> Reading:
+    known = _WINDS.get(int(message["reference"]))
+    if known is None:
+        return Reading([("wind_speed_mps", "wind without a reference")])
+    angle, speed, meaning = known
+    return Reading([(angle, message.degrees("windAngle")), (speed, message["windSpeed"])], meaning)
+
+
+_ANGLE_RAD, _SPEED_MPS, _FINE_SPEED_MPS, _TIME_S = 1e-4, 0.01, 0.001, 1e-4
+_SID = {"sid": Field(0, 8, 1)}
+_SPEED_NAMES = (
+    "longitudinalSpeedWaterReferenced",
+    "transverseSpeedWaterReferenced",
+    "longitudinalSpeedGroundReferenced",
+    "transverseSpeedGroundReferenced",
+    "sternSpeedWaterReferenced",
+    "sternSpeedGroundReferenced",
+)
+
+GROUPS: dict[int, ParameterGroup] = {
+    SYSTEM_TIME: ParameterGroup(
+        {**_SID, "source": Field(8, 4), "date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)}, _clock
+    ),
+    127245: ParameterGroup(
+        {
+            "instance": Field(0, 8, 1),
+            "directionOrder": Field(8, 3),
+            "angleOrder": Field(16, 16, _ANGLE_RAD, signed=True),
+            "position": Field(32, 16, _ANGLE_RAD, signed=True),
+        },
+        _rudder,
+    ),
+    127250: ParameterGroup(
+        {
+            **_SID,
+            "heading": Field(8, 16, _ANGLE_RAD),
+            "deviation": Field(24, 16, _ANGLE_RAD, signed=True),
+            "variation": Field(40, 16, _ANGLE_RAD, signed=True),
+            "reference": Field(56, 2),
+        },
+        _heading,
+    ),
+    127251: ParameterGroup({**_SID, "rate": Field(8, 32, 3.125e-8, signed=True)}, _rate_of_turn),
+    127257: ParameterGroup(
+        {
+            **_SID,
+            "yaw": Field(8, 16, _ANGLE_RAD, signed=True),
+            "pitch": Field(24, 16, _ANGLE_RAD, signed=True),
+            "roll": Field(40, 16, _ANGLE_RAD, signed=True),
+        },
+        _attitude,
+    ),
+    127258: ParameterGroup(
+        {
+            **_SID,
+            "source": Field(8, 4),
+            "ageOfService": Field(16, 16, 1),
+            "variation": Field(32, 16, _ANGLE_RAD, signed=True),
+        },
+        _variation,
+    ),
+    128259: ParameterGroup(
+        {
+            **_SID,
+            "speedWaterReferenced": Field(8, 16, _SPEED_MPS),
+            "speedGroundReferenced": Field(24, 16, _SPEED_MPS),
+            "speedWaterReferencedType": Field(40, 8),
+            "speedDirection": Field(48, 4),
+        },
+        _speed,
+    ),
+    129025: ParameterGroup(
+        {"latitude": Field(0, 32, 1e-7, signed=True), "longitude": Field(32, 32, 1e-7, signed=True)}, _position
+    ),
+    129026: ParameterGroup(
+        {
+            **_SID,
+            "cogReference": Field(8, 2),
+            "cog": Field(16, 16, _ANGLE_RAD),
+            "sog": Field(32, 16, _SPEED_MPS),
+        },
+        _course_and_speed,
+    ),
+    GNSS_POSITION: ParameterGroup(
+        {
+            **_SID,
+            "date": Field(8, 16, 1),
+            "time": Field(24, 32, _TIME_S),
+            "latitude": Field(56, 64, 1e-16, signed=True),
+            "longitude": Field(120, 64, 1e-16, signed=True),
+            "altitude": Field(184, 64, 1e-6, signed=True),
+            "gnssType": Field(248, 4),
+            "method": Field(252, 4),
+            "integrity": Field(256, 2),
+            "numberOfSvs": Field(264, 8, 1),
+            "hdop": Field(272, 16, 0.01, signed=True),
+            "pdop": Field(288, 16, 0.01, signed=True),
+            "geoidalSeparation": Field(304, 32, 0.01, signed=True),
+            "referenceStations": Field(336, 8, 1),
+        },
+        _gnss_position,
+        shortest=43,
+    ),
+    TIME_AND_DATE: ParameterGroup(
+        {
+            "date": Field(0, 16, 1),
+            "time": Field(16, 32, _TIME_S),
+            "localOffset": Field(48, 16, 60, signed=True),
+        },
+        _clock,
+    ),
+    130306: ParameterGroup(
+        {
+            **_SID,
+            "windSpeed": Field(8, 16, _SPEED_MPS),
+            "windAngle": Field(24, 16, _ANGLE_RAD),
+            "reference": Field(40, 3),
+        },
+        _wind,
+    ),
+    130577: ParameterGroup(
+        {
+            "dataMode": Field(0, 4),
+            "cogReference": Field(4, 2),
+            "sid": Field(8, 8, 1),
+            "cog": Field(16, 16, _ANGLE_RAD),
+            "sog": Field(32, 16, _SPEED_MPS),
+            "heading": Field(48, 16, _ANGLE_RAD),
+            "speedThroughWater": Field(64, 16, _SPEED_MPS),
+            "set": Field(80, 16, _ANGLE_RAD),
+            "drift": Field(96, 16, _SPEED_MPS),
+        },
+        _direction_data,
+        shortest=14,
+    ),
+    130578: ParameterGroup(
+        {name: Field(16 * place, 16, _FINE_SPEED_MPS, signed=True) for place, name in enumerate(_SPEED_NAMES)},
+        _speed_components,
+        shortest=8,
+    ),
+}
+"""The groups we listen to."""
