@@ -1,0 +1,99 @@
+"""Coverage-guided fuzzing of NMEA 0183, from the bytes of a line to channel samples.
+
+``pip install atheris``, then ``python tests/fuzz/fuzz_nmea0183.py -max_total_time=600 -rss_limit_mb=300``.
+
+Every line is tried as it is, and once more with sound checksums, which chance would never find. Nothing may
+raise, every value must be finite, and every channel sample must be one that its channel can hold.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import tempfile
+from itertools import pairwise
+from pathlib import Path
+
+import atheris
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.channels import BY_NAME
+    from acquisition.decoders.nmea0183 import Nmea0183Decoder
+    from acquisition.decoders.tag_block import checksum
+    from acquisition.derive import Derivation
+    from acquisition.frames import Frame
+    from acquisition.sections import Thrusters
+    from acquisition.sources.lines import LineAssembler
+    from acquisition.trial import Trial
+
+SECOND = 1_000_000_000
+TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
+SEEDS = (
+    b"\0$GPZDA,120000.00,31,12,2026,00,00\n$GPRMC,120000,A,6326.4,N,01024.0,E,5.6,230.5,311226,1.4,E,A",
+    b"\1$GPGGA,120000,6326.4,N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,\n$GPGLL,6326.4,N,01024.0,E,120000,A,A",
+    b"\2$HEHDT,12.5,T\n$HETHS,12.5,A\n$HCHDG,101.1,2.0,E,7.1,W\n$APHDM,12.5,M\n$TIROT,-30.0,A",
+    b"\3$VDVBW,9.0,1.0,A,10.0,-2.0,A\n$GPVTG,230.5,T,,M,5.6,N,10.4,K,A\n$SDVHW,,T,,M,6.6,N,12.3,K",
+    b"\4$WIMWV,57.5,R,13.0,N,A\n$WIMWD,328.2,T,326.8,M,10.0,N,5.1,M\n$IIVWR,45.0,L,10.0,N,,,,\n$IIVWT,45.0,R,,,5.1,M",
+    b"\5$RCTRD,2,400.5,R,,V,90.8\n$RCTRC,2,402.6,R,,V,88.3,B,C\n$ERRSA,-5.0,A,7.0,A\n$ERRPM,S,1,-120.0,90.0,A",
+    b"\6\\s:GN01,c:1798761600\\$HEHDT,12.5,T\nUdPbC\0\\g:1-2-3,c:1798761600250\\$WIMWV,57.5,T,13.0,K,A",
+)
+
+
+def with_checksum(text: bytes) -> bytes:
+    """The line with the checksum that it should have, in the TAG block too."""
+    head, _, rest = text.partition(b"\\")
+    items, closed, body = rest.partition(b"\\")
+    if not closed:
+        return sound(text)
+    return head + b"\\" + items + b"*%02X" % checksum(items) + b"\\" + sound(body)
+
+
+def sound(text: bytes) -> bytes:
+    return text + b"*%02X" % checksum(text[1:])
+
+
+def check(decoder: Nmea0183Decoder, derivation: Derivation, frame: Frame) -> None:
+    refused = decoder.refused.total()
+    for group in decoder.decode(frame):
+        assert group, "an empty group"
+        assert all(math.isfinite(sample.value) for sample in group), group
+        samples, impossible = derivation.channels(group)
+        assert impossible >= 0
+        for sample in samples:
+            assert BY_NAME[sample.quantity].holds(sample.value), sample
+            derivation.admitted(sample)
+    assert decoder.refused.total() >= refused
+
+
+def one_input(data: bytes) -> None:
+    """The first byte chooses the settings; the rest are lines."""
+    settings, stream = data[0] if data else 0, data[1:]
+    thrusters = Thrusters(channels_from="demand" if settings & 1 else "response")
+    decoder = Nmea0183Decoder(thrusters, "source", "water" if settings & 2 else "ground")
+    derivation = Derivation(TRIAL, frozenset({"line"}))
+    assembler = LineAssembler("line")
+    frames = assembler.push(stream) + assembler.end()
+    assert all(before.monotonic_ns <= after.monotonic_ns for before, after in pairwise(frames))
+    for number, frame in enumerate(frames):
+        for payload in (frame.payload, with_checksum(frame.payload)):
+            at_ns = number * SECOND // 10
+            check(decoder, derivation, Frame("line", "nmea0183", payload, at_ns, at_ns))
+
+
+def corpus() -> Path:
+    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
+    folder = Path(tempfile.gettempdir()) / "fuzz_nmea0183"
+    folder.mkdir(exist_ok=True)
+    for number, seed in enumerate(SEEDS):
+        (folder / f"seed_{number}").write_bytes(seed)
+    return folder
+
+
+def main() -> None:
+    atheris.Setup([*sys.argv, "-max_len=600", str(corpus())], one_input)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
