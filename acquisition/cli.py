@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    import threading
+
     from rich.table import Table
+
+    from acquisition.config import TrialConfig
+    from acquisition.health import Health
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
@@ -23,29 +28,104 @@ def mount(app: typer.Typer) -> None:
     app.command("record", help="Record a trial; SIGINT and SIGTERM end it cleanly.")(record)
     app.command("emulate", help="Play a recording onto the buses and lines of a configuration.")(emulate)
     app.command("import", help="Turn a table (CSV, Parquet or .mat) into a recording.")(import_)
+    app.command("mark", help="Set an event mark in the running recording.")(mark)
+    app.command("redecode", help="Rebuild a recording's channels from its raw input.")(redecode)
     app.command("info", help="Say what is in a recording.")(info)
     app.command("recover", help="Save what is intact of a damaged recording into a new one.")(recover)
 
 
 def record(
     config: Annotated[Path, typer.Argument(help="The trial's configuration, a TOML file.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the recording goes into.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The folder that the recording goes into.")
+    ] = None,
     duration: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Record nothing: listen, and say which channels would be missing.")
+    ] = False,
+    log: Annotated[str, typer.Option(help="What is written without a terminal: text, or json lines.")] = "text",
+    live: Annotated[bool, typer.Option("--live", help="Serve the live view for Foxglove and Lichtblick.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Record a trial."""
     from acquisition.config import load_config
-    from acquisition.live.terminal import missing, summary
     from acquisition.record import record as run
     from acquisition.record import stopped_by_signals
 
+    if log not in ("text", "json"):
+        raise typer.BadParameter("is neither text nor json", param_hint="--log")
+    if output is None and not check:
+        raise typer.BadParameter("is missing: the folder that the recording goes into", param_hint="-o")
     trial = load_config(config)
     with stopped_by_signals() as stop:
-        path, health = run(trial, output, duration, stop)
-    typer.echo(summary(health, path), err=True)
+        if check or output is None:
+            _check_departure(trial, output, 10.0 if duration is None else duration, stop, as_json)
+            return
+        paths, health = run(trial, output, duration, stop, log_format=log, live=live)  # type: ignore[arg-type]
+    _sum_up(trial, health, paths)
+    for path in paths:
+        typer.echo(path)
+
+
+def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
+    from acquisition.live.terminal import missing, summary
+
+    typer.echo(summary(health, paths), err=True)
     silent = missing(health.channels, frozenset(name for each in trial.sources for name in each.channels))
     if silent:
         typer.echo(f"warning: nothing came of {', '.join(silent)}", err=True)
-    typer.echo(path)
+
+
+def _check_departure(
+    trial: TrialConfig, folder: Path | None, duration_s: float, stop: threading.Event, as_json: bool
+) -> None:
+    from rich.console import Console
+
+    from acquisition.departure import check_departure
+    from acquisition.live.check_table import departure_table
+
+    typer.echo(f"listening for {duration_s:g} s", err=True)
+    found = check_departure(trial, duration_s, folder, stop)
+    if as_json:
+        typer.echo(json.dumps(found.as_json()))
+    else:
+        Console().print(departure_table(found))
+    if found.missing:
+        typer.echo(f"not ready: {', '.join(found.missing)} would be missing", err=True)
+        raise typer.Exit(1)
+    typer.echo("ready: all 13 channels come", err=True)
+
+
+def mark(
+    text: Annotated[str, typer.Argument(help='What happens now: "start 20/20".')],
+) -> None:
+    """Set an event mark in the recordings that run on this computer."""
+    from acquisition.marks import send_mark
+
+    count = send_mark(text)
+    typer.echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
+
+
+def redecode(
+    recording: Annotated[list[Path], typer.Argument(help="A recording; its parts in their order.")],
+    output: Output,
+    config: Annotated[
+        Path | None, typer.Option(help="The corrected configuration; the recording's own if none is given.")
+    ] = None,
+) -> None:
+    """Rebuild the channels from the raw input."""
+    from acquisition.config import load_config
+    from acquisition.live.terminal import summary
+    from acquisition.progress import bar
+    from acquisition.redecode import redecode as run
+
+    with bar("decoding") as progress:
+        result = run(recording, output, None if config is None else load_config(config), progress)
+    typer.echo(summary(result.health, [output]), err=True)
+    if result.unknown:
+        kept = ", ".join(f"{name} {count:,}" for name, count in result.unknown.items())
+        typer.echo(f"warning: kept raw, as no source of the configuration is called so: {kept}", err=True)
+    typer.echo(output)
 
 
 def emulate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -21,9 +22,12 @@ from acquisition.sections import (
     RecordingSection,
     TrialSection,
 )
-from acquisition.toml_file import line_of, load_toml, read_text
+from acquisition.toml_file import line_of, parse_toml, read_text
 from acquisition.trial import Trial
 from acquisition.units import scale_to
+
+CONFIGURATION = "configuration.toml"
+"""The name of the configuration among a recording's attachments."""
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -49,6 +53,16 @@ class TrialConfig:
     magnetic_variation_deg: float | None = None
 
     @property
+    def attachments(self) -> dict[str, bytes]:
+        """What a recording needs beside itself to be decoded anew: this configuration and its DBC files."""
+        dbc = {
+            f"{source.name}.dbc": source.dbc.read_bytes()
+            for source in self.sources
+            if isinstance(source, CanFrames) and source.dbc is not None
+        }
+        return {CONFIGURATION: self.text.encode(), **dbc}
+
+    @property
     def missing_channels(self) -> tuple[str, ...]:
         """Those of the 13 channels that no source provides."""
         provided = {name for source in self.sources for name in source.channels}
@@ -60,17 +74,27 @@ def load_config(path: Path | str) -> TrialConfig:
 
     Relative paths in it are relative to the file itself. Raises :class:`ConfigurationError` naming the line.
     """
-    file = load_toml(path, _File)
+    return parse_config(read_text(path), path)
+
+
+def parse_config(text: str, path: Path | str, dbc_files: Mapping[str, Path] | None = None) -> TrialConfig:
+    """Check a configuration's text; ``dbc_files`` by source stand in for those it names, if given.
+
+    Raises :class:`ConfigurationError` naming the line.
+    """
+    file = parse_toml(text, path, _File)
     if not file.source:
         raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
-    text = read_text(path)
     _check_names(file.source, path)
     _check_units(file.source, text, path)
     _check_channels(file.source, text, path)
+    _check_kinds(file.source, path)
     folder = Path(path).resolve().parent
     return TrialConfig(
         trial=file.trial.as_trial(),
-        sources=tuple(_resolved(source, folder, path) for source in file.source),
+        sources=tuple(
+            _resolved(source, folder, path, (dbc_files or {}).get(source.name)) for source in file.source
+        ),
         recording=file.recording,
         text=text,
         path=Path(path),
@@ -122,6 +146,17 @@ def _check_channels(sources: tuple[AnySource, ...], text: str, path: Path | str)
                 )
 
 
+def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    """A log file has times of its own, which a recording of today cannot be mixed with."""
+    files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
+    if files and len(files) < len(sources):
+        raise ConfigurationError(
+            f"{', '.join(files)} are log files, other sources are live",
+            where=str(path),
+            fix="record the live sources and the log files with a configuration each",
+        )
+
+
 _MAPPING_HINT = {
     "can": "say which DBC signal does in [source.signals], or take it off the source's channels",
     "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
@@ -146,12 +181,12 @@ def carried_channels(source: AnySource) -> frozenset[str]:
     return _MOTION | _NAUTICAL | _ORDERS | set(NAMES)
 
 
-def _resolved(source: AnySource, folder: Path, path: Path | str) -> AnySource:
+def _resolved(source: AnySource, folder: Path, path: Path | str, dbc_file: Path | None) -> AnySource:
     """The source with its file paths made absolute and checked."""
     if isinstance(source, FILE_SOURCES):
         source = replace(source, path=folder / source.path)
     if isinstance(source, CanFrames) and source.dbc is not None:
-        dbc = folder / source.dbc
+        dbc = dbc_file or folder / source.dbc
         if not dbc.exists():
             raise ConfigurationError(f"DBC file {dbc} does not exist", where=f"{path}, source {source.name!r}")
         return replace(source, dbc=dbc)

@@ -1,84 +1,246 @@
-"""Quantities off the wires to the 13 channels: the trial's plane, the ship's axes, the channel's range.
+"""Quantities off the wires to the 13 channels: the trial's plane, the ship's axes, true north, wind over ground.
 
 What is derived says so in its source. Values that a channel cannot hold are left out and counted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from math import cos, radians, sin
-
-import pymap3d
 
 from acquisition.channels import BY_NAME, CIRCULAR
 from acquisition.frames import Group, Sample
+from acquisition.kinematics import (
+    along,
+    felt_wind,
+    to_body,
+    to_earth,
+    velocity_at_reference,
+    wind_over_ground,
+)
+from acquisition.sections import Mounting
+from acquisition.tangent_plane import TangentPlane
 from acquisition.trial import Trial
 
-_HEADING_KEEPS_NS = 500_000_000  # a heading older than this does not turn velocities into surge and sway
-
+_HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
+_MOTION_KEEPS_NS = 1_500_000_000
 _WHOLE_TURN_DEG = 360.01  # a turn rounded up to a wire's step: NMEA 2000 can say 360.0008 degrees
+_AS_FITTED = Mounting()
+
+_HEADINGS = ("heading_deg", "heading_magnetic_deg")
+_BOW_WINDS = ("apparent", "theoretical", "water")
+_REMEMBERED = frozenset({"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "speed_through_water_mps"})
+_SPEAKS_OF_MORE = frozenset({
+    "latitude_deg", "heading_deg", "heading_magnetic_deg", "magnetic_variation_deg", "velocity_north_mps",
+    "speed_over_ground_mps", "surge_mps", "sway_mps", "wind_direction_magnetic_deg",
+    *(f"wind_angle_{kind}_deg" for kind in _BOW_WINDS),
+})  # fmt: skip
+
+Quantities = dict[str, Sample]
 
 
 class Derivation:
     """The channels of one trial from what its decoders deliver, sample group by sample group.
 
     A group is what came in one message. Without an origin in ``trial`` the first fix of one of the lines
-    ``positions_from`` becomes the origin; ``origin`` then tells which it is.
+    ``positions_from`` becomes the origin; ``origin`` then tells which it is. ``mountings`` says by line how its
+    sensors are mounted; ``variation_deg`` serves until a device tells the magnetic variation.
     """
 
-    def __init__(self, trial: Trial, positions_from: frozenset[str]) -> None:
-        self.origin = trial.origin
+    def __init__(
+        self,
+        trial: Trial,
+        positions_from: frozenset[str],
+        mountings: Mapping[str, Mounting] | None = None,
+        variation_deg: float | None = None,
+    ) -> None:
+        self._plane = None if trial.origin is None else TangentPlane(*trial.origin)
         self._positions_from = positions_from
-        self._heading: dict[str, Sample] = {}
+        self._mountings = {line: each for line, each in (mountings or {}).items() if each != _AS_FITTED}
+        self._variation_deg = variation_deg
+        self._headings: dict[str, Sample] = {}  # by line, admitted or not
+        self._ship: Quantities = {}  # the last of each that became the ship's channel
+
+    @property
+    def origin(self) -> tuple[float, float] | None:
+        """Latitude and longitude of the plane's origin [deg], once it is known."""
+        return None if self._plane is None else self._plane.origin
+
+    def admitted(self, sample: Sample) -> None:
+        """Take note of what became the ship's channel: other lines' samples are derived with it."""
+        if sample.quantity in _REMEMBERED:
+            self._ship[sample.quantity] = sample
 
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        by_quantity = {sample.quantity: sample for sample in group}
-        derived = [*group, *self._plane(by_quantity), *self._body_velocity(by_quantity)]
+        derived: list[Sample] = group
+        if any(sample.quantity in _SPEAKS_OF_MORE for sample in group):
+            derived = list(self._derived(group))
         wrapped = [_wrapped(sample) for sample in derived if sample.quantity in BY_NAME]
         possible = [sample for sample in wrapped if BY_NAME[sample.quantity].holds(sample.value)]
         return possible, len(wrapped) - len(possible)
 
-    def _plane(self, group: dict[str, Sample]) -> list[Sample]:
-        """North and east of the origin [m] by the WGS 84 tangent plane."""
+    def _derived(self, group: Group) -> Iterator[Sample]:
+        """The group's samples, corrected for how they are mounted, and what follows from them."""
+        mounting = self._mountings.get(_line(group[0]), _AS_FITTED)
+        quantities = {sample.quantity: sample for sample in self._turned(group, mounting)}
+        if "magnetic_variation_deg" in quantities:
+            self._variation_deg = quantities["magnetic_variation_deg"].value
+        heading = self._true_heading(quantities)
+        if heading is not None:
+            quantities["heading_deg"] = self._headings[_line(heading)] = heading
+        quantities.update(self._ship_velocity(quantities, mounting))
+        yield from quantities.values()
+        yield from self._position(quantities, mounting)
+        yield from self._wind(quantities)
+
+    def _turned(self, group: Group, mounting: Mounting) -> Iterator[Sample]:
+        """Headings and bow-relative wind angles, turned by what their sensors are mounted off."""
+        for sample in group:
+            turn_deg = 0.0
+            if sample.quantity in _HEADINGS:
+                turn_deg = mounting.heading_deg
+            elif sample.quantity.startswith("wind_angle_"):
+                turn_deg = mounting.wind_angle_deg
+            yield sample if turn_deg == 0.0 else _derived(sample, sample.quantity, sample.value + turn_deg)
+
+    def _true_heading(self, group: Quantities) -> Sample | None:
+        magnetic = group.get("heading_magnetic_deg")
+        if "heading_deg" in group or magnetic is None or self._variation_deg is None:
+            return group.get("heading_deg")
+        return _derived(magnetic, "heading_deg", (magnetic.value + self._variation_deg) % 360.0)
+
+    def _heading_deg(self, sample: Sample) -> float | None:
+        """The true heading when ``sample`` came: the line's own or else the ship's, carried on by the yaw rate."""
+        for heading in (self._headings.get(_line(sample)), self._ship.get("heading_deg")):
+            if heading is None:
+                continue
+            age_ns = sample.monotonic_ns - heading.monotonic_ns
+            if age_ns <= _HEADING_KEEPS_NS:
+                return heading.value + self._yaw_rate_dps(sample) * age_ns / 1e9
+        return None
+
+    def _yaw_rate_dps(self, sample: Sample) -> float:
+        return self._ship_value("yaw_rate_dps", sample) or 0.0
+
+    def _ship_value(self, quantity: str, sample: Sample) -> float | None:
+        """The ship's last value of a channel, if it is fresh when ``sample`` came."""
+        known = self._ship.get(quantity)
+        fresh = known is not None and sample.monotonic_ns - known.monotonic_ns <= _MOTION_KEEPS_NS
+        return known.value if known is not None and fresh else None
+
+    def _ship_velocity(self, group: Quantities, mounting: Mounting) -> Quantities:
+        """Surge and sway over ground at the reference point, from what the group says of velocity."""
+        found = self._measured_velocity(group)
+        if found is None:
+            return {}
+        sample, surge, sway, measured = found
+        if mounting.forward_m or mounting.starboard_m:
+            place = mounting.forward_m, mounting.starboard_m
+            surge, sway = velocity_at_reference(surge, sway, self._yaw_rate_dps(sample), *place)
+        elif measured:
+            return {}
+        return {
+            "surge_mps": _derived(sample, "surge_mps", surge),
+            "sway_mps": _derived(sample, "sway_mps", sway),
+        }
+
+    def _measured_velocity(self, group: Quantities) -> tuple[Sample, float, float, bool] | None:
+        """Surge and sway where they were measured, and whether the sensor itself told them."""
+        if "surge_mps" in group and "sway_mps" in group:
+            return group["surge_mps"], group["surge_mps"].value, group["sway_mps"].value, True
+        over_ground = self._over_ground(group)
+        if over_ground is None:
+            return None
+        sample, north, east = over_ground
+        heading_deg = self._heading_deg(sample)
+        return None if heading_deg is None else (sample, *to_body(north, east, heading_deg), False)
+
+    def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
+        """Velocity to north and east, as told or from course and speed."""
+        north, east = group.get("velocity_north_mps"), group.get("velocity_east_mps")
+        if north is not None and east is not None:
+            return north, north.value, east.value
+        speed = group.get("speed_over_ground_mps")
+        if speed is None:
+            return None
+        if (course := group.get("course_over_ground_deg")) is not None:
+            return speed, *along(course.value, speed.value)
+        if (course := group.get("course_magnetic_deg")) is not None and self._variation_deg is not None:
+            return speed, *along(course.value + self._variation_deg, speed.value)
+        return None
+
+    def _position(self, group: Quantities, mounting: Mounting) -> Iterator[Sample]:
+        """North and east of the origin [m], of the reference point."""
         latitude, longitude = group.get("latitude_deg"), group.get("longitude_deg")
         if latitude is None or longitude is None:
-            return []
+            return
         if not (BY_NAME["latitude_deg"].holds(latitude.value) and BY_NAME["longitude_deg"].holds(longitude.value)):
-            return []
-        if self.origin is None:
+            return
+        if self._plane is None:
             if _line(latitude) not in self._positions_from:
-                return []
-            self.origin = (latitude.value, longitude.value)
-        north, east, _ = pymap3d.geodetic2ned(latitude.value, longitude.value, 0.0, *self.origin, 0.0)
-        return [_derived(latitude, "north_m", float(north)), _derived(latitude, "east_m", float(east))]
+                return
+            self._plane = TangentPlane(latitude.value, longitude.value)
+        north, east = self._plane.north_east_m(latitude.value, longitude.value)
+        if mounting.forward_m or mounting.starboard_m:
+            heading_deg = self._heading_deg(latitude)
+            if heading_deg is None:  # an antenna's place says nothing of the ship's without its heading
+                return
+            off_north, off_east = to_earth(mounting.forward_m, mounting.starboard_m, heading_deg)
+            north, east = north - off_north, east - off_east
+        yield _derived(latitude, "north_m", north)
+        yield _derived(latitude, "east_m", east)
 
-    def _body_velocity(self, group: dict[str, Sample]) -> list[Sample]:
-        """Surge and sway over ground from north and east velocity and the line's own last heading."""
-        if "heading_deg" in group:
-            self._heading[_line(group["heading_deg"])] = group["heading_deg"]
-        north, east = group.get("velocity_north_mps"), group.get("velocity_east_mps")
-        if north is None or east is None:
-            return []
-        heading = self._heading.get(_line(north))
-        if heading is None or north.monotonic_ns - heading.monotonic_ns > _HEADING_KEEPS_NS:
-            return []
-        psi = radians(heading.value)
-        surge = north.value * cos(psi) + east.value * sin(psi)
-        sway = -north.value * sin(psi) + east.value * cos(psi)
-        return [_derived(north, "surge_mps", surge), _derived(north, "sway_mps", sway)]
+    def _wind(self, group: Quantities) -> Iterator[Sample]:
+        """Wind over ground from true north, from whatever reference the instrument has."""
+        magnetic = group.get("wind_direction_magnetic_deg")
+        if magnetic is not None and self._variation_deg is not None:
+            yield _derived(magnetic, "wind_direction_deg", (magnetic.value + self._variation_deg) % 360.0)
+        for kind in _BOW_WINDS:
+            angle, speed = group.get(f"wind_angle_{kind}_deg"), group.get(f"wind_speed_{kind}_mps")
+            if angle is None or speed is None:
+                continue
+            if kind == "apparent":
+                yield replace(angle, quantity="apparent_wind_angle_deg")
+                yield replace(speed, quantity="apparent_wind_speed_mps")
+            wind = self._over_ground_wind(kind, angle, speed.value)
+            if wind is not None:
+                yield _derived(angle, "wind_direction_deg", wind[0])
+                yield _derived(angle, "wind_speed_mps", wind[1])
+
+    def _over_ground_wind(self, kind: str, angle: Sample, speed_mps: float) -> tuple[float, float] | None:
+        heading_deg = self._heading_deg(angle)
+        if heading_deg is None:
+            return None
+        if kind == "theoretical":
+            return wind_over_ground(angle.value, speed_mps, 0.0, 0.0, heading_deg)
+        surge, sway = self._ship_value("surge_mps", angle), self._ship_value("sway_mps", angle)
+        felt_deg, felt_mps = angle.value, speed_mps
+        if kind == "water":
+            through_water_mps = self._ship_value("speed_through_water_mps", angle)
+            if through_water_mps is None:
+                return None
+            felt_deg, felt_mps = felt_wind(angle.value, speed_mps, through_water_mps)
+        if surge is None or sway is None:
+            return None
+        return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
 def _wrapped(sample: Sample) -> Sample:
     """An angle within its turn; a value beyond a whole turn is no rounding but a fault, and stays as it is."""
     if sample.quantity not in CIRCULAR or not abs(sample.value) <= _WHOLE_TURN_DEG:
         return sample
-    return replace(sample, value=BY_NAME[sample.quantity].wrapped(sample.value))
+    channel = BY_NAME[sample.quantity]
+    return sample if channel.holds(sample.value) else replace(sample, value=channel.wrapped(sample.value))
 
 
 def _derived(sample: Sample, quantity: str, value: float) -> Sample:
-    return replace(sample, quantity=quantity, value=value, source=f"{sample.source} derived")
+    source = sample.source if sample.source.endswith(" derived") else f"{sample.source} derived"
+    return Sample(  # as replace() would, in a third of the time
+        quantity, value, source, sample.received_ns, sample.monotonic_ns, sample.measured_ns, sample.source_ns,
+        sample.clock, sample.quality,
+    )  # fmt: skip
 
 
 def _line(sample: Sample) -> str:
-    return sample.source.split("/", maxsplit=1)[0]
+    return sample.source.partition("/")[0]

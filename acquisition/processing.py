@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 
 from acquisition.config import TrialConfig
@@ -9,22 +10,29 @@ from acquisition.decoders import Decoder, make_decoders
 from acquisition.derive import Derivation
 from acquisition.frames import Frame, Group, Sample
 from acquisition.health import Health
-from acquisition.recording.writer import RecordingWriter
+from acquisition.recording.messages import MessageSink
 from acquisition.select import Selector
 
+DECODED = "decoding"
+"""The name of events that decoding brings forth, and would bring forth again."""
+LOG = logging.getLogger("seatrial")
+_LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 _POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
 
 
 class Processing:
     """Frames into a recording; for one thread only."""
 
-    def __init__(self, config: TrialConfig, writer: RecordingWriter, health: Health) -> None:
+    def __init__(self, config: TrialConfig, writer: MessageSink, health: Health) -> None:
         self._trial = config.trial
         self._writer = writer
         self._health = health
         self._decoders: dict[str, list[Decoder]] = {each.name: make_decoders(each) for each in config.sources}
         self._derivation = Derivation(
-            config.trial, frozenset(each.name for each in config.sources if _POSITION & set(each.channels))
+            config.trial,
+            frozenset(each.name for each in config.sources if _POSITION & set(each.channels)),
+            {each.name: each.mounting for each in config.sources},
+            config.magnetic_variation_deg,
         )
         self._selector = Selector(config.sources)
 
@@ -39,7 +47,7 @@ class Processing:
                 self._record(samples, frame.received_ns)
             while decoder.notices:
                 level, text = decoder.notices.popleft()
-                self.note(f"{frame.origin}: {text}", frame.received_ns, level)
+                self.note(f"{frame.origin}: {text}", frame.received_ns, level, DECODED)
         health.refused = sum(each.refused.total() for each in decoders)
 
     def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
@@ -49,7 +57,7 @@ class Processing:
         except Exception as error:
             if not decoder.refused["decoder failed"]:
                 text = f"{frame.origin}: a frame broke the decoder: {type(error).__name__} {error}"
-                self.note(text, frame.received_ns, "error")
+                self.note(text, frame.received_ns, "error", DECODED)
             decoder.refused["decoder failed"] += 1
             return []
 
@@ -58,10 +66,11 @@ class Processing:
         for sample in samples:
             accepted, change = self._selector.admit(sample)
             if change:
-                self.note(change, received_ns, "warning")
+                self.note(change, received_ns, "warning", DECODED)
             if accepted:
                 self._writer.write_sample(sample)
                 self._health.saw(sample)
+                self._derivation.admitted(sample)
                 admitted.append(sample.quantity)
         if not _POSITION.isdisjoint(admitted):
             self._record_position({each.quantity: each for each in samples})
@@ -81,9 +90,11 @@ class Processing:
         latitude_deg, longitude_deg = self._derivation.origin
         self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
         self._writer.write_trial(self._trial)
-        self.note(f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}", received_ns)
+        text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
+        self.note(text, received_ns, "info", DECODED)
 
-    def note(self, text: str, received_ns: int, level: str = "info") -> None:
+    def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Put a line into the recording's event log and the display."""
-        self._writer.write_event(text, received_ns, level)
-        self._health.events.append((received_ns, text))
+        self._writer.write_event(text, received_ns, level, name)
+        self._health.events.append((received_ns, level, text))
+        LOG.log(_LOG_LEVELS[level], text, extra={"more": {"recording_time": received_ns / 1e9, "name": name}})

@@ -1,4 +1,4 @@
-"""``seatrial record``: one recording from start to end, with signals, display and a file name."""
+"""``seatrial record``: one recording from start to end, with signals, display, marks and a supervisor."""
 
 from __future__ import annotations
 
@@ -7,30 +7,26 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
-from datetime import UTC, datetime
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import FrameType
 
 from acquisition.config import TrialConfig
+from acquisition.errors import SourceError, StorageError
 from acquisition.health import Health
-from acquisition.live import terminal
-from acquisition.pipeline import Recorder
-from acquisition.recording.writer import RecordingWriter
+from acquisition.housekeeping import clock_metadata
+from acquisition.live import keys, terminal
+from acquisition.log_files import record_log_files
+from acquisition.marks import MarkServer
+from acquisition.pipeline import Recorder, health_of
+from acquisition.recording.parts import RecordingParts
+from acquisition.sections import FILE_SOURCES
+from acquisition.supervision import LOG, LogFormat, log_to, notify
+from acquisition.timescale import Timescale
 
 _LOOK_S = 0.05
 _REDRAW_PER_S = 4.0
-
-
-def recording_path(folder: Path, name: str, started: datetime) -> Path:
-    """Where a recording that starts now goes: the trial's name and the UTC time, never an existing file."""
-    stem = "".join(each if each.isalnum() or each in "-_" else "_" for each in name)
-    path = folder / f"{stem}_{started:%Y%m%dT%H%M%SZ}.mcap"
-    number = 1
-    while path.exists():
-        number += 1
-        path = folder / f"{stem}_{started:%Y%m%dT%H%M%SZ}_{number}.mcap"
-    return path
+_WATCHDOG_EVERY_S = 1.0
 
 
 def record(
@@ -38,55 +34,111 @@ def record(
     folder: Path,
     duration_s: float | None = None,
     stop: threading.Event | None = None,
-) -> tuple[Path, Health]:
+    log_format: LogFormat = "text",
+    live: bool = False,
+) -> tuple[list[Path], Health]:
     """Record until ``stop`` is set, ``duration_s`` is over, or every source has ended.
 
-    Returns the recording and what was seen. Raises :class:`SourceError` when a source cannot be opened at
-    the start (no file is left behind then), :class:`StorageError` when the disk fails.
+    Returns the recording's parts and what was seen. Raises :class:`SourceError` when no source at all can be
+    opened (no file is left behind then), :class:`StorageError` when the disk fails and messages are lost.
     """
     stop = stop or threading.Event()
-    path = recording_path(folder, config.trial.name, datetime.now(UTC))
-    expected = frozenset(name for source in config.sources for name in source.channels)
-    with RecordingWriter(path, config.trial, config.text) as writer:
-        recorder = Recorder(config, writer)
+    if all(isinstance(source, FILE_SOURCES) for source in config.sources):
+        return _record_files(config, folder, duration_s, stop)
+    scale = Timescale.of_now()
+    clock = clock_metadata(scale)
+    parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
+    recorder = Recorder(config, parts, scale)
+    with ExitStack() as stack:
+        stack.callback(parts.close)
         try:
             recorder.start()
-        except BaseException:
-            writer.close()
-            path.unlink(missing_ok=True)
+        except SourceError:
+            stack.pop_all()
+            parts.discard()
             raise
-        try:
-            if config.missing_channels:
-                print(f"no source provides {', '.join(config.missing_channels)}", file=sys.stderr)  # noqa: T201
-            with _display(recorder.health, path, expected):
-                _wait(recorder, stop, duration_s)
-        finally:
-            recorder.stop()  # whatever became of the display: the writer is closed by one thread, not under another
-    return path, recorder.health
+        stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
+        _say_what_is_missing(config)
+        stack.enter_context(_marks(recorder))
+        stack.enter_context(_display(config, recorder, parts, log_format))
+        notify("READY=1")
+        _wait(recorder, stop, duration_s)
+        notify("STOPPING=1")
+    return parts.paths, recorder.health
+
+
+def _record_files(
+    config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event
+) -> tuple[list[Path], Health]:
+    health = health_of(config)
+    parts = RecordingParts(folder, config.trial, config.attachments, config.recording)
+    try:
+        print(f"recording to {parts.path}", file=sys.stderr, flush=True)  # noqa: T201
+        record_log_files(config, parts, health, duration_s, stop)
+    except SourceError:
+        parts.discard()
+        raise
+    parts.close()
+    return parts.paths, health
+
+
+def _say_what_is_missing(config: TrialConfig) -> None:
+    if config.missing_channels:
+        print(f"no source provides {', '.join(config.missing_channels)}", file=sys.stderr)  # noqa: T201
 
 
 def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -> None:
     until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
+    notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
+        if time.monotonic() - notified_s > _WATCHDOG_EVERY_S and recorder.alive:
+            notify(f"WATCHDOG=1\nSTATUS={terminal.status(recorder.health)}")
+            notified_s = time.monotonic()
         if stop.wait(_LOOK_S):
             return
 
 
 @contextmanager
-def _display(health: Health, path: Path, expected: frozenset[str]) -> Iterator[None]:
-    """The live table on a terminal; two lines of text anywhere else."""
-    if not sys.stderr.isatty():
-        print(f"recording to {path}", file=sys.stderr, flush=True)  # noqa: T201
+def _marks(recorder: Recorder) -> Iterator[None]:
+    """Hear `seatrial mark`; a recorder that cannot must record all the same."""
+    server = MarkServer(recorder.mark)
+    try:
+        server.__enter__()
+    except StorageError as error:
+        recorder.tell("warning", str(error))
         yield
+        return
+    try:
+        yield
+    finally:
+        server.__exit__()
+
+
+@contextmanager
+def _display(
+    config: TrialConfig, recorder: Recorder, parts: RecordingParts, log_format: LogFormat
+) -> Iterator[None]:
+    """The live table on a terminal; lines of text or JSON anywhere else."""
+    if not sys.stderr.isatty():
+        if log_format == "text":
+            print(f"recording to {parts.path}", file=sys.stderr, flush=True)  # noqa: T201
+        with log_to(sys.stderr, log_format):
+            LOG.info("recording to %s", parts.path)
+            yield
         return
     from rich.console import Console
     from rich.live import Live
 
-    with Live(
-        terminal.Picture(health, path, expected),
-        console=Console(stderr=True),
-        refresh_per_second=_REDRAW_PER_S,
-        screen=True,  # a window that is resized leaves no ruins, and the terminal comes back as it was
+    expected = frozenset(name for source in config.sources for name in source.channels)
+    picture = terminal.Picture(recorder.health, expected, config.marks)
+    with (
+        keys.pressed(recorder.mark, config.marks),
+        Live(
+            picture,
+            console=Console(stderr=True),
+            refresh_per_second=_REDRAW_PER_S,
+            screen=True,  # a window that is resized leaves no ruins, and the terminal comes back as it was
+        ),
     ):
         yield
 

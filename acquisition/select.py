@@ -5,33 +5,48 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acquisition.frames import Sample
-from acquisition.sections import AnySource
+from acquisition.sections import AnySource, CanFrames
 
 SILENT_NS = 2_500_000_000
 
 # What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
 # often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA tells whether there is a fix at all.
-_SECOND_CHOICE = frozenset({"129029", "GLOBAL_POSITION_INT", "RMC", "GLL"})
+_SECOND_CHOICE = frozenset({
+    "129029", "130577", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN",
+    "RMC", "GLL", "HDM", "VWR", "VWT",
+})  # fmt: skip
+_MEANING = {"": 0, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
+"""How far from the channel itself a message's reference is: what needs less derivation is preferred."""
+
+Rank = tuple[int, int, int]
 
 
 @dataclass(slots=True)
 class _Holder:
     source: str
-    rank: tuple[int, bool]
+    rank: Rank
     last_ns: int
 
 
 class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
-    The order of the configuration's sources is the order of preference. Of two devices on one line the first
-    that came keeps the channel until it has been silent for 2.5 s; of two messages the finer one has it.
+    The order of the configuration's sources is the order of preference, and within a bus the order of its
+    devices. Of two devices that are not listed the first that came keeps the channel until it has been silent
+    for 2.5 s; of two messages of one device the finer one has it.
     """
 
     def __init__(self, sources: tuple[AnySource, ...]) -> None:
-        self._rank = {
+        self._lines = {
             (source.name, channel): rank for rank, source in enumerate(sources) for channel in source.channels
         }
+        self._devices = {
+            (source.name, device.name): rank
+            for source in sources
+            if isinstance(source, CanFrames)
+            for rank, device in enumerate(source.devices)
+        }
+        self._ranks: dict[tuple[str, str], Rank | None] = {}
         self._holders: dict[str, _Holder] = {}
 
     def admit(self, sample: Sample) -> tuple[bool, str]:
@@ -39,11 +54,9 @@ class Selector:
 
         Call once a sample, in order of reception.
         """
-        line, _, device = sample.source.partition("/")
-        line_rank = self._rank.get((line, sample.quantity))
-        if line_rank is None:
+        rank = self._rank(sample.source, sample.quantity)
+        if rank is None:
             return False, ""
-        rank = line_rank, device.removesuffix(" derived").rpartition(":")[2] in _SECOND_CHOICE
         holder = self._holders.get(sample.quantity)
         if holder is None:
             self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)
@@ -56,3 +69,22 @@ class Selector:
             self._holders[sample.quantity] = _Holder(sample.source, rank, sample.monotonic_ns)
             return True, text
         return False, ""
+
+    def _rank(self, source: str, quantity: str) -> Rank | None:
+        key = source, quantity
+        if key not in self._ranks:
+            self._ranks[key] = self._work_out_rank(source, quantity)
+        return self._ranks[key]
+
+    def _work_out_rank(self, source: str, quantity: str) -> Rank | None:
+        """Preference of the line, of the device on it, of the message; None where the line is not to provide it."""
+        line, _, rest = source.partition("/")
+        line_rank = self._lines.get((line, quantity))
+        if line_rank is None:
+            return None
+        device, _, words = rest.partition(":")
+        message, *meaning = words.split(" ")
+        derived = meaning[-1:] == ["derived"] and quantity not in ("north_m", "east_m")
+        kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
+        device_rank = self._devices.get((line, device), len(self._devices))
+        return line_rank, device_rank, 10 * (message in _SECOND_CHOICE) + kind + derived

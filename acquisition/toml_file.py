@@ -32,7 +32,11 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
     Raises :class:`ConfigurationError` whose text names file, line and key of the first complaint.
     """
-    text = read_text(path)
+    return parse_toml(read_text(path), path, model)
+
+
+def parse_toml(text: str, path: Path | str, model: type[Model]) -> Model:
+    """As :func:`load_toml`, of a text that came from ``path``."""
     try:
         raw = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

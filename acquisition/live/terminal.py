@@ -1,9 +1,9 @@
-"""The terminal's picture of a recording in progress: the 13 channels, the sources, the last events."""
+"""The terminal's picture of a recording in progress: the 13 channels, the sources, the disk, the last events."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,9 +15,11 @@ from rich.text import Text
 from acquisition.channels import BY_NAME, NAMES
 from acquisition.health import ChannelHealth, Health
 
-_FRESH_S, _STALE_S = 1.5, 5.0
-_UNIT_FROM_COLUMNS = 78  # the names end with the unit anyhow
+_UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
 _STATE_STYLES = {"open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
+_GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
+_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
+_LITTLE_TIME_S = 3600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,15 +30,16 @@ class Picture:
     """
 
     health: Health
-    path: Path
     expected: frozenset[str]
+    marks: Mapping[str, str]
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
         now_ns = time.monotonic_ns()
-        yield _header(self.health, self.path, now_ns)
+        yield _header(self.health, now_ns)
+        yield _second_line(self.health, self.marks)
         yield _channel_table(self.health, self.expected, now_ns, options.max_width)
         yield _source_table(self.health, now_ns)
-        taken = 1 + 1 + len(NAMES) + 1 + len(self.health.sources)
+        taken = 2 + 1 + len(NAMES) + 1 + len(self.health.sources)
         rows = (options.height or console.height) - taken - 1  # the cursor wants a line of its own
         yield from _events(self.health, rows)
 
@@ -45,18 +48,48 @@ def _one_line(*parts: str | tuple[str, str]) -> Text:
     return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
 
 
-def _header(health: Health, path: Path, now_ns: int) -> Text:
+def _header(health: Health, now_ns: int) -> Text:
+    state = ("● REC ", "bold red")
+    if health.trouble:
+        state = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
     return _one_line(
-        ("● REC ", "bold red"),
-        (_clock(now_ns - health.started_ns), "bold"),
-        f"  {health.samples:,} samples  ",
-        f"{path.name}  ",
-        ("Ctrl-C ends it", "dim"),
+        state,
+        (_clock((now_ns - health.started_ns) // 1_000_000_000), "bold"),
+        f"  {health.samples:,} samples  {health.part}",
     )
 
 
-def _clock(elapsed_ns: int) -> str:
-    seconds = elapsed_ns // 1_000_000_000
+def _second_line(health: Health, marks: Mapping[str, str]) -> Text:
+    if health.trouble:
+        return _one_line((health.trouble, "bold red"))
+    keys = ", ".join(f"{key} {text}" for key, text in marks.items()) or "m or space sets a mark"
+    return _one_line(*_disk(health), ("  Ctrl-C ends; ", "dim"), (keys, "dim"), (f"  {health.marks} marks", "dim"))
+
+
+def _disk(health: Health) -> tuple[tuple[str, str], ...]:
+    if health.free_bytes is None:
+        return (("disk ?", "yellow"),)
+    left_s = health.seconds_left
+    short = left_s is not None and left_s < _LITTLE_TIME_S
+    text = f"disk {health.free_bytes / 1e9:.1f} GB left"
+    if left_s is not None:
+        text += f", {_lasts(left_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
+    return ((text, "bold red" if short else "green"),)
+
+
+def _lasts(seconds: float) -> str:
+    """A duration for people: the two largest units.
+
+    >>> _lasts(200_000.0)
+    '2 d 7 h'
+    """
+    if seconds >= 365 * 86_400:
+        return "over a year"
+    days, hours, minutes = int(seconds // 86_400), int(seconds // 3600 % 24), int(seconds // 60 % 60)
+    return f"{days} d {hours} h" if days else f"{hours} h {minutes} min"
+
+
+def _clock(seconds: int) -> str:
     return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
@@ -67,8 +100,9 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
     table.add_column("value", justify="right", min_width=9, no_wrap=True)
     if with_unit:
         table.add_column("unit", no_wrap=True)
-    for title in ("rate Hz", "age s"):
-        table.add_column(title, justify="right", min_width=7, no_wrap=True)
+    for title, least in (("rate/expected", 13), ("age s", 6)):
+        table.add_column(title, justify="right", min_width=least, no_wrap=True)
+    table.add_column("grade", min_width=6, no_wrap=True)
     table.add_column("source")
     for name in NAMES:
         value, *rest = _channel_row(health.channels[name], name in expected, now_ns)
@@ -77,17 +111,22 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
 
 
 def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tuple[str | Text, ...]:
-    """Value, rate, age and source."""
+    """Value, rate, age, grade and source."""
     if channel.count == 0:
         text, style = ("waiting", "yellow") if is_expected else ("no source configured", "dim")
-        return "–", "–", "–", _one_line((text, style))
-    age_s = channel.age_s(now_ns)
-    age = Text(f"{age_s:.1f}", _age_style(age_s))
-    return f"{channel.value:.3f}", f"{channel.rate_hz(now_ns):.1f}", age, _one_line(channel.source)
-
-
-def _age_style(age_s: float) -> str:
-    return "green" if age_s < _FRESH_S else "yellow" if age_s < _STALE_S else "bold red"
+        return "–", "–", "–", "–", _one_line((text, style))
+    grade = channel.grade(now_ns)
+    wanted_hz = channel.wanted_hz(now_ns)
+    rates = (
+        f"{channel.rate_hz(now_ns):.1f}/{wanted_hz:.1f} Hz" if wanted_hz else f"{channel.rate_hz(now_ns):.1f} Hz"
+    )
+    return (
+        f"{channel.value:.3f}",
+        rates,
+        f"{channel.age_s(now_ns):.1f}",
+        Text(grade, _GRADE_STYLES[grade]),
+        _one_line(channel.source),
+    )
 
 
 def _source_table(health: Health, now_ns: int) -> Table:
@@ -105,17 +144,27 @@ def _source_table(health: Health, now_ns: int) -> Table:
 
 
 def _events(health: Health, rows: int) -> Iterator[Text]:
-    for time_ns, text in tuple(health.events)[-rows:] if rows > 0 else ():
-        yield _one_line((f"{datetime.fromtimestamp(time_ns // 10**9, UTC):%H:%M:%SZ} {text}", "dim"))
+    for time_ns, level, text in tuple(health.events)[-rows:] if rows > 0 else ():
+        moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
+        yield _one_line((f"{moment:%H:%M:%SZ} {text}", _LEVEL_STYLES.get(level, "")))
 
 
-def summary(health: Health, path: Path) -> str:
-    """One line for the end of a recording, or for a log without a terminal."""
+def status(health: Health) -> str:
+    """A few words for a supervisor's status line."""
+    if health.trouble:
+        return f"PAUSED: {health.trouble}"
+    good = sum(health.channels[name].grade(time.monotonic_ns()) == "good" for name in NAMES)
+    return f"recording {health.part}: {good} of 13 channels good, {health.samples:,} samples"
+
+
+def summary(health: Health, paths: Sequence[Path]) -> str:
+    """One line for the end of a recording."""
     seen = sum(channel.count > 0 for name, channel in health.channels.items() if name in NAMES)
     dropped = sum(source.dropped for source in health.sources.values())
     frames = sum(source.frames for source in health.sources.values())
+    name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
     return (
-        f"{path.name}: {_clock(time.monotonic_ns() - health.started_ns)}, {frames:,} frames, "
+        f"{name}: {_clock((time.monotonic_ns() - health.started_ns) // 1_000_000_000)}, {frames:,} frames, "
         f"{health.samples:,} samples, {seen} of 13 channels, {dropped:,} dropped"
     )
 

@@ -68,7 +68,7 @@ class Entry(NamedTuple):
 
 @dataclass(slots=True)
 class MessageStream:
-    """All messages of a file in file order; iterate once, then ask ``closed``, ``trial``, ``configuration``.
+    """All messages of a file in file order; iterate once, then ask ``closed``, ``trial``, ``attachments``.
 
     Raises :class:`InputError` for what is no recording or is damaged in the middle.
     """
@@ -76,7 +76,7 @@ class MessageStream:
     path: Path
     closed: bool = False
     trial: Trial = field(default_factory=Trial)
-    configuration: str = ""
+    attachments: dict[str, bytes] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Entry]:
         topics: dict[int, str] = {}
@@ -104,8 +104,8 @@ class MessageStream:
                 self.trial = Trial.from_metadata(record.metadata)
             except ValueError as error:  # metadata have no checksum of their own
                 raise self._damaged(f"its run sheet: {error}") from error
-        elif isinstance(record, Attachment) and record.name == "configuration.toml":
-            self.configuration = record.data.decode("utf-8", "replace")
+        elif isinstance(record, Attachment):
+            self.attachments[record.name] = record.data
         elif isinstance(record, Footer):
             self.closed = True
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,14 @@ def config_text(section: str, channels: tuple[str, ...] = NAMES, clock: str = "s
         f"origin = {{ latitude_deg = {latitude_deg}, longitude_deg = {longitude_deg} }}\n"
         f'[[source]]\nname = "line"\nclock = "{clock}"\nchannels = [{listed}]\n{section}'
     )
+
+
+def wait_for(condition: Callable[[], bool], longest_s: float = 10.0) -> None:
+    """Wait until something has come true."""
+    until_s = time.monotonic() + longest_s
+    while not condition():
+        assert time.monotonic() < until_s, "it never came true"
+        time.sleep(0.01)
 
 
 @pytest.fixture

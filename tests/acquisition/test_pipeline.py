@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,9 +17,9 @@ from acquisition.encoders.nmea0183 import sentence
 from acquisition.errors import SourceError, StorageError
 from acquisition.frames import Frame, now_ns
 from acquisition.pipeline import Recorder
+from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
-from acquisition.recording.writer import RecordingWriter
-from tests.acquisition.conftest import config_text
+from tests.acquisition.conftest import config_text, wait_for
 
 HEADING = sentence("HEHDT,12.3,T").strip()
 Read = Callable[[], list[Frame] | None]
@@ -27,8 +28,8 @@ Read = Callable[[], list[Frame] | None]
 class FakeSource:
     """A source whose reads are a function; counts how often it was opened and closed."""
 
-    def __init__(self, name: str, read: Read, *, waits: bool = False) -> None:
-        self.name, self.waits, self._read = name, waits, read
+    def __init__(self, name: str, read: Read) -> None:
+        self.name, self._read = name, read
         self.opened = self.closed = 0
 
     def open(self) -> None:
@@ -82,12 +83,15 @@ def run(config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         source: FakeSource, during: Callable[[Recorder], None] = lambda recorder: time.sleep(0.15)
     ) -> Recording:
         monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: source)
-        with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
-            recorder = Recorder(config, writer)
-            recorder.start()
+        parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
+        recorder = Recorder(config, parts)
+        recorder.start()
+        try:
             during(recorder)
+        finally:
             recorder.stop()
-        return read_recording(tmp_path / "x.mcap")
+            parts.close()
+        return read_recording(parts.path)
 
     return recorded
 
@@ -121,18 +125,8 @@ def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch
     assert texts(recording).count("the queue is full") == 1
 
 
-def test_a_source_that_can_wait_loses_nothing(run: Run) -> None:
-    """A file is read faster than it can be recorded; the queue holds it back."""
-    lines = [frame() for _ in range(3000)]
-    recording = run(FakeSource("line", reads(lines, None), waits=True), lambda recorder: wait_until_ended(recorder))
-    assert recording.raw["/raw/nmea0183/line"] == 3000
-
-
 def wait_until_ended(recorder: Recorder) -> None:
-    until_s = time.monotonic() + 10
-    while not recorder.ended and time.monotonic() < until_s:
-        time.sleep(0.01)
-    assert recorder.ended
+    wait_for(lambda: recorder.ended)
 
 
 @pytest.mark.parametrize("error", [SourceError("pulled"), ValueError("a driver's own"), RuntimeError("another")])
@@ -168,10 +162,10 @@ def test_what_breaks_the_recording_ends_it_and_is_raised(
 ) -> None:
     """With a source that goes on flooding: stop must neither hang nor keep silent."""
 
-    def fail(self: RecordingWriter, each: Frame) -> None:
+    def fail(self: RecordingParts, each: Frame) -> None:
         raise error
 
-    monkeypatch.setattr(RecordingWriter, "write_raw", fail)
+    monkeypatch.setattr(RecordingParts, "write_raw", fail)
     with pytest.raises(type(error), match=str(error)):
         run(FakeSource("line", lambda: [frame() for _ in range(50)]), wait_until_ended)
 
@@ -215,13 +209,13 @@ def test_marks_from_many_threads_keep_their_times(run: Run) -> None:
 def test_the_disk_is_told_twice_a_second_even_when_nothing_comes(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also in a flood: no two syncs are further apart than 0.5 s and what a slow machine adds."""
     synced_s: list[float] = []
-    real = os.fsync
+    real = os.fdatasync
 
-    def fsync(descriptor: int) -> None:
+    def fdatasync(descriptor: int) -> None:
         synced_s.append(time.monotonic())
         real(descriptor)
 
-    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
     for read in (idle, lambda: [frame() for _ in range(20)]):
         synced_s.clear()
         run(FakeSource("line", read), lambda recorder: time.sleep(1.6))
@@ -230,20 +224,39 @@ def test_the_disk_is_told_twice_a_second_even_when_nothing_comes(run: Run, monke
         assert max(gaps_s) < 0.6
 
 
-def test_a_source_that_cannot_be_opened_closes_the_others(
-    config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Broken(FakeSource):
-        def open(self) -> None:
+class Broken(FakeSource):
+    """A source that cannot be opened the first ``failures`` times."""
+
+    def __init__(self, name: str, read: Read, failures: int = 1_000) -> None:
+        super().__init__(name, read)
+        self.failures = failures
+
+    def open(self) -> None:
+        super().open()
+        if self.opened <= self.failures:
             raise ValueError("a driver's own error")
 
-    from dataclasses import replace
 
-    sound, broken = FakeSource("line", idle), Broken("line", idle)
-    left = iter([sound, broken])
-    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: next(left))
-    with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
-        recorder = Recorder(replace(config, sources=config.sources * 2), writer)
-        with pytest.raises(SourceError, match="source 'line': failed: ValueError a driver's own error"):
-            recorder.start()
-    assert sound.opened == sound.closed == 1
+def test_where_no_source_can_be_opened_nothing_is_recorded(run: Run) -> None:
+    with pytest.raises(SourceError, match="source 'line': failed: ValueError a driver's own error"):
+        run(Broken("line", idle))
+
+
+def test_a_source_that_is_not_there_yet_does_not_stop_the_others(
+    config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is opened as soon as that can be done, and the recording tells how long it was away."""
+    late = replace(config.sources[0], name="late", channels=())
+    both = replace(config, sources=(*config.sources, late))
+    made = {"line": FakeSource("line", reads([frame()])), "late": Broken("late", reads([frame(name="late")]), 2)}
+    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: made[section.name])
+    parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
+    recorder = Recorder(both, parts)
+    recorder.start()
+    wait_for(lambda: recorder.health.sources["late"].frames == 1)
+    recorder.stop()
+    parts.close()
+    recording = read_recording(parts.path)
+    assert recording.raw == {"/raw/nmea0183/line": 1, "/raw/nmea0183/late": 1}
+    assert texts(recording).count("a driver's own error") == 1
+    assert "source 'late' is back after 0." in texts(recording)

@@ -163,7 +163,7 @@ def test_every_message_of_every_source_fits_its_schema_for_a_plain_reader(tmp_pa
         ),
     )
     health = Health({each.name: SourceHealth(each.name) for each in config.sources})
-    with RecordingWriter(tmp_path / "x.mcap", config.trial, config.text) as writer:
+    with RecordingWriter(tmp_path / "x.mcap", config.trial, config.attachments) as writer:
         processing = Processing(config, writer, health)
         for source in config.sources[::-1]:
             protocol = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink"}[source.type]
@@ -197,14 +197,16 @@ def test_a_rate_falls_when_a_channel_falls_silent() -> None:
 def test_the_picture_fits_its_terminal(width: int, height: int, process: Process) -> None:
     """No name and no number is cut, no line is broken in two, and the newest events are those that stay."""
     _, health = process(TWO_LINES, [("first", 0.1 * number, fix(30.0)) for number in range(5)])
-    health.events.extend((START_NS, f"event {number} " + "long " * 40) for number in range(10))
+    health.events.extend((START_NS, "warning", f"event {number} " + "long " * 40) for number in range(10))
     console = Console(file=io.StringIO(), width=width, height=height, force_terminal=True, color_system=None)
-    picture = Picture(health, Path("a_rather_long_name_of_a_trial_20260517T120000Z.mcap"), frozenset({"north_m"}))
+    health.part = "a_rather_long_name_of_a_trial_20260517T120000Z.mcap"
+    health.free_bytes, health.bytes_per_s = 64_000_000_000, 120_000.0
+    picture = Picture(health, frozenset({"north_m"}), {"1": "start of a manoeuvre with a long name"})
     with console.capture() as captured:
         console.print(picture)
     lines = captured.get().rstrip("\n").split("\n")
-    assert len(lines) <= max(height, 18)
+    assert len(lines) <= max(height, 19)
     assert all(len(line) <= width for line in lines)
     for name in ("starboard_angle_deg", "wind_direction_deg"):
         assert any(line.startswith(name) for line in lines)
-    assert ("event 9" in captured.get()) == (height > 19)
+    assert ("event 9" in captured.get()) == (height > 20)

@@ -54,7 +54,7 @@ def test_missing_values_are_not_written(tmp_path: Path) -> None:
 def test_a_plain_reader_opens_it_with_schemas_and_topics(tmp_path: Path) -> None:
     """Viewers skip a topic without a schema, so every topic has one, and JSON that fits it."""
     path = tmp_path / "all.mcap"
-    with RecordingWriter(path, FULL_TRIAL, "[trial]") as writer:
+    with RecordingWriter(path, FULL_TRIAL, {"configuration.toml": b"[trial]"}) as writer:
         writer.write_sample(Sample("heading_deg", 12.5, "gyro/HE:HDT", 5, 1, 4, 3, "gps", Quality.GOOD))
         writer.write_raw(Frame("bus", "can", b"\x01\xff", 6, 2, 0x09F11223, FrameFlag.NONE))
         writer.write_raw(Frame("gyro", "nmea0183", b"$HEHDT,\xff", 6, 2))
@@ -184,10 +184,10 @@ def test_info_counts_rates_and_gaps(tmp_path: Path) -> None:
 
 
 def test_a_stream_hands_over_the_configuration(tmp_path: Path) -> None:
-    RecordingWriter(tmp_path / "x.mcap", Trial(), "[trial]\nname = 'ø'\n").close()
+    RecordingWriter(tmp_path / "x.mcap", Trial(), {"configuration.toml": "[trial]\nname = 'ø'\n".encode()}).close()
     stream = MessageStream(tmp_path / "x.mcap")
     assert list(stream) == []
-    assert stream.configuration == "[trial]\nname = 'ø'\n"
+    assert stream.attachments["configuration.toml"].decode() == "[trial]\nname = 'ø'\n"
 
 
 def info_at(columns: int, path: Path) -> str:

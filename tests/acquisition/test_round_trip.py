@@ -78,7 +78,7 @@ def play_and_record(
 
     thread = threading.Thread(target=play)
     thread.start()
-    path, _ = record(receiving, folder, duration_s=120, stop=stop)
+    (path,), _ = record(receiving, folder, duration_s=120, stop=stop)
     thread.join()
     return played[0], read_recording(path)
 
@@ -183,7 +183,7 @@ def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
 
     thread = threading.Thread(target=serve)
     thread.start()
-    path, _ = record(receiving, tmp_path, duration_s=30, stop=stop)
+    (path,), _ = record(receiving, tmp_path, duration_s=30, stop=stop)
     thread.join()
     outlet.close()
     assert_same_values(table, read_recording(path).series, NMEA0183_STEP)

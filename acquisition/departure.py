@@ -1,0 +1,114 @@
+"""``seatrial record --check``: before departure, which channels will be missing, and why.
+
+The check is a short recording, made exactly as a real one and thrown away: what works here works at sea.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from acquisition.channels import NAMES
+from acquisition.config import TrialConfig
+from acquisition.health import Health
+from acquisition.pipeline import Recorder
+from acquisition.recording.parts import RecordingParts, free_bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelReport:
+    """What came of one channel during the check; ``problem`` is empty where all is well."""
+
+    name: str
+    rate_hz: float
+    value: float | None
+    source: str
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class DepartureCheck:
+    """What a check found: every channel, every source, and what was told on the way."""
+
+    channels: list[ChannelReport]
+    sources: list[dict[str, Any]]
+    events: list[str]
+    free_bytes: int | None
+
+    @property
+    def missing(self) -> list[str]:
+        """The channels that would be missing."""
+        return [each.name for each in self.channels if each.problem]
+
+    def as_json(self) -> dict[str, Any]:
+        """The check as an object of JSON's kinds."""
+        return {"ready": not self.missing, "missing": self.missing, **asdict(self)}
+
+
+def check_departure(
+    config: TrialConfig, duration_s: float, folder: Path | None = None, stop: threading.Event | None = None
+) -> DepartureCheck:
+    """Listen to every source for ``duration_s`` [s]; ``folder`` is where the recording would go, if it is known.
+
+    Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written.
+    """
+    with tempfile.TemporaryDirectory(prefix="seatrial-check-") as scratch:
+        parts = RecordingParts(Path(scratch), config.trial, config.attachments, config.recording)
+        recorder = Recorder(config, parts)
+        try:
+            recorder.start()
+            until_s = time.monotonic() + duration_s
+            while time.monotonic() < until_s and not recorder.ended:
+                if (stop or threading.Event()).wait(0.05):
+                    break
+            now_ns = time.monotonic_ns()
+            channels = [_report(name, config, recorder.health, now_ns) for name in NAMES]
+            sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
+            recorder.stop()
+        finally:
+            parts.discard()
+    events = [text for _, level, text in recorder.health.events if level != "info"]
+    return DepartureCheck(channels, sources, events, _room(folder))
+
+
+def _room(folder: Path | None) -> int | None:
+    if folder is None:
+        return None
+    existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    return free_bytes(existing)[0]
+
+
+def _report(name: str, config: TrialConfig, health: Health, now_ns: int) -> ChannelReport:
+    channel = health.channels[name]
+    value = channel.value if channel.count else None
+    problem = _problem(name, config, health, now_ns)
+    return ChannelReport(name, channel.rate_hz(now_ns), value, channel.source, problem)
+
+
+def _problem(name: str, config: TrialConfig, health: Health, now_ns: int) -> str:
+    channel = health.channels[name]
+    providers = [source.name for source in config.sources if name in source.channels]
+    if not providers:
+        return "no source provides it"
+    if channel.count == 0:
+        return "; ".join(_why_silent(health, each) for each in providers)
+    if channel.age_s(now_ns) > 2.5:
+        return f"fell silent {channel.age_s(now_ns):.0f} s ago"
+    if channel.expected_hz is not None and channel.rate_hz(now_ns) < 0.8 * channel.expected_hz:
+        return f"comes {channel.rate_hz(now_ns):.1f} times a second instead of {channel.expected_hz:g}"
+    return ""
+
+
+def _why_silent(health: Health, name: str) -> str:
+    source = health.sources[name]
+    if source.state == "failed":
+        return f"source {name!r} cannot be opened"
+    if source.frames == 0:
+        return f"nothing at all comes from {name!r}"
+    return (
+        f"{source.frames:,} frames came from {name!r}, {source.rejected:,} of them refused, none with this channel"
+    )

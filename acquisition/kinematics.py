@@ -1,0 +1,70 @@
+"""Between the axes of the earth, of the ship and of the wind: pure functions of floats.
+
+Angles in degrees, clockwise; speeds in m/s; ``surge`` along the bow, ``sway`` to starboard. A wind direction or
+angle says where the wind comes from.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, degrees, hypot, radians, sin
+
+
+def along(direction_deg: float, speed_mps: float) -> tuple[float, float]:
+    """The parts of a velocity towards ``direction_deg``: to north and east, or to the bow and starboard."""
+    angle = radians(direction_deg)
+    return speed_mps * cos(angle), speed_mps * sin(angle)
+
+
+def to_body(north: float, east: float, heading_deg: float) -> tuple[float, float]:
+    """A vector to north and east, in the ship's axes: forward and to starboard.
+
+    >>> [round(part, 9) for part in to_body(0.0, 2.0, 90.0)]
+    [2.0, 0.0]
+    """
+    c, s = cos(radians(heading_deg)), sin(radians(heading_deg))
+    return north * c + east * s, east * c - north * s
+
+
+def to_earth(forward: float, starboard: float, heading_deg: float) -> tuple[float, float]:
+    """A vector in the ship's axes, to north and east: the inverse of :func:`to_body`."""
+    c, s = cos(radians(heading_deg)), sin(radians(heading_deg))
+    return forward * c - starboard * s, forward * s + starboard * c
+
+
+def velocity_at_reference(
+    surge_mps: float, sway_mps: float, yaw_rate_dps: float, forward_m: float, starboard_m: float
+) -> tuple[float, float]:
+    """Surge and sway of the reference point from those measured at a place forward and to starboard of it.
+
+    A point of a rigid ship moves with ``u - r y`` and ``v + r x`` (Fossen 2011, eq. 2.118 in the plane).
+    """
+    yaw_rate = radians(yaw_rate_dps)
+    return surge_mps + yaw_rate * starboard_m, sway_mps - yaw_rate * forward_m
+
+
+def wind_over_ground(
+    angle_deg: float, speed_mps: float, surge_mps: float, sway_mps: float, heading_deg: float
+) -> tuple[float, float]:
+    """Direction from true north and speed over ground, of a wind felt on a ship that moves.
+
+    ``angle_deg`` counts from the bow. With surge and sway zero it only turns an angle into a direction.
+
+    >>> direction, speed = wind_over_ground(0.0, 10.0, 4.0, 0.0, 270.0)
+    >>> round(direction, 9), round(speed, 9)
+    (270.0, 6.0)
+    """
+    ahead, starboard = along(angle_deg, speed_mps)  # where it comes from: the air moves the other way
+    ahead, starboard = ahead - surge_mps, starboard - sway_mps
+    speed = hypot(ahead, starboard)
+    from_bow_deg = degrees(atan2(starboard, ahead)) if speed > 0.0 else angle_deg
+    return (from_bow_deg + heading_deg) % 360.0, speed
+
+
+def felt_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: float) -> tuple[float, float]:
+    """Angle and speed as felt on board, of a wind that an instrument has referred to the water.
+
+    Instruments do so with the heading and the speed of the log, as if there were no leeway; this undoes it.
+    """
+    ahead, starboard = along(angle_deg, speed_mps)
+    ahead += speed_through_water_mps
+    return degrees(atan2(starboard, ahead)) % 360.0, hypot(ahead, starboard)

@@ -1,0 +1,102 @@
+"""One source's reception: read, pass on, and when it fails say so, back off and open it again."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from acquisition.errors import SourceError
+from acquisition.frames import Frame
+from acquisition.health import SourceHealth
+from acquisition.inbox import Inbox
+from acquisition.sources import Source
+
+POLL_S = 0.1
+_LONGEST_BACK_OFF_S = 10.0
+
+Tell = Callable[[str, str], None]
+"""Somebody who puts (level, text) into the recording's event log; called from any thread."""
+
+
+class Receiver:
+    """What one thread does for one source until ``stopping`` is set. It raises nothing."""
+
+    def __init__(
+        self, source: Source, health: SourceHealth, inbox: Inbox, stopping: threading.Event, tell: Tell
+    ) -> None:
+        self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
+        self._back_off_s = POLL_S
+        self._dropped_before = 0
+        self.open_error: SourceError | None = None
+
+    def open(self) -> bool:
+        """Try to open the source; whether it is open now. The first of a row of failures is told."""
+        try:
+            self.source.open()
+        except Exception as error:  # drivers raise what they like
+            self.open_error = as_source_error(self.source, error)
+            self._failed(self.open_error)
+            return False
+        if self._health.failed_ns is not None:
+            gap_s = (time.monotonic_ns() - self._health.failed_ns) / 1e9
+            self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
+        self._health.state, self._health.failed_ns = "open", None
+        self._back_off_s = POLL_S
+        return True
+
+    def run(self) -> None:
+        """Receive until told to stop, or until the source says that nothing more will come."""
+        while not self._stopping.is_set():
+            if self._health.state == "failed":
+                self._open_later()
+                continue
+            try:
+                frames = self.source.read(POLL_S)
+            except Exception as error:  # the other sources go on
+                self._failed(as_source_error(self.source, error))
+                self.close()
+                continue
+            if frames is None:
+                self._health.state = "ended"
+                break
+            if frames:
+                self._pass_on(frames)
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the source."""
+        try:
+            self.source.close()
+        except Exception as error:  # a cable that was pulled may refuse even this
+            self._tell("warning", str(as_source_error(self.source, error)))
+
+    def _pass_on(self, frames: list[Frame]) -> None:
+        self._health.saw(len(frames), frames[-1].monotonic_ns)
+        accepted = self._inbox.put(self._health.name, frames)
+        dropped = len(frames) - accepted
+        if dropped and self._health.dropped == self._dropped_before:
+            self._tell("error", f"{self._health.name}: the queue is full, frames are being dropped")
+        self._health.dropped += dropped
+        if not dropped and self._health.dropped > self._dropped_before:
+            count = self._health.dropped - self._dropped_before
+            self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
+            self._dropped_before = self._health.dropped
+
+    def _failed(self, error: SourceError) -> None:
+        if self._health.failed_ns is None:
+            self._health.failed_ns = time.monotonic_ns()
+            self._tell("error", str(error))
+        self._health.state = "failed"
+
+    def _open_later(self) -> None:
+        """Wait and try again; the next wait is twice as long."""
+        if not self._stopping.wait(self._back_off_s) and not self.open():
+            self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
+
+
+def as_source_error(source: Source, error: Exception) -> SourceError:
+    """What a driver raised, as an error of ours."""
+    if isinstance(error, SourceError):
+        return error
+    return SourceError("failed", where=f"source {source.name!r}", why=f"{type(error).__name__} {error}")

@@ -1,0 +1,307 @@
+"""A recording in parts: the next begins after a time or a size, after trouble with the disk, or a clock's step.
+
+Every part is a whole recording of its own. What the disk has not confirmed yet is kept, and goes into the next
+part when this one cannot be written any more, so that trouble with a disk costs nothing that memory can hold.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from acquisition.errors import StorageError
+from acquisition.recording.messages import MessageSink
+from acquisition.recording.writer import RecordingWriter
+from acquisition.sections import RecordingSection
+from acquisition.trial import Trial
+
+_MEGA = 1_000_000
+_LARGEST_RESERVE_BYTES = 200 * _MEGA
+_RESERVE_SHARE = 0.05
+_RESUME_RATIO = 1.1  # so much more than the reserve must be free again
+_LOOK_EVERY_S = 1.0
+_MOST_UNSURE = 100_000  # messages that wait for the disk; about 30 MB
+
+Message = tuple[str, bytes, int, int]
+Tell = Callable[[str, str], None]
+"""Somebody who wants to know what happens to the recording: level, text."""
+Listener = Callable[[str, bytes, int], None]
+"""Somebody who wants every message as well: topic, JSON, time of reception; must be quick and raise nothing."""
+
+
+def free_bytes(folder: Path) -> tuple[int, int]:
+    """What is free for us on the folder's disk, and how large that disk is [bytes]."""
+    disk = os.statvfs(folder)
+    return disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
+
+
+class RecordingParts(MessageSink):
+    """One recording as one or more files in ``folder``. For one thread only.
+
+    The first file is created at once; raises :class:`StorageError` if that cannot be done. Later trouble pauses
+    the recording (``trouble`` says why) and is tried again every second.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        trial: Trial,
+        attachments: Mapping[str, bytes],
+        settings: RecordingSection,
+        clock: Mapping[str, str] | None = None,
+        tell: Tell = lambda level, text: None,
+    ) -> None:
+        self.paths: list[Path] = []
+        self.trouble = ""
+        self.listeners: list[Listener] = []
+        self.lost = 0  # messages that no disk and no memory could hold
+        self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
+        self._clock = dict(clock or {})
+        self.tell = tell
+        self._stem = _free_stem(folder, _stem(trial.name, datetime.now(UTC)))
+        self._unsure: list[Message] = []
+        self._unkept = 0  # as unsure, but too many to be kept
+        self._closed_bytes = 0  # in the parts before
+        self._looked_s = self._began_s = time.monotonic()
+        self._part: RecordingWriter | None = None
+        self._require_room()
+        self._open_part("recording started")
+
+    @property
+    def path(self) -> Path:
+        """The part that is being written, or was last."""
+        return self.paths[-1]
+
+    @property
+    def paused(self) -> bool:
+        """Whether nothing is written at the moment; ``trouble`` says why."""
+        return self._part is None
+
+    @property
+    def written_bytes(self) -> int:
+        """How much was written, in all parts [bytes]."""
+        return self._closed_bytes + (0 if self._part is None else self._part.size_bytes)
+
+    @property
+    def room_bytes(self) -> int | None:
+        """What may still be written to this disk [bytes]; None if the disk cannot be asked."""
+        try:
+            free, size = free_bytes(self._folder)
+        except OSError:
+            return None
+        return max(int(free - self._reserve_bytes(size)), 0)
+
+    def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
+        """Record a message; while the recording is paused it waits in memory, as long as there is room."""
+        if len(self._unsure) < _MOST_UNSURE:
+            self._unsure.append((topic, data, log_ns, publish_ns))
+        else:
+            self._unkept += 1
+        if self._part is not None:
+            self._part.write(topic, data, log_ns, publish_ns)
+        for listener in self.listeners:
+            listener(topic, data, log_ns)
+
+    def write_trial(self, trial: Trial) -> None:
+        self._trial = trial
+        if self._part is not None:
+            self._part.write_trial(trial)
+
+    def set_clock(self, clock: Mapping[str, str], reason: str) -> None:
+        """Begin a new part, whose times are by another clock."""
+        self._clock = dict(clock)
+        self.next_part(reason)
+
+    def flush(self) -> None:
+        """Hand what there is to the system."""
+        if self._part is not None:
+            self._attempt(self._part.flush)
+
+    def sync(self) -> None:
+        """Make the disk keep what there is, then see whether a new part or a pause is due."""
+        if self._part is not None and self._attempt(self._part.sync):
+            self._confirmed()
+
+    def look_after(self, now_s: float) -> None:
+        """Once a second: the size and age of the part, room on the disk, and whether a pause can end."""
+        if now_s - self._looked_s < _LOOK_EVERY_S:
+            return
+        self._looked_s = now_s
+        if self._part is None:
+            self.resume()
+        elif self._part.vanished:
+            self._put_back()
+        elif (reason := self._shortage(1.0)) and self._close_part():
+            self._pause(reason, "the file is closed well")
+        elif self._part is not None and self._part_is_full(now_s):
+            self.next_part("the part is full")
+
+    def next_part(self, reason: str) -> None:
+        """Close this part and open the next; nothing that is written gets lost between them."""
+        if self._part is not None and self._close_part():
+            self._try_to_open(reason)
+
+    def resume(self) -> None:
+        """End a pause, if its cause is gone."""
+        why = self.trouble
+        if self._part is not None or self._shortage(_RESUME_RATIO):
+            return
+        self._try_to_open(f"after a pause: {why}")
+        if self._part is not None:
+            self.tell("warning", f"recording goes on in {self.path.name}, after: {why}")
+
+    def discard(self) -> None:
+        """Leave nothing behind: the recording never began."""
+        if self._part is not None:
+            self._part.abandon()
+            self._part = None
+        for path in self.paths:
+            path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Close the last part. Raises :class:`StorageError` when messages could not be written."""
+        if self._part is None and (self._unsure or self.lost):
+            self.resume()
+        if self._part is not None:
+            self._close_part()
+        if unwritten := len(self._unsure) + self._unkept + self.lost:
+            raise StorageError(
+                f"{unwritten:,} messages could not be written",
+                where=str(self.path),
+                why=self.trouble,
+                fix="what is in the files before is safe; make room or mount the disk before the next recording",
+            )
+
+    def _open_part(self, reason: str) -> None:
+        path = self._next_path()
+        part = RecordingWriter(path, self._trial, self._attachments)
+        try:
+            part.write_metadata("part", self._part_metadata(reason))
+            if self._clock:
+                part.write_metadata("clock", self._clock)
+            for message in self._unsure:
+                part.write(*message)
+            part.sync()
+        except StorageError:
+            part.abandon()
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+            raise
+        self.lost += self._unkept
+        self._confirmed()
+        self._part = part
+        self.paths.append(path)
+        self.trouble = ""
+        self._began_s = time.monotonic()
+
+    def _next_path(self) -> Path:
+        number = len(self.paths) + 1
+        return self._folder / (f"{self._stem}.mcap" if number == 1 else f"{self._stem}_part{number:03d}.mcap")
+
+    def _part_metadata(self, reason: str) -> dict[str, str]:
+        before = self.paths[-1].name if self.paths else ""
+        return {"number": str(len(self.paths) + 1), "follows": before, "reason": reason}
+
+    def _part_is_full(self, now_s: float) -> bool:
+        minutes, size_mb = self._settings.split_minutes, self._settings.split_mb
+        too_old = minutes is not None and now_s - self._began_s >= 60.0 * minutes
+        return too_old or (
+            size_mb is not None and self._part is not None and self._part.size_bytes >= size_mb * _MEGA
+        )
+
+    def _attempt(self, action: Callable[[], None]) -> bool:
+        """Do something with the disk; trouble ends the part and pauses the recording."""
+        try:
+            action()
+        except StorageError as error:
+            ended = self._part is not None and self._part.abandon()
+            self._part = None
+            how = "the file is ended well" if ended else "the file is readable as far as it goes"
+            self._pause(str(error), how)
+            return False
+        return True
+
+    def _close_part(self) -> bool:
+        if self._part is None or not self._attempt(self._part.close):
+            return False
+        self._closed_bytes += self._part.size_bytes
+        self._confirmed()
+        self._part = None
+        return True
+
+    def _confirmed(self) -> None:
+        """The disk has everything that was written."""
+        self._unsure.clear()
+        self._unkept = 0
+
+    def _put_back(self) -> None:
+        """Somebody has deleted the file: its content is still there, and is written once more."""
+        if self._part is None:
+            return
+        path = self._part.path
+        if self._attempt(self._part.close_deleted):
+            self._confirmed()
+            self._part = None
+            self.tell("error", f"{path.name} was deleted while it was written; it is put back")
+            self._try_to_open("the part before was deleted")
+
+    def _pause(self, why: str, how: str) -> None:
+        self.trouble = why
+        self.tell("error", f"RECORDING PAUSED: {why}; {how}; it goes on as soon as it can")
+
+    def _try_to_open(self, reason: str) -> None:
+        try:
+            self._open_part(reason)
+        except StorageError as error:
+            if not self.trouble:
+                self._pause(str(error), "nothing of it is lost while memory holds it")
+
+    def _shortage(self, ratio: float) -> str:
+        """Why the disk is too full to go on; nothing if it is not."""
+        try:
+            free, size = free_bytes(self._folder)
+        except OSError:
+            return ""  # opening or writing will say what is wrong, and better
+        reserve = self._reserve_bytes(size)
+        if free >= reserve * ratio:
+            return ""
+        return f"{self._folder}: {free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
+
+    def _reserve_bytes(self, size: int) -> float:
+        if self._settings.reserve_mb is not None:
+            return self._settings.reserve_mb * _MEGA
+        return min(_RESERVE_SHARE * size, _LARGEST_RESERVE_BYTES)
+
+    def _require_room(self) -> None:
+        existing = next(each for each in (self._folder, *self._folder.absolute().parents) if each.exists())
+        free, size = free_bytes(existing)
+        if free < (reserve := self._reserve_bytes(size)):
+            raise StorageError(
+                "cannot be recorded to",
+                where=str(self._folder),
+                why=f"{free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB",
+                fix="make room, or lower `reserve_mb` in [recording]",
+            )
+
+
+def _stem(name: str, started: datetime) -> str:
+    """The trial's name and the UTC time of its start, fit for a file's name.
+
+    >>> _stem("sea trial/1", datetime(2026, 5, 17, 12, tzinfo=UTC))
+    'sea_trial_1_20260517T120000Z'
+    """
+    safe = "".join(each if each.isalnum() or each in "-_" else "_" for each in name)
+    return f"{safe}_{started:%Y%m%dT%H%M%SZ}"
+
+
+def _free_stem(folder: Path, stem: str) -> str:
+    """The stem, with a number where another recording has begun in the same second."""
+    number, free = 1, stem
+    while (folder / f"{free}.mcap").exists():
+        number += 1
+        free = f"{stem}_{number}"
+    return free

@@ -1,0 +1,112 @@
+"""The file under a recording: what was committed stays whole, whatever becomes of the disk afterwards.
+
+MCAP's writer hands over a record in many small pieces. They are gathered here and written at once, so that the
+file always ends with a complete record; a write that fails halfway is cut off again.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_COPY_BYTES = 1024 * 1024
+
+
+class CommittedFile:
+    """A file that is only ever appended to, with the part of the file interface that MCAP's writer uses.
+
+    ``committed`` is its length after the last :meth:`flush`, ``synced`` after the last :meth:`sync`; both in
+    bytes. Methods raise OSError.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.committed = 0
+        self.synced = 0
+        self._gathered = bytearray()
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+
+    @property
+    def closed(self) -> bool:
+        """Whether :meth:`close` was called."""
+        return self._descriptor < 0
+
+    @property
+    def vanished(self) -> bool:
+        """Whether somebody has deleted the file while it was being written."""
+        return os.fstat(self._descriptor).st_nlink == 0
+
+    def write(self, data: bytes) -> int:
+        """Take ``data`` in; nothing reaches the system before :meth:`flush`."""
+        self._gathered += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Where the next byte will stand."""
+        return self.committed + len(self._gathered)
+
+    def flush(self) -> None:
+        """Hand what was gathered to the system: all of it, or nothing and OSError."""
+        try:
+            view, written = memoryview(bytes(self._gathered)), 0
+            while written < len(view):
+                written += os.pwrite(self._descriptor, view[written:], self.committed + written)
+        except OSError:
+            self.cut_to(self.committed)
+            raise
+        self.committed += len(self._gathered)
+        self._gathered.clear()
+
+    def sync(self) -> None:
+        """Flush, and make the disk keep it."""
+        self.flush()
+        os.fdatasync(self._descriptor)
+        self.synced = self.committed
+
+    def cut_to(self, length: int) -> None:
+        """Forget everything after ``length`` bytes; a disk that is gone cannot even do that, and need not."""
+        try:
+            os.ftruncate(self._descriptor, length)
+        except OSError:
+            return
+        self.committed = length
+
+    def abandon(self, ending: bytes) -> bool:
+        """Keep what the disk is sure to have, close it with ``ending`` if that can be, and let go of the file.
+
+        Returns whether the ending was written.
+        """
+        self._gathered.clear()
+        self.cut_to(self.synced)
+        self._gathered += ending
+        try:
+            self.sync()
+        except OSError:
+            return False
+        finally:
+            self.close()
+        return True
+
+    def rescue(self) -> None:
+        """Write a deleted file's content to its path once more: as long as it is open, the system keeps it."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open("xb") as copy:
+            for offset in range(0, self.committed, _COPY_BYTES):
+                copy.write(os.pread(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
+            copy.flush()
+            os.fsync(copy.fileno())
+
+    def close(self) -> None:
+        """Let go of the file; a second call does nothing."""
+        if not self.closed:
+            descriptor, self._descriptor = self._descriptor, -1
+            os.close(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the disk keep a new file's name too, not only what is in it."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
