@@ -63,19 +63,23 @@ class Nmea2000Decoder:
 
     def decode(self, frame: Frame) -> list[Group]:
         group, address = parameter_group(frame.identifier)
+        message = self.message(frame)
+        return [] if message is None else self._groups(frame, group, self._devices.label(address), message)
+
+    def message(self, frame: Frame) -> Message | None:
+        """The message that is whole with this frame, if it is one of a group that we listen to."""
+        group, address = parameter_group(frame.identifier)
         if not self._passes_guards(frame, group):
-            return []
+            return None
         if group == ADDRESS_CLAIM:
             if self._devices.claim(address, frame.payload):
                 self._fast.forget(address)
-            return []
-        payload: bytes | None = frame.payload
-        known = GROUPS[group]
+            return None
+        known, payload = GROUPS[group], frame.payload
         if known.shortest:
-            payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, known.shortest)
-        if payload is None:
-            return []
-        return self._groups(frame, group, self._devices.label(address), Message(known.fields, payload))
+            whole = self._fast.push(address, group, payload, frame.monotonic_ns, known.shortest)
+            return None if whole is None else Message(known.fields, whole)
+        return Message(known.fields, payload)
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
         if frame.flags:

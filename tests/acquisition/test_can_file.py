@@ -1,0 +1,245 @@
+"""CAN logs: what python-can's own writers wrote comes back, and so does every form of candump and canboat."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.errors import SourceError
+from acquisition.frames import Frame, FrameFlag
+from acquisition.sections import CanFileSource
+from acquisition.sources import make_source
+from acquisition.sources.can_file import CanFile
+from acquisition.sources.can_text import LineReader
+
+START_NS = 1_779_062_280_249_713_000
+MILLISECOND = 1_000_000
+
+
+def can_file(path: Path) -> CanFile:
+    source = make_source(CanFileSource(name="log", type="can_file", path=path, channels=()))
+    assert isinstance(source, CanFile)
+    return source
+
+
+def read_all(path: Path) -> list[Frame]:
+    """Every frame of a log, which must be wholly readable."""
+    source = can_file(path)
+    source.open()
+    frames: list[Frame] = []
+    while (some := source.read(0.0)) is not None:
+        frames += some
+    assert source.unreadable == 0
+    source.close()
+    return frames
+
+
+def read_text(path: Path, *lines: str) -> list[Frame]:
+    path.write_text("\n".join(lines) + "\n")
+    return read_all(path)
+
+
+def messages() -> list[can.Message]:
+    """Frames of every kind that a classic bus has, 1 ms apart."""
+    kinds = [
+        {"arbitration_id": 0x18EEFF01, "data": bytes(range(8))},
+        {"arbitration_id": 0x123, "data": b"\x01\x02", "is_extended_id": False},
+        {"arbitration_id": 0x123, "data": b"", "is_extended_id": True},
+        {"arbitration_id": 0x1F000123, "is_remote_frame": True},
+    ] * 200
+    return [
+        can.Message(timestamp=(START_NS + n * MILLISECOND) / 1e9, channel=0, **kind) for n, kind in enumerate(kinds)
+    ]
+
+
+def flags_of(message: can.Message) -> FrameFlag:
+    return FrameFlag(
+        (not message.is_extended_id) * FrameFlag.STANDARD_ID + message.is_remote_frame * FrameFlag.REMOTE
+    )
+
+
+@pytest.mark.parametrize("suffix", [".log", ".blf", ".asc"])
+def test_what_python_can_writes_comes_back(tmp_path: Path, suffix: str) -> None:
+    """Under a name that says nothing, with times to the millisecond that the coarsest of them keeps."""
+    with can.Logger(tmp_path / f"frames{suffix}") as write:
+        for message in messages():
+            write(message)
+    path = (tmp_path / f"frames{suffix}").rename(tmp_path / "frames")
+    frames = read_all(path)
+    assert [(f.identifier, f.payload, f.flags) for f in frames] == [
+        (m.arbitration_id, bytes(m.data), flags_of(m)) for m in messages()
+    ]
+    for number, frame in enumerate(frames):
+        assert frame.stamped_ns == frame.received_ns == frame.monotonic_ns
+        assert abs(frame.received_ns - (START_NS + number * MILLISECOND)) <= MILLISECOND
+
+
+def test_a_trace_of_pcan_comes_back(tmp_path: Path) -> None:
+    """Its times start anew with the log, which python-can's writer does not date."""
+    written = [message for message in messages() if not message.is_remote_frame]
+    with can.TRCWriter(tmp_path / "frames.trc") as write:
+        for message in written:
+            write(message)
+    frames = read_all(tmp_path / "frames.trc")
+    assert [(f.identifier, f.payload, f.flags) for f in frames] == [
+        (m.arbitration_id, bytes(m.data), flags_of(m)) for m in written
+    ]
+    took_s = written[-1].timestamp - written[0].timestamp
+    assert frames[-1].received_ns - frames[0].received_ns == pytest.approx(took_s * 1e9, abs=2 * MILLISECOND)
+
+
+CLAIM = "05 A0 BE 1C 00 A0 A0 C0"
+DATA = bytes.fromhex(CLAIM)
+
+
+@pytest.mark.parametrize(
+    ("line", "identifier", "data", "flags"),
+    [
+        ("(1436509052.249713) can0 18EEFF01#05A0BE1C00A0A0C0", 0x18EEFF01, DATA, FrameFlag.NONE),
+        ("(1436509052.249713) can0 123#05A0 R", 0x123, DATA[:2], FrameFlag.STANDARD_ID),
+        ("(1436509052.249713) vcan_1 123#R8", 0x123, b"", FrameFlag.STANDARD_ID | FrameFlag.REMOTE),
+        ("(1436509052.249713) can0 18EEFF01##105A0", 0x18EEFF01, DATA[:2], FrameFlag.NONE),
+        ("(1436509052.249713) can0 20000004#0000000000000000", 4, bytes(8), FrameFlag.ERROR),
+        (f"  can0  18EEFF01   [8]  {CLAIM}", 0x18EEFF01, DATA, FrameFlag.NONE),
+        (
+            f"(1436509052.249713)  can0  RX - -  18EEFF01   [8]  {CLAIM}   '........'",
+            0x18EEFF01,
+            DATA,
+            FrameFlag.NONE,
+        ),
+        ("  can0  123   [2]  05 A0", 0x123, DATA[:2], FrameFlag.STANDARD_ID),
+        ("  can0  123   [0]  remote request", 0x123, b"", FrameFlag.STANDARD_ID | FrameFlag.REMOTE),
+        ("  can0  20000004   [8]  00 00 00 00 00 00 00 00   ERRORFRAME", 4, bytes(8), FrameFlag.ERROR),
+        ("<0x18eeff01> [8] 05 a0 be 1c 00 a0 a0 c0 ", 0x18EEFF01, DATA, FrameFlag.NONE),
+        ("2026-08-07T23:44:27.000Z,6,60928,1,255,8,05,a0,be,1c,00,a0,a0,c0", 0x18EEFF01, DATA, FrameFlag.NONE),
+        ("2026-08-07-23:44:27.000,6,60928,1,35,8,05,a0,be,1c,00,a0,a0,c0", 0x18EE2301, DATA, FrameFlag.NONE),
+        ("2026-08-07-23:44:27.000,2,127250,35,255,2,05,A0", 0x09F11223, DATA[:2], FrameFlag.NONE),
+    ],
+)
+def test_every_form_of_a_line(tmp_path: Path, line: str, identifier: int, data: bytes, flags: FrameFlag) -> None:
+    (frame,) = read_text(tmp_path / "log", "# a comment", "", line)
+    assert (frame.identifier, frame.payload, frame.flags) == (identifier, data, flags)
+
+
+@pytest.mark.parametrize(
+    ("line", "stamped_ns"),
+    [
+        ("(1436509052.249713) can0 123#05A0", 1_436_509_052_249_713_000),
+        ("(1436509052.249713) can0  123  [2]  05 A0", 1_436_509_052_249_713_000),
+        ("2026-08-07T23:44:27.25Z,2,127250,35,255,2,05,A0", 1_786_146_267_250_000_000),
+        ("2026-08-07-23:44:27,2,127250,35,255,2,05,A0", 1_786_146_267_000_000_000),
+    ],
+)
+def test_the_time_of_a_log_is_the_frames(tmp_path: Path, line: str, stamped_ns: int) -> None:
+    (frame,) = read_text(tmp_path / "log", line)
+    assert frame.stamped_ns == frame.received_ns == frame.monotonic_ns == stamped_ns
+
+
+@pytest.mark.parametrize("times", [("0.1", "0.2", "0.5"), ("000.000000", "000.100000", "000.300000", "000.000001")])
+def test_times_since_the_beginning_or_the_frame_before_keep_the_distances(
+    tmp_path: Path, times: tuple[str, ...]
+) -> None:
+    frames = read_text(tmp_path / "log", *(f"({time}) can0 123#05" for time in times))
+    assert {frame.stamped_ns for frame in frames} == {None}
+    after_ms = [(frame.monotonic_ns - frames[0].monotonic_ns) / MILLISECOND for frame in frames]
+    assert after_ms[:3] == pytest.approx([0.0, 100.0, 400.0], abs=1e-3)
+
+
+def test_the_monotonic_time_never_falls(tmp_path: Path) -> None:
+    """A log that was put together, or whose clock was set, tells its times all the same."""
+    times = (1_436_509_052, 1_436_509_050, 1_436_509_053)
+    frames = read_text(tmp_path / "log", *(f"({time}.0) can0 123#05" for time in times))
+    assert [frame.received_ns // 10**9 for frame in frames] == list(times)
+    assert [frame.monotonic_ns // 10**9 for frame in frames] == [times[0], times[0], times[2]]
+
+
+def test_a_log_without_times_is_received_as_it_is_read(tmp_path: Path) -> None:
+    frames = read_text(tmp_path / "log", *["  can0  123   [1]  05"] * 700)
+    assert {frame.stamped_ns for frame in frames} == {None}
+    assert all(later.monotonic_ns >= former.monotonic_ns for former, later in pairwise(frames))
+
+
+def test_a_whole_message_is_split_as_it_came(tmp_path: Path) -> None:
+    """12 bytes in two frames of 8, numbered anew by device and group."""
+    message = "2026-08-07T23:44:27.000Z,2,130578,{},255,12,ff,7f,ff,7f,a8,ff,bb,00,ff,7f,22,01"
+    frames = read_text(tmp_path / "log", *(message.format(source) for source in (1, 1, 2)))
+    assert [frame.payload[:2].hex() for frame in frames] == ["000c", "01bb", "200c", "21bb", "000c", "01bb"]
+    assert frames[1].payload == bytes.fromhex("01bb00ff7f2201ff")
+    assert {frame.identifier for frame in frames} == {0x09FE1201, 0x09FE1202}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "(1436509052.249713) can0 123#05A",
+        "(14.36.5) can0 123#05A0",
+        "(1436509052.249713) can0 1234#05A0",
+        "  can0  123   [3]  05 A0",
+        "2026-13-07T23:44:27.000Z,2,127250,35,255,2,05,A0",
+        "2026-08-07T23:44:27.000Z,2,262400,35,255,2,05,A0",
+        "2026-08-07T23:44:27.000Z,2,127250,35,255,3,05,A0",
+        "2026-08-07T23:44:27.000Z,2,127250,35,256,2,05,A0",
+        "2026-08-07T23:44:27.000Z,2,130323,35,255,300" + ",05" * 300,
+        "rubbish",
+    ],
+)
+def test_unreadable_lines_are_skipped_and_counted(tmp_path: Path, line: str) -> None:
+    (tmp_path / "log").write_text(f"{line}\n(1436509052.249713) can0 123#05A0\n")
+    source = can_file(tmp_path / "log")
+    source.open()
+    assert [frame.payload for frame in source.read(0.0) or []] == [DATA[:2]]
+    assert source.read(0.0) is None
+    assert source.unreadable == 1
+    source.close()
+
+
+def test_a_log_that_was_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
+    path = tmp_path / "frames.blf"
+    with can.Logger(path) as write:
+        for message in messages() * 40:
+            write(message)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    source = can_file(path)
+    source.open()
+    count = 0
+    while (frames := source.read(0.0)) is not None:
+        count += len(frames)
+    assert 0 < count < 32_000
+    assert source.unreadable == 1
+    source.close()
+
+
+@pytest.mark.parametrize("content", [b"time,heading\n1,2\n", b"LOGGnonsense", b"\x00\xff" * 1000, b"\x89PNG"])
+def test_what_is_no_log_says_so(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "log").write_bytes(content)
+    with pytest.raises(SourceError, match=r"source 'log': file .* cannot be opened: .*; correct `path`"):
+        can_file(tmp_path / "log").open()
+
+
+def test_a_log_that_is_not_there_says_so(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="No such file"):
+        can_file(tmp_path / "log").open()
+    with pytest.raises(SourceError, match="not open"):
+        can_file(tmp_path / "log").read(0.0)
+
+
+def test_an_empty_log_ends(tmp_path: Path) -> None:
+    (tmp_path / "log").touch()
+    assert read_all(tmp_path / "log") == []
+
+
+ALPHABET = st.sampled_from("()<>[]#,. :'-x0123456789abcdefABCDEFRTcan\u0661")
+
+
+@given(st.text(ALPHABET, max_size=60) | st.text(max_size=60))
+def test_no_line_raises(line: str) -> None:
+    reader = LineReader()
+    for prefix in ("", "(1436509052.249713) can0 ", "2026-08-07T23:44:27.000Z,2,"):
+        for logged in reader.frames(prefix + line):
+            assert logged.identifier < 2**29
+            assert len(logged.payload) <= 64
