@@ -52,11 +52,15 @@ def split_tag(line: bytes) -> Tagged:
         return Tagged(line[line.rfind(b"\\") + 1 :], sound=False)
     items = dict(item.split(":", 1) for item in found[1].decode("ascii").split(",") if ":" in item)
     source = _NOT_IN_A_LABEL.sub("_", items.get("s", ""))
-    return Tagged(line[found.end() :], _time_ns(items.get("c", "")), source)
+    return Tagged(line[found.end() :], unix_ns(items.get("c", "")), source)
 
 
-def _time_ns(text: str) -> int | None:
-    """Seconds or, with 13 digits, milliseconds since 1970 as ns; None for anything else."""
+def unix_ns(text: str) -> int | None:
+    """Seconds or, with 13 digits, milliseconds since 1970 as ns; None for anything else.
+
+    >>> unix_ns("1795255200.25") == unix_ns("1795255200250")
+    True
+    """
     if _MILLISECONDS.fullmatch(text):
         return int(text) * 1_000_000
     found = _SECONDS.fullmatch(text)

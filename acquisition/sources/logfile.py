@@ -1,22 +1,29 @@
 """NMEA 0183 sentences from a text file, as fast as they are taken.
 
-A log that was kept with TAG blocks keeps its own time: its lines count as received when the block says. In a log
-without any, lines count as received when they are read. Lines that begin with ``#`` are a person's.
+A log that tells times keeps them: a line counts as received when the time before it says (seconds or milliseconds
+since 1970, or ISO 8601 in UTC with its Z), or else its TAG block. In a log without any, lines count as received
+when they are read. Lines that begin with ``#`` are a person's.
 """
 
 from __future__ import annotations
 
+import datetime as dt
+import re
 from dataclasses import replace
 from typing import BinaryIO
 
 from acquisition.decoders.clock import is_possible
-from acquisition.decoders.tag_block import split_tag
+from acquisition.decoders.tag_block import split_tag, unix_ns
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
 from acquisition.sections import FileSource
 from acquisition.sources.lines import LineAssembler
 
 _BLOCK_BYTES = 8192
+_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+_STAMP = re.compile(
+    rb"(\d{13}|\d{10}(?:\.\d{1,9})?|\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?Z)[ \t,;]+(?=[$!\\])"
+)
 
 
 class LogFile:
@@ -61,7 +68,7 @@ class LogFile:
 
 
 class LogTime:
-    """The time that a log's TAG blocks tell, which never goes back.
+    """The time that a log tells, which never goes back.
 
     A line without one has the time of the line before it; what precedes the first has the first.
     """
@@ -70,19 +77,31 @@ class LogTime:
         self._now_ns: int | None = None
 
     def stamped(self, frames: list[Frame]) -> list[Frame]:
-        """The frames with the log's time for every time they have; unchanged as long as the log tells none."""
-        told_ns = [_told_ns(frame) for frame in frames]
+        """The bare lines with the log's time for every time they have; their own as long as the log tells none."""
+        told = [_told(frame.payload) for frame in frames]
         if self._now_ns is None:
-            self._now_ns = next((each for each in told_ns if each is not None), None)
-        return [self._stamped(frame, each) for frame, each in zip(frames, told_ns, strict=True)]
+            self._now_ns = next((time_ns for time_ns, _ in told if time_ns is not None), None)
+        return [self._stamped(frame, *each) for frame, each in zip(frames, told, strict=True)]
 
-    def _stamped(self, frame: Frame, told_ns: int | None) -> Frame:
+    def _stamped(self, frame: Frame, told_ns: int | None, payload: bytes) -> Frame:
         if self._now_ns is None:
-            return frame
-        self._now_ns = max(self._now_ns, told_ns or 0)
-        return replace(frame, received_ns=self._now_ns, monotonic_ns=self._now_ns, stamped_ns=self._now_ns)
+            return replace(frame, payload=payload)
+        now_ns = self._now_ns = max(self._now_ns, told_ns or 0)
+        return replace(frame, payload=payload, received_ns=now_ns, monotonic_ns=now_ns, stamped_ns=now_ns)
 
 
-def _told_ns(frame: Frame) -> int | None:
-    told_ns = split_tag(frame.payload).time_ns
-    return told_ns if told_ns is not None and is_possible(told_ns) else None
+def _told(line: bytes) -> tuple[int | None, bytes]:
+    """When a line was received (UTC, ns since 1970), as the log or else its TAG block tells, and the bare line."""
+    found = _STAMP.match(line)
+    payload = line[found.end() :] if found else line
+    time_ns = _stamp_ns(found[1].decode("ascii")) if found else split_tag(line).time_ns
+    return (time_ns if time_ns is not None and is_possible(time_ns) else None), payload
+
+
+def _stamp_ns(text: str) -> int | None:
+    if "T" not in text:
+        return unix_ns(text)
+    try:
+        return (dt.datetime.fromisoformat(text) - _EPOCH) // dt.timedelta(microseconds=1) * 1000
+    except ValueError:
+        return None

@@ -105,6 +105,27 @@ def test_a_log_with_tag_blocks_keeps_its_own_time(tmp_path: Path) -> None:
     assert not decoder.refused
 
 
+@pytest.mark.parametrize(
+    ("stamp", "after_s"),
+    [
+        (b"1798718400.5 ", 0.5),
+        (b"1798718400500;", 0.5),
+        (b"2026-12-31T12:00:00.5Z, ", 0.5),
+        (b"2026-12-31T12:00:01Z\t", 1.0),
+        (b"2026-12-31T25:61:00Z ", None),  # taken off all the same, so that the sentence is sound
+        (b"0000000000 ", None),
+    ],
+)
+def test_a_log_with_a_time_before_each_line(tmp_path: Path, stamp: bytes, after_s: float | None) -> None:
+    path = tmp_path / "stamped.log"
+    body = tagged("c:1798718460", "HEHDT,12.3,T")  # passed on a minute later, which is not when it was received
+    path.write_bytes(b"1798718400 " + sound("HEHDT,1.0,T") + b"\n" + stamp + body)
+    first, second = played(path)
+    assert (first.payload, first.stamped_ns) == (sound("HEHDT,1.0,T"), NOON_NS)
+    assert second.payload == body
+    assert second.received_ns == second.monotonic_ns == second.stamped_ns == NOON_NS + (after_s or 0) * SECOND
+
+
 def test_a_log_without_times_is_stamped_now(tmp_path: Path) -> None:
     path = tmp_path / "plain.log"
     path.write_bytes(b"#one\n" + (sound("HEHDT,12.3,T") + b"\n") * 1000 + b"# two\n\n")
