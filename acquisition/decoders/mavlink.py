@@ -1,18 +1,26 @@
-"""MAVLink: datagrams to samples, by ``pymavlink``; one system, known messages, bad data counted."""
+"""MAVLink: packets to samples, by ``pymavlink``; one system, known messages, bad data counted.
+
+Left out on purpose: SERVO_OUTPUT_RAW is an order and no measurement; ESC_TELEMETRY_1_TO_4 tells rpm without a sign,
+and a reversed propeller would look like one ahead; VFR_HUD has whole degrees of what ATTITUDE tells better.
+"""
 
 from __future__ import annotations
 
 import os
 from collections import Counter, deque
 from collections.abc import Callable
-from math import isnan
+from math import atan2, hypot, isfinite, isnan, nan
 from typing import Any
+
+import pymap3d
 
 from acquisition.channels import BY_NAME
 from acquisition.decoders import Notices
-from acquisition.decoders.clock import SourceClock
+from acquisition.decoders.clock import SourceClock, is_possible
+from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of
+from acquisition.errors import ConfigurationError
 from acquisition.frames import Frame, Group
-from acquisition.sections import MavlinkLinks
+from acquisition.sections import MavlinkFileSource, MavlinkLinks
 from acquisition.units import DEG_PER_RAD, scale_to
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
@@ -21,9 +29,28 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 Values = list[tuple[str, float]]
 UNKNOWN_VELOCITY = 32_767
 """What our own encoder sends in GLOBAL_POSITION_INT where it knows no velocity; no vessel makes 328 m/s."""
+_UNKNOWN = 65_535  # of speeds, courses and headings in 16 bits
+_FIX_IN_SPACE = 3
 _MICRO_NS = 1000
 _MILLI_NS = 1_000_000
 _OUT_OF_ORDER_MS = 1_000  # messages of several tasks, and datagrams, may overtake each other
+_WRAP_MS = 2**32  # time since boot begins anew after 49.7 days
+_NEAR_WRAP_MS = 60_000
+_LARGEST_ANGLE_DEG = 360.01  # a whole turn, and what rounding adds to it
+_ANGLES = frozenset(name for name, channel in BY_NAME.items() if channel.circular)
+
+
+def _known(value: int, unit: float) -> float:
+    return nan if value == _UNKNOWN else value * unit
+
+
+def _position(latitude: int, longitude: int) -> Values:
+    """A position in 1e-7 degrees; what autopilots send before their first fix is not one."""
+    known = (latitude, longitude) != (0, 0)
+    return [
+        ("latitude_deg", latitude / 1e7 if known else nan),
+        ("longitude_deg", longitude / 1e7 if known else nan),
+    ]
 
 
 def _attitude(message: Any) -> Values:
@@ -36,84 +63,182 @@ def _attitude(message: Any) -> Values:
 
 
 def _global_position(message: Any) -> Values:
-    velocity = [("velocity_north_mps", message.vx / 100.0), ("velocity_east_mps", message.vy / 100.0)]
-    if UNKNOWN_VELOCITY in (message.vx, message.vy):
-        velocity = []
-    if message.lat == 0 and message.lon == 0:  # what autopilots send before their first fix
-        return velocity
-    return [("latitude_deg", message.lat / 1e7), ("longitude_deg", message.lon / 1e7), *velocity]
+    known = UNKNOWN_VELOCITY not in (message.vx, message.vy)
+    return [
+        *_position(message.lat, message.lon),
+        ("velocity_north_mps", message.vx / 100.0 if known else nan),
+        ("velocity_east_mps", message.vy / 100.0 if known else nan),
+        ("heading_deg", _known(message.hdg, 0.01)),
+    ]
+
+
+def _satellite_position(message: Any) -> Values:
+    return [
+        *_position(message.lat, message.lon),
+        ("speed_over_ground_mps", _known(message.vel, 0.01)),
+        ("course_over_ground_deg", _known(message.cog, 0.01)),
+    ]
 
 
 def _local_velocity(message: Any) -> Values:
-    """Speeds only: the position is relative to the autopilot's own origin, not to the trial's."""
+    """Speeds only: the position is relative to the autopilot's own origin, and a group of its own."""
     return [("velocity_north_mps", message.vx), ("velocity_east_mps", message.vy)]
+
+
+def _wind(message: Any) -> Values:
+    return [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)]
+
+
+def _wind_vector(message: Any) -> Values:
+    """The vector points to where the wind blows; the direction is where it comes from. A calm has none."""
+    speed_mps = hypot(message.wind_x, message.wind_y)
+    if speed_mps == 0.0 or not isfinite(speed_mps):
+        return [("wind_speed_mps", speed_mps)]
+    from_deg = atan2(-message.wind_y, -message.wind_x) * DEG_PER_RAD % 360.0
+    return [("wind_direction_deg", from_deg), ("wind_speed_mps", speed_mps)]
+
+
+def _one_shaft(message: Any) -> Values:
+    shaft = {0: "port_rpm", 1: "starboard_rpm"}.get(message.index)
+    return [(shaft, message.frequency)] if shaft else []  # its unit is rpm, whatever the field is called
 
 
 _READERS: dict[str, Callable[[Any], Values]] = {
     "ATTITUDE": _attitude,
     "GLOBAL_POSITION_INT": _global_position,
+    "GPS_RAW_INT": _satellite_position,
     "LOCAL_POSITION_NED": _local_velocity,
     "RPM": lambda message: [("port_rpm", message.rpm1), ("starboard_rpm", message.rpm2)],
-    "WIND": lambda message: [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)],
+    "RAW_RPM": _one_shaft,
+    "WIND": _wind,
+    "WIND_COV": _wind_vector,
 }
+_WANTED = (*_READERS, "NAMED_VALUE_FLOAT")
+_CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # they give no samples but make sense of the others: always read
+_NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_WANTED, *_CONTEXT)}
 
 
 class MavlinkDecoder:
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
     def __init__(self, config: MavlinkLinks) -> None:
+        """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME")
-        self._system_id = config.system_id
+        self._system_id, self._component_id = config.system_id, config.component_id
+        self._wanted = frozenset(_chosen(config) + _CONTEXT)
         self._named = {
             entry.name: (channel, scale_to(BY_NAME[channel].unit, entry.unit))
             for channel, entry in config.named_values.items()
         }
         self._boot_ns: dict[int, int] = {}  # by component: each counts from its own start
         self._last_boot_ms: dict[int, int] = {}
-        self._parser = dialect.MAVLink(None)
-        self._parser.robust_parsing = True
+        self._origin: tuple[float, float] | None = None
+        self._cutter = PacketCutter(whole=isinstance(config, MavlinkFileSource))
+        self._link = dialect.MAVLink(None)
 
     def decode(self, frame: Frame) -> list[Group]:
+        groups = []
+        for piece in self._cutter.push(frame.payload):
+            if isinstance(piece, Fault):
+                self.refused[piece.reason] += 1
+            elif kind := self._kind(header_of(piece)):
+                groups += self._groups(kind, piece, frame)
+        return groups
+
+    def _kind(self, header: Header) -> str:
+        """The name of a message that is for us, else nothing. Messages that nobody reads are no refusals."""
+        kind, reason = _NAMES.get(header.message_id, ""), ""
+        if header.system_id != self._system_id:
+            reason = "another system"
+        elif self._component_id not in (None, header.component_id):
+            reason = "another component"
+        elif kind and kind not in self._wanted:
+            reason = "message not wanted"
+        if reason:
+            self.refused[reason] += 1
+        return "" if reason else kind
+
+    def _groups(self, kind: str, packet: bytes, frame: Frame) -> list[Group]:
         try:
-            messages = self._parser.parse_buffer(frame.payload) or []
+            message = self._link.decode(bytearray(packet))
         except dialect.MAVError:
             self.refused["undecodable"] += 1
             return []
-        return [group for message in messages for group in self._group(message, frame)]
-
-    def _group(self, message: Any, frame: Frame) -> list[Group]:
-        kind: str = message.get_type()
-        if kind == "BAD_DATA":
-            self.refused["bad data"] += 1
-            return []
-        if message.get_srcSystem() != self._system_id:
-            self.refused["another system"] += 1
-            return []
         self._notice_restart(message)
-        if kind == "SYSTEM_TIME":
-            self._set_clock(message, frame)
-            return []
-        values = self._named_value(message) if kind == "NAMED_VALUE_FLOAT" else []
-        if kind in _READERS:
-            values = _READERS[kind](message)
-        known = [(name, value) for name, value in values if not isnan(value)]  # NaN is MAVLink's "not known"
-        return self.clock.group(frame, f"{frame.origin}/{self._system_id}:{kind}", known, self._told(message))
+        told_ns, groups = self._told(message), []
+        for label, values in self._values(kind, message, frame):
+            source = f"{frame.origin}/{self._system_id}:{label}"
+            groups += self.clock.group(frame, source, self._possible(values), told_ns)
+        return groups
+
+    def _values(self, kind: str, message: Any, frame: Frame) -> list[tuple[str, Values]]:
+        """What a message says, a list a group, each with what its source is labelled with."""
+        match kind:
+            case "SYSTEM_TIME":
+                self._set_clock(message, frame)
+                return []
+            case "GPS_GLOBAL_ORIGIN":
+                self._set_origin(message)
+                return []
+            case "NAMED_VALUE_FLOAT":
+                return [(kind, self._named_value(message))]
+            case "LOCAL_POSITION_NED":
+                return [(kind, _local_velocity(message)), ("GPS_GLOBAL_ORIGIN", self._local_position(message))]
+            case "GPS_RAW_INT" if message.fix_type < _FIX_IN_SPACE:
+                self.refused["no fix"] += 1
+                return []
+        return [(kind, _READERS[kind](message))]
+
+    def _possible(self, values: Values) -> Values:
+        """The values without those that are none: NaN is MAVLink's "not known"."""
+        possible = []
+        for name, value in values:
+            if isnan(value):
+                self.refused["not available"] += 1
+            elif not isfinite(value) or (name in _ANGLES and abs(value) > _LARGEST_ANGLE_DEG):
+                self.refused["impossible value"] += 1
+            else:
+                possible.append((name, value))
+        return possible
 
     def _named_value(self, message: Any) -> Values:
         channel, scale = self._named.get(message.name.rstrip("\0"), ("", 1.0))
         return [(channel, message.value * scale)] if channel else []
+
+    def _local_position(self, message: Any) -> Values:
+        """Latitude and longitude, once the autopilot has told its origin; empty where they cannot be.
+
+        Height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm.
+        """
+        plane = BY_NAME["north_m"].holds(message.x) and BY_NAME["east_m"].holds(message.y)
+        if self._origin is None or not plane:
+            return []
+        latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *self._origin, 0.0)
+        return [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
+
+    def _set_origin(self, message: Any) -> None:
+        (latitude, latitude_deg), (longitude, longitude_deg) = _position(message.latitude, message.longitude)
+        if BY_NAME[latitude].holds(latitude_deg) and BY_NAME[longitude].holds(longitude_deg):
+            self._origin = latitude_deg, longitude_deg
+        else:
+            self.refused["impossible value"] += 1
 
     def _notice_restart(self, message: Any) -> None:
         """Time since boot that falls back: the autopilot has restarted, or 49.7 days are over."""
         boot_ms, component = getattr(message, "time_boot_ms", None), message.get_srcComponent()
         if boot_ms is None:
             return
-        fell_back = boot_ms < self._last_boot_ms.get(component, 0) - _OUT_OF_ORDER_MS
-        if fell_back and self._boot_ns.pop(component, None) is not None:
-            self.clock.forget()
+        last_ms = self._last_boot_ms.get(component, 0)
         self._last_boot_ms[component] = int(boot_ms)
+        if boot_ms >= last_ms - _OUT_OF_ORDER_MS:
+            return
+        if self._boot_ns.pop(component, None) is not None:
+            self.clock.forget()
+        if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
+            self._origin = None
+            self.notices.append(("warning", f"the autopilot has restarted after {last_ms / 1e3:.0f} s"))
 
     def _set_clock(self, message: Any, frame: Frame) -> None:
         if message.time_unix_usec == 0:  # the autopilot does not know the time yet
@@ -123,6 +248,27 @@ class MavlinkDecoder:
         self.clock.announce(told_ns, frame)
 
     def _told(self, message: Any) -> int | None:
-        boot_ms = getattr(message, "time_boot_ms", None)
+        """When a message says that it was measured [ns UTC]: since boot, in ``time_usec`` perhaps since 1970."""
+        since_ns = None
+        if hasattr(message, "time_boot_ms"):
+            since_ns = int(message.time_boot_ms) * _MILLI_NS
+        elif hasattr(message, "time_usec"):
+            since_ns = int(message.time_usec) * _MICRO_NS
+            if is_possible(since_ns):
+                return since_ns
         boot_ns = self._boot_ns.get(message.get_srcComponent())
-        return None if boot_ms is None or boot_ns is None else boot_ns + int(boot_ms) * _MILLI_NS
+        return None if since_ns is None or boot_ns is None else boot_ns + since_ns
+
+
+def _chosen(config: MavlinkLinks) -> tuple[str, ...]:
+    """The messages that the configuration asks for, by default all that are read."""
+    chosen = _WANTED if config.messages is None else config.messages
+    for name in chosen:
+        if name not in _WANTED:
+            raise ConfigurationError(
+                f"message {name!r} is not read",
+                where=f"source {config.name!r}",
+                why="nothing in it is a channel",
+                fix=f"choose of {', '.join(_WANTED)}",
+            )
+    return tuple(chosen)

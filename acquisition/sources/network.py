@@ -1,4 +1,4 @@
-"""NMEA 0183 lines over IP: UDP datagrams that are sent to us, TCP connections that we make."""
+"""Bytes over IP, and NMEA 0183 lines in them: UDP datagrams that are sent to us, TCP connections that we make."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import socket
 
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
-from acquisition.sections import MavlinkSource, TcpSource, UdpSource
+from acquisition.sections import MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
 from acquisition.sources.lines import LineAssembler
 
 _DATAGRAM_BYTES = 65_535
@@ -70,16 +70,15 @@ class UdpLines(DatagramSource):
         return lines.push(self.receive(timeout_s)) + lines.end()
 
 
-class TcpLines:
-    """One connection to a multiplexer or gateway."""
+class TcpStream:
+    """One connection to a server; what its bytes are is for the heirs to say."""
 
     waits = False
 
-    def __init__(self, config: TcpSource) -> None:
+    def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
         self.name = config.name
         self._config = config
         self._socket: socket.socket | None = None
-        self._lines = LineAssembler(config.name)
 
     def open(self) -> None:
         address = (self._config.address, self._config.port)
@@ -92,23 +91,35 @@ class TcpLines:
                 why=str(error),
                 fix="start the gateway, or correct `address` and `port`",
             ) from error
-        self._lines = LineAssembler(self.name)
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
+    def receive(self, timeout_s: float) -> bytes:
+        """What has come, or nothing after the timeout. Raises :class:`SourceError`."""
         if self._socket is None:
             raise SourceError("is not open", where=f"source {self.name!r}")
         try:
             self._socket.settimeout(timeout_s)
             received = self._socket.recv(_DATAGRAM_BYTES)
         except (TimeoutError, BlockingIOError):
-            return []
+            return b""
         except OSError as error:
             raise SourceError("connection failed", where=f"source {self.name!r}", why=str(error)) from error
         if not received:
             raise SourceError("the other end closed the connection", where=f"source {self.name!r}")
-        return self._lines.push(received)
+        return received
 
     def close(self) -> None:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+
+class TcpLines(TcpStream):
+    """One connection to a multiplexer or gateway."""
+
+    def open(self) -> None:
+        super().open()
+        self._lines = LineAssembler(self.name)  # a line never goes on in another connection
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        received = self.receive(timeout_s)
+        return self._lines.push(received) if received else []

@@ -1,4 +1,4 @@
-"""NMEA 0183 lines from a serial port."""
+"""Bytes from a serial port, and NMEA 0183 lines in them."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import serial
 
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
-from acquisition.sections import SerialSource
+from acquisition.sections import MavlinkSerialSource, SerialSource
 from acquisition.sources.lines import LineAssembler
 
 
-def open_port(config: SerialSource) -> serial.Serial:
+def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
     """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
     try:
         return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
@@ -23,29 +23,28 @@ def open_port(config: SerialSource) -> serial.Serial:
         ) from error
 
 
-class SerialLine:
-    """One serial port."""
+class SerialPort:
+    """One serial port; what its bytes are is for the heirs to say."""
 
     waits = False
 
-    def __init__(self, config: SerialSource) -> None:
+    def __init__(self, config: SerialSource | MavlinkSerialSource) -> None:
         self.name = config.name
         self._config = config
         self._port: serial.Serial | None = None
-        self._lines = LineAssembler(config.name)
 
     def open(self) -> None:
         self._port = open_port(self._config)
-        self._lines = LineAssembler(self.name)
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
+    def receive(self, timeout_s: float) -> bytes:
+        """What has come, or nothing after the timeout. Raises :class:`SourceError`."""
         if self._port is None:
             raise SourceError("is not open", where=f"source {self.name!r}")
         try:
             if self._port.timeout != timeout_s:  # setting it asks the system for the line's settings each time
                 self._port.timeout = timeout_s
-            first = self._port.read(1)
-            return self._lines.push(first + self._port.read(self._port.in_waiting)) if first else []
+            first = bytes(self._port.read(1))
+            return first + bytes(self._port.read(self._port.in_waiting)) if first else b""
         except (serial.SerialException, OSError, TypeError) as error:  # pyserial raises TypeError on unplug
             raise SourceError("serial line failed", where=f"source {self.name!r}", why=str(error)) from error
 
@@ -53,3 +52,15 @@ class SerialLine:
         if self._port is not None:
             self._port.close()
             self._port = None
+
+
+class SerialLine(SerialPort):
+    """NMEA 0183 on one serial port."""
+
+    def open(self) -> None:
+        super().open()
+        self._lines = LineAssembler(self.name)  # a line never goes on after the port was opened anew
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        received = self.receive(timeout_s)
+        return self._lines.push(received) if received else []
