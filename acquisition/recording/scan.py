@@ -93,8 +93,8 @@ class _Records:
         if head.startswith(MCAP_MAGIC):
             self._count_in(MCAP_MAGIC)
             return Intact(offset, offset + len(MCAP_MAGIC), None)
-        if offset == 0:
-            raise RecordError("no magic bytes at the beginning")
+        if offset == 0:  # the magic bytes are gone, so what is here must prove itself
+            self._check_found(0)
         opcode, end = self._check_head(offset, head)
         content = self._content(offset, end)
         record = self._record(opcode, content, end)
