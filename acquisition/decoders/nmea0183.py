@@ -50,7 +50,7 @@ class Nmea0183Decoder:
         if sentence is None:
             self.refused["no sound checksum"] += 1
             return []
-        if tagged.time_ns is not None:
+        if tagged.time_ns is not None:  # which is then this sentence's time too, unless it tells its own
             self.clock.announce(tagged.time_ns, frame)
         tag, fields = sentence
         talker, kind = tag[:-3], tag[-3:]
@@ -60,13 +60,10 @@ class Nmea0183Decoder:
         told_ns = self._told_ns(reading, frame)
         label = _label(frame.origin, talker, kind, tagged, reading)
         self._count(reading)
-        return self.clock.group(
-            frame, label, reading.values, tagged.time_ns if told_ns is None else told_ns, reading.quality
-        )
+        return self.clock.group(frame, label, reading.values, told_ns, reading.quality)
 
     def _count(self, reading: Reading) -> None:
-        tells_time = reading.date is not None
-        if reading.refused or not (reading.values or tells_time):
+        if reading.refused or not (reading.values or reading.date):
             self.refused[reading.refused or "no value"] += 1
 
     def _told_ns(self, reading: Reading, frame: Frame) -> int | None:

@@ -92,6 +92,8 @@ MOVING = {"course_over_ground_deg": 230.5, "speed_over_ground_mps": 5.6 * KNOT}
         ("HCHDG,101.1,2.0,E,7.1,W", {"heading_magnetic_deg": 103.1, "magnetic_variation_deg": -7.1}),
         ("HCHDG,1.0,2.0,W,7.1,E", {"heading_magnetic_deg": 359.0, "magnetic_variation_deg": 7.1}),
         ("HCHDG,359.0,2.0,E,,", {"heading_magnetic_deg": 1.0}),
+        ("HCHDG,720.0,2.0,E,,", {"heading_magnetic_deg": 720.0}),  # for the range check to find
+        (f"HEHDT,{'9' * 400},T", {}),
         ("SDHDG,229.8,,,1.3,E", {"heading_magnetic_deg": 229.8, "magnetic_variation_deg": 1.3}),
         ("SDHDG,,,,1.3,E", {"magnetic_variation_deg": 1.3}),
         ("SDHDG,229.8", {"heading_magnetic_deg": 229.8}),
@@ -300,7 +302,7 @@ def test_position_signs_and_the_date_from_zda() -> None:
     [
         ("235959.900", 10.7, 1_798_761_599_900_000_000),  # 0.2 s under way, across midnight
         ("000000.000", 10.4, 1_798_761_600_000_000_000),  # the next day's first fix, a little early
-        ("235960.000", 10.5, 1_798_761_600_000_000_000),  # a leap second has no number of its own
+        ("235960.000", 10.6, 1_798_761_600_000_000_000),  # a leap second has no number of its own
     ],
 )
 def test_a_fix_at_midnight_belongs_to_the_day_that_is_nearer(clock: str, at_s: float, expected: int) -> None:
