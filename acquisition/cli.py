@@ -62,7 +62,8 @@ def record(
             _check_departure(trial, output, 10.0 if duration is None else duration, stop, as_json)
             return
         paths, health = run(trial, output, duration, stop, log_format=log, live=live)  # type: ignore[arg-type]
-    _sum_up(trial, health, paths)
+    if log == "text":
+        _sum_up(trial, health, paths)
     for path in paths:
         typer.echo(path)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from math import isfinite
 
 from acquisition.channels import BY_NAME, CIRCULAR
 from acquisition.frames import Group, Sample
@@ -73,12 +74,13 @@ class Derivation:
 
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        derived: list[Sample] = group
-        if any(sample.quantity in _SPEAKS_OF_MORE for sample in group):
-            derived = list(self._derived(group))
+        finite = [sample for sample in group if isfinite(sample.value)]
+        derived = finite
+        if any(sample.quantity in _SPEAKS_OF_MORE for sample in finite):
+            derived = list(self._derived(finite))
         wrapped = [_wrapped(sample) for sample in derived if sample.quantity in BY_NAME]
         possible = [sample for sample in wrapped if BY_NAME[sample.quantity].holds(sample.value)]
-        return possible, len(wrapped) - len(possible)
+        return possible, len(wrapped) - len(possible) + len(group) - len(finite)
 
     def _derived(self, group: Group) -> Iterator[Sample]:
         """The group's samples, corrected for how they are mounted, and what follows from them."""

@@ -121,7 +121,7 @@ class Recorder:
             self._stopping.set()
 
     def _drain(self) -> None:
-        chores = Housekeeping(self._config.recording, self._parts, self.health, self._scale, self.tell)
+        chores = Housekeeping(self._config.recording, self._parts, self.health, self._scale, self._note)
         while True:
             finished = self._all_received.is_set()
             if finished and self._parts.paused:
@@ -137,6 +137,10 @@ class Recorder:
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
                 return
+
+    def _note(self, level: str, text: str) -> None:
+        """Put an event into the part that is being written, at once; for the recorder's thread only."""
+        self._processing.note(text, self._scale.utc_ns(time.monotonic_ns()), level)
 
     def _record(self, frame: Frame) -> None:
         self._processing.process(self._scale.stamped(frame))

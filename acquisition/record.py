@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
 
@@ -43,8 +43,15 @@ def record(
     opened (no file is left behind then), :class:`StorageError` when the disk fails and messages are lost.
     """
     stop = stop or threading.Event()
-    if all(isinstance(source, FILE_SOURCES) for source in config.sources):
-        return _record_files(config, folder, duration_s, stop)
+    with log_to(sys.stderr, log_format) if not sys.stderr.isatty() else nullcontext():
+        if all(isinstance(source, FILE_SOURCES) for source in config.sources):
+            return _record_files(config, folder, duration_s, stop)
+        return _record_live(config, folder, duration_s, stop, live)
+
+
+def _record_live(
+    config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event, live: bool
+) -> tuple[list[Path], Health]:
     scale = Timescale.of_now()
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
@@ -58,9 +65,11 @@ def record(
             parts.discard()
             raise
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
-        _say_what_is_missing(config)
+        if config.missing_channels:
+            LOG.warning("no source provides %s", ", ".join(config.missing_channels))
         stack.enter_context(_marks(recorder))
-        stack.enter_context(_display(config, recorder, parts, log_format))
+        stack.enter_context(_display(config, recorder))
+        LOG.info("recording to %s", parts.path)
         notify("READY=1")
         _wait(recorder, stop, duration_s)
         notify("STOPPING=1")
@@ -73,18 +82,13 @@ def _record_files(
     health = health_of(config)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording)
     try:
-        print(f"recording to {parts.path}", file=sys.stderr, flush=True)  # noqa: T201
+        LOG.info("recording to %s", parts.path)
         record_log_files(config, parts, health, duration_s, stop)
     except SourceError:
         parts.discard()
         raise
     parts.close()
     return parts.paths, health
-
-
-def _say_what_is_missing(config: TrialConfig) -> None:
-    if config.missing_channels:
-        print(f"no source provides {', '.join(config.missing_channels)}", file=sys.stderr)  # noqa: T201
 
 
 def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -> None:
@@ -115,16 +119,10 @@ def _marks(recorder: Recorder) -> Iterator[None]:
 
 
 @contextmanager
-def _display(
-    config: TrialConfig, recorder: Recorder, parts: RecordingParts, log_format: LogFormat
-) -> Iterator[None]:
-    """The live table on a terminal; lines of text or JSON anywhere else."""
+def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
+    """The live table, on a terminal."""
     if not sys.stderr.isatty():
-        if log_format == "text":
-            print(f"recording to {parts.path}", file=sys.stderr, flush=True)  # noqa: T201
-        with log_to(sys.stderr, log_format):
-            LOG.info("recording to %s", parts.path)
-            yield
+        yield
         return
     from rich.console import Console
     from rich.live import Live

@@ -33,6 +33,14 @@ class JsonLines(logging.Formatter):
         return orjson.dumps(line).decode()
 
 
+class _Text(logging.Formatter):
+    """For a person: the text, with its level where that is more than information."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = record.getMessage()
+        return text if record.levelno <= logging.INFO else f"{record.levelname.lower()}: {text}"
+
+
 class _Unhurried(logging.Handler):
     """Writes in a thread of its own: a terminal or a pipe that blocks must not hold up the recording."""
 
@@ -65,7 +73,7 @@ class _Unhurried(logging.Handler):
 def log_to(stream: TextIO, form: LogFormat) -> Iterator[None]:
     """Send Seatrial's log to a stream, as text or as one JSON object a line."""
     handler = _Unhurried(stream)
-    handler.setFormatter(JsonLines() if form == "json" else logging.Formatter("%(levelname)s: %(message)s"))
+    handler.setFormatter(JsonLines() if form == "json" else _Text())
     LOG.addHandler(handler)
     LOG.setLevel(logging.INFO)
     LOG.propagate = False
