@@ -2,8 +2,9 @@
 
 A frame's first byte holds the number of its message (3 bits) and its place in it (5 bits); the first frame also
 says how long the message is. Numbers come round after eight messages, so a part that was lost must never be
-replaced by the same part of a later message: that would make a believable message that nobody sent. The first
-part always begins a message anew, and has to come before the others, which may come in any order.
+replaced by the same part of a later message: that would make a believable message that nobody sent. Parts may
+come in any order, but not late, not twice unless one upon the other, and the first never completes a message:
+where it comes last, the others belong to a message whose own first part was lost.
 """
 
 from __future__ import annotations
@@ -20,24 +21,23 @@ INCOMPLETE = "incomplete fast packet"
 
 @dataclass(slots=True)
 class _Partial:
-    length: int
+    """The parts of one message by their places; ``length`` [bytes] is known from the first part on."""
+
     begun: int
     last_ns: int
-    parts: dict[int, bytes]
+    last_place: int = -1
+    length: int = LONGEST_BYTES
+    parts: dict[int, bytes] = field(default_factory=dict)
 
     @property
     def places(self) -> int:
-        """How many parts the message has."""
+        """How many parts the message has, at most."""
         return 1 + -(-max(0, self.length - _FIRST_PART_BYTES) // _PART_BYTES)
-
-    def is_stale(self, monotonic_ns: int) -> bool:
-        """Whether what comes now is too late to belong to this message."""
-        return monotonic_ns - self.last_ns > _LONGEST_GAP_NS
 
 
 @dataclass(slots=True)
 class _Stream:
-    """The messages of one group from one address. ``closed`` is the number whose fate is already known."""
+    """The messages of one group from one address. ``closed`` is the last number whose fate is known."""
 
     begun: int = 0
     closed: int | None = None
@@ -58,14 +58,27 @@ class FastPackets:
         """
         stream = self._streams.setdefault((address, group), _Stream())
         number, place = part[0] >> 5, part[0] & 0x1F
-        if place == 0:
-            self._begin(stream, number, part, monotonic_ns, shortest)
-        else:
-            self._continue(stream, number, place, part[1:], monotonic_ns)
+        data = part[1:] if place else part[2:]
         partial = stream.partials.get(number)
-        if partial is None or len(partial.parts) < partial.places:
+        if partial is not None and _is_repeated(partial, place, data):
             return None
-        self._close(stream, number)
+        if partial is not None and not _continues(partial, place, part[1], monotonic_ns):
+            self._drop(stream, number)
+            partial = None
+        if partial is None:
+            if place and number == stream.closed:  # a part of a message that is whole already
+                return None
+            partial = self._begin(stream, number, monotonic_ns)
+        if place == 0:
+            if not max(1, shortest) <= part[1] <= LONGEST_BYTES:
+                self._refused["impossible length"] += 1
+                _close(stream, number)
+                return None
+            partial.length = part[1]
+        partial.parts[place], partial.last_place, partial.last_ns = data, place, monotonic_ns
+        if len(partial.parts) < partial.places:
+            return None
+        _close(stream, number)
         return b"".join(partial.parts[each] for each in range(partial.places))[: partial.length]
 
     def forget(self, address: int) -> None:
@@ -73,40 +86,35 @@ class FastPackets:
         for key in [key for key in self._streams if key[0] == address]:
             self._refused[INCOMPLETE] += len(self._streams.pop(key).partials)
 
-    def _begin(self, stream: _Stream, number: int, part: bytes, monotonic_ns: int, shortest: int) -> None:
-        former = stream.partials.get(number)
-        if former is not None and (former.parts != {0: part[2:]} or former.is_stale(monotonic_ns)):
-            self._drop(stream, number)  # unless it is the same part twice in a row
-        if not max(1, shortest) <= part[1] <= LONGEST_BYTES:
-            self._refused["impossible length"] += 1
-            self._close(stream, number)
-            return
-        self._count_message(stream)
-        stream.partials[number] = _Partial(part[1], stream.begun, monotonic_ns, {0: part[2:]})
-
-    def _continue(self, stream: _Stream, number: int, place: int, data: bytes, monotonic_ns: int) -> None:
-        partial = stream.partials.get(number)
-        if partial is None:
-            if number != stream.closed:  # its beginning was lost
-                self._count_message(stream)
-                self._drop(stream, number)
-            return
-        if partial.is_stale(monotonic_ns) or place >= partial.places or partial.parts.get(place, data) != data:
-            self._drop(stream, number)
-            return
-        partial.parts[place] = data
-        partial.last_ns = monotonic_ns
-
-    def _count_message(self, stream: _Stream) -> None:
+    def _begin(self, stream: _Stream, number: int, monotonic_ns: int) -> _Partial:
         stream.begun += 1
-        for number, partial in list(stream.partials.items()):
+        for other, partial in list(stream.partials.items()):
             if stream.begun - partial.begun >= _MOST_BEGUN_SINCE:
-                self._drop(stream, number)
+                self._drop(stream, other)
+        stream.closed = None if stream.closed == number else stream.closed
+        stream.partials[number] = partial = _Partial(stream.begun, monotonic_ns)
+        return partial
 
     def _drop(self, stream: _Stream, number: int) -> None:
         self._refused[INCOMPLETE] += 1
-        self._close(stream, number)
+        del stream.partials[number]
 
-    def _close(self, stream: _Stream, number: int) -> None:
-        stream.partials.pop(number, None)
-        stream.closed = number
+
+def _is_repeated(partial: _Partial, place: int, data: bytes) -> bool:
+    """Whether the same part comes twice in a row, as it does when its acknowledgement was disturbed."""
+    return place == partial.last_place and partial.parts[place] == data
+
+
+def _continues(partial: _Partial, place: int, length: int, monotonic_ns: int) -> bool:
+    """Whether a part can belong to a message of which others have come; ``length`` is what a first part says."""
+    if monotonic_ns - partial.last_ns > _LONGEST_GAP_NS or place in partial.parts:
+        return False
+    if place:
+        return place < partial.places
+    whole = _Partial(0, 0, length=length)
+    return max(partial.parts) < whole.places and len(partial.parts) < whole.places - 1
+
+
+def _close(stream: _Stream, number: int) -> None:
+    stream.partials.pop(number, None)
+    stream.closed = number

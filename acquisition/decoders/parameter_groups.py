@@ -53,18 +53,18 @@ class Field:
 
 
 class Message:
-    """One whole message; a field is read when it is asked for."""
+    """One whole message, ``raw`` as one little-endian number; a field is read when it is asked for."""
 
-    __slots__ = ("_bits", "_fields", "_raw")
+    __slots__ = ("_bits", "_fields", "raw")
 
     def __init__(self, fields: dict[str, Field], payload: bytes) -> None:
         self._fields = fields
-        self._raw = int.from_bytes(payload, "little")
+        self.raw = int.from_bytes(payload, "little")
         self._bits = 8 * len(payload)
 
     def __getitem__(self, name: str) -> Value:
         field = self._fields[name]
-        return field.read(self._raw) if field.start + field.bits <= self._bits else NOT_AVAILABLE
+        return field.read(self.raw) if field.start + field.bits <= self._bits else NOT_AVAILABLE
 
     def degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
@@ -140,6 +140,8 @@ def _deviated_deg(heading: Value, deviation: Value) -> Value:
         return heading
     if isinstance(deviation, str) or heading > _WHOLE_TURN_RAD:
         return heading * DEG_PER_RAD
+    if abs(deviation) > pi:
+        return "impossible deviation"
     return (heading + deviation) * DEG_PER_RAD % 360.0
 
 

@@ -53,6 +53,7 @@ def gnss(method: int = 1, latitude_deg: float = 63.4) -> bytes:
             {"heading_magnetic_deg": degrees(1.1), "magnetic_variation_deg": degrees(0.2)},
         ),
         (127250, "ff102718fcff7ffd", {"heading_magnetic_deg": degrees(0.9)}),
+        (127250, "ff10270081ff7ffd", {}),
         (127250, "ff102718fcff7ffe", {}),
         (127250, "ff102718fcff7fff", {}),
         (127251, struct.pack("<Bi", 0, -3_200_000) + b"\xff" * 3, {"yaw_rate_dps": degrees(-0.1)}),
@@ -193,8 +194,7 @@ def test_stale_parts_of_a_fast_packet_are_never_mixed() -> None:
 def test_parts_that_come_twice_or_out_of_order_make_one_message() -> None:
     parts = fast_parts(gnss())
     twice = [part for part in parts for _ in range(2)]
-    shuffled = [parts[0], *parts[:0:-1]]
-    for order in (twice, shuffled):
+    for order in (twice, [parts[0], *parts[:0:-1]], [*parts[3:], *parts[:3]]):
         latitudes, decoder = received([(35, part, 0.0) for part in order])
         assert (latitudes, decoder.refused.total()) == ([63.4], 0)
 
