@@ -34,6 +34,7 @@ _FIX_IN_SPACE = 3
 _MICRO_NS = 1000
 _MILLI_NS = 1_000_000
 _OUT_OF_ORDER_MS = 1_000  # messages of several tasks, and datagrams, may overtake each other
+_QUIET_NS = 60 * 10**9
 _WRAP_MS = 2**32  # time since boot begins anew after 49.7 days
 _NEAR_WRAP_MS = 60_000
 _LARGEST_ANGLE_DEG = 360.01  # a whole turn, and what rounding adds to it
@@ -134,6 +135,7 @@ class MavlinkDecoder:
         }
         self._boot_ns: dict[int, int] = {}  # by component: each counts from its own start
         self._last_boot_ms: dict[int, int] = {}
+        self._quiet_until_ns = 0
         self._origin: tuple[float, float] | None = None
         self._cutter = PacketCutter(whole=isinstance(config, MavlinkFileSource))
         self._link = dialect.MAVLink(None)
@@ -166,7 +168,7 @@ class MavlinkDecoder:
         except dialect.MAVError:
             self.refused["undecodable"] += 1
             return []
-        self._notice_restart(message)
+        self._notice_restart(message, frame)
         told_ns, groups = self._told(message), []
         for label, values in self._values(kind, message, frame):
             source = f"{frame.origin}/{self._system_id}:{label}"
@@ -212,8 +214,10 @@ class MavlinkDecoder:
 
         Height plays no part for a ship: it would shift a position 10 km from the origin by 1 cm.
         """
-        plane = BY_NAME["north_m"].holds(message.x) and BY_NAME["east_m"].holds(message.y)
-        if self._origin is None or not plane:
+        if self._origin is None:
+            return []
+        if not (BY_NAME["north_m"].holds(message.x) and BY_NAME["east_m"].holds(message.y)):
+            self.refused["impossible value"] += 1
             return []
         latitude_deg, longitude_deg, _ = pymap3d.ned2geodetic(message.x, message.y, 0.0, *self._origin, 0.0)
         return [("latitude_deg", float(latitude_deg)), ("longitude_deg", float(longitude_deg))]
@@ -225,8 +229,11 @@ class MavlinkDecoder:
         else:
             self.refused["impossible value"] += 1
 
-    def _notice_restart(self, message: Any) -> None:
-        """Time since boot that falls back: the autopilot has restarted, or 49.7 days are over."""
+    def _notice_restart(self, message: Any, frame: Frame) -> None:
+        """Time since boot that falls back: the autopilot has restarted, or 49.7 days are over.
+
+        Two autopilots of one number would fall back without end; people are told once in a while.
+        """
         boot_ms, component = getattr(message, "time_boot_ms", None), message.get_srcComponent()
         if boot_ms is None:
             return
@@ -238,6 +245,9 @@ class MavlinkDecoder:
             self.clock.forget()
         if last_ms < _WRAP_MS - _NEAR_WRAP_MS:
             self._origin = None
+            if frame.monotonic_ns < self._quiet_until_ns:
+                return
+            self._quiet_until_ns = frame.monotonic_ns + _QUIET_NS
             self.notices.append(("warning", f"the autopilot has restarted after {last_ms / 1e3:.0f} s"))
 
     def _set_clock(self, message: Any, frame: Frame) -> None:
@@ -253,8 +263,8 @@ class MavlinkDecoder:
         if hasattr(message, "time_boot_ms"):
             since_ns = int(message.time_boot_ms) * _MILLI_NS
         elif hasattr(message, "time_usec"):
-            since_ns = int(message.time_usec) * _MICRO_NS
-            if is_possible(since_ns):
+            since_ns = int(message.time_usec) * _MICRO_NS or None  # 0: it does not say
+            if since_ns is not None and is_possible(since_ns):
                 return since_ns
         boot_ns = self._boot_ns.get(message.get_srcComponent())
         return None if since_ns is None or boot_ns is None else boot_ns + since_ns
@@ -264,7 +274,7 @@ def _chosen(config: MavlinkLinks) -> tuple[str, ...]:
     """The messages that the configuration asks for, by default all that are read."""
     chosen = _WANTED if config.messages is None else config.messages
     for name in chosen:
-        if name not in _WANTED:
+        if name not in _WANTED + _CONTEXT:
             raise ConfigurationError(
                 f"message {name!r} is not read",
                 where=f"source {config.name!r}",

@@ -21,7 +21,8 @@ from acquisition.frames import Frame, Sample
 from acquisition.sections import MavlinkFileSource
 from acquisition.sources import make_source
 from acquisition.units import DEG_PER_RAD
-from tests.acquisition.test_mavlink import UTC_US, stream
+from tests.acquisition.test_mavlink import UTC_US
+from tests.acquisition.test_mavlink_packets import broken, stream
 
 PACKETS = stream(200, 7)
 TIMES_US = [UTC_US + 20_000 * number for number in range(len(PACKETS))]
@@ -92,19 +93,9 @@ def test_a_clock_that_is_set_during_the_log_is_believed(log: Path) -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_damage_costs_no_more_than_itself_and_every_byte_is_kept(log: Path, seed: int) -> None:
     """Bits flipped, bytes lost and bytes added, also in the times and lengths."""
-    generator, entries = random.Random(seed), list(ENTRIES)
-    damaged = {generator.randrange(len(entries)) for _ in range(40)}
-    for number in damaged:
-        broken = bytearray(entries[number])
-        at = generator.randrange(len(broken))
-        match generator.randrange(3):
-            case 0:
-                broken[at] ^= 1 << generator.randrange(8)
-            case 1:
-                del broken[at : at + generator.randrange(1, 20)]
-            case _:
-                broken[at:at] = generator.randbytes(generator.randrange(1, 300))
-        entries[number] = bytes(broken)
+    generator = random.Random(seed)
+    damaged = {generator.randrange(len(ENTRIES)) for _ in range(40)}
+    entries = broken(ENTRIES, damaged, generator, 300)
     log.write_bytes(b"".join(entries))
     frames = frames_of(log)
     untouched = [each for n, each in enumerate(PACKETS) if n not in damaged and is_sound(each)]

@@ -1,0 +1,102 @@
+"""Coverage-guided fuzzing of MAVLink, from the bytes of a link to channel samples.
+
+``pip install atheris``, then ``python tests/fuzz/fuzz_mavlink.py -max_total_time=600 -rss_limit_mb=300``.
+
+The bytes are tried as they are, in two pieces, and once more as packets with right checksums, which chance would
+never find. Nothing may raise, every value must be finite, every channel sample must be one that its channel can
+hold, and no more than two packets may be kept waiting.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import tempfile
+from pathlib import Path
+
+import atheris
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.channels import BY_NAME
+    from acquisition.decoders.mavlink import MavlinkDecoder, dialect
+    from acquisition.decoders.mavlink_packets import LONGEST_BYTES, checksum
+    from acquisition.derive import Derivation
+    from acquisition.frames import Frame
+    from acquisition.sections import MavlinkSource
+    from acquisition.trial import Trial
+
+SECOND = 1_000_000_000
+TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
+CONFIG = MavlinkSource(name="link", type="mavlink", port=1, channels=(), clock="source")
+NAMES = (
+    "SYSTEM_TIME", "ATTITUDE", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "LOCAL_POSITION_NED",
+    "NAMED_VALUE_FLOAT", "RPM", "RAW_RPM", "WIND", "WIND_COV", "HEARTBEAT",
+)  # fmt: skip
+MESSAGES = [dialect.mavlink_map[getattr(dialect, f"MAVLINK_MSG_ID_{name}")] for name in NAMES]
+
+
+def packet(choice: int, payload: bytes) -> bytes:
+    """A packet with a right checksum; the choice says which message, which version, and whether it is signed."""
+    message, signed = MESSAGES[choice % len(MESSAGES)], choice & 0x40
+    if choice & 0x80 and message.id < 256:
+        header, signed = bytes((len(payload), 0, 1, 1, message.id)), 0
+        magic = b"\xfe"
+    else:
+        header = bytes((len(payload), 1 if signed else 0, 0, 0, 1, 1)) + message.id.to_bytes(3, "little")
+        magic = b"\xfd"
+    crc = checksum(header + payload + bytes((message.crc_extra,))).to_bytes(2, "little")
+    return magic + header + payload + crc + (b"\xfd" * 13 if signed else b"")
+
+
+def packets(data: bytes) -> list[bytes]:
+    """Each packet from a byte that chooses, a byte of length, and a payload."""
+    made, at = [], 0
+    while at + 2 <= len(data):
+        length = data[at + 1] % 64
+        made.append(packet(data[at], data[at + 2 : at + 2 + length]))
+        at += 2 + length
+    return made
+
+
+def check(decoder: MavlinkDecoder, derivation: Derivation, payload: bytes, at_ns: int) -> None:
+    for group in decoder.decode(Frame("link", "mavlink", payload, at_ns, at_ns)):
+        assert group, "an empty group"
+        assert all(math.isfinite(sample.value) for sample in group), group
+        for sample in derivation.channels(group)[0]:
+            assert BY_NAME[sample.quantity].holds(sample.value), sample
+            derivation.admitted(sample)
+    assert len(decoder._cutter._pending) <= 2 * LONGEST_BYTES
+
+
+def one_input(data: bytes) -> None:
+    decoder, derivation = MavlinkDecoder(CONFIG), Derivation(TRIAL, frozenset({"link"}))
+    middle = len(data) // 2
+    for number, piece in enumerate((data[:middle], data[middle:], bytes(2 * LONGEST_BYTES))):
+        check(decoder, derivation, piece, number * SECOND // 10)
+    decoder.refused.clear()
+    for number, whole in enumerate(packets(data), start=3):
+        check(decoder, derivation, whole, number * SECOND // 10)
+    assert not {"bad data", "unknown message", "undecodable"} & {each for each, n in decoder.refused.items() if n}
+
+
+def corpus() -> Path:
+    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
+    folder = Path(tempfile.gettempdir()) / "fuzz_mavlink"
+    folder.mkdir(exist_ok=True)
+    bodies = {"zeros": bytes(40), "ones": b"\xff" * 40, "rising": bytes(range(40))}
+    for number, name in enumerate(NAMES):
+        for kind, body in bodies.items():
+            (folder / f"{name}_{kind}").write_bytes(bytes((number, 40)) + body)
+    stream = b"".join(bytes((number, 40)) + bodies["rising"] for number in range(len(NAMES)))
+    (folder / "stream").write_bytes(b"".join(packets(stream)))
+    return folder
+
+
+def main() -> None:
+    atheris.Setup([*sys.argv, "-max_len=800", str(corpus())], one_input)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
