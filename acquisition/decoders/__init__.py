@@ -51,7 +51,7 @@ def make_decoders(config: AnySource) -> list[Decoder]:
         nmea2000 = Nmea2000Decoder(config.clock, config.devices, shares_bus=config.dbc is not None)
         if config.dbc is None:
             return [nmea2000]
-        return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock)]
+        return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices)]
     if isinstance(config, MavlinkLinks):
         from acquisition.decoders.mavlink import MavlinkDecoder
 

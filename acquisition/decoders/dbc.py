@@ -1,14 +1,17 @@
 """The vessel's own CAN frames by a DBC file: thrusters, mostly, that no standard message carries.
 
 Frames with 29-bit identifiers are matched by parameter group, as J1939 devices choose their own address, and
-obey its rule that the highest raw values mean "not available" or "error"; 11-bit frames match exactly.
+obey its rule that the highest raw values mean "not available" or "error"; 11-bit frames match exactly. Names such
+as "Invalid" in the file's own tables of values hold for both.
 """
 
 from __future__ import annotations
 
+import re
 from collections import Counter, deque
 from math import isfinite
 from pathlib import Path
+from typing import NamedTuple
 
 import cantools
 from cantools.database.can import Message as DbcMessage
@@ -16,12 +19,19 @@ from cantools.database.can import Signal as DbcSignal
 
 from acquisition.channels import BY_NAME
 from acquisition.decoders import Notices
+from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea2000 import parameter_group
+from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 from acquisition.errors import ConfigurationError
 from acquisition.frames import Frame, FrameFlag, Group
 from acquisition.sections import Signal
 from acquisition.units import scale_to
+
+_NO_VALUE = re.compile(
+    r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"
+)
+_ERROR = re.compile(r"(?i)error|fault")
 
 
 def load_dbc(path: Path) -> cantools.db.Database:
@@ -53,53 +63,101 @@ def frame_key(message: DbcMessage) -> tuple[bool, int]:
 
 def is_sentinel(raw: float, signal: DbcSignal) -> bool:
     """Whether a raw value means "not available" or "error" by the rule of J1939-71 and NMEA 2000."""
+    return missing_by_rule(raw, signal) is not None
+
+
+def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
+    """Why a raw value is no value by the rule of J1939-71 and NMEA 2000; None if it is one.
+
+    From 16 bits on, the highest byte tells; below, the highest raw value is "not available" and, from 4 bits on,
+    the one under it "error". Signed signals keep their three highest values. A single bit has none to spare.
+    """
     if signal.is_float:
-        return not isfinite(raw)
-    return _is_integer_sentinel(int(raw), signal)
-
-
-def _is_integer_sentinel(raw: int, signal: DbcSignal) -> bool:
-    bits: int = signal.length
+        return None if isfinite(raw) else NOT_AVAILABLE
+    bits, number = signal.length, int(raw)
+    highest = int(2 ** (bits - (1 if signal.is_signed else 0)) - 1)
     if signal.is_signed:
-        return bool(raw >= 2 ** (bits - 1) - 2)
-    if bits >= 16:
-        return raw >> (bits - 8) >= 0xFE
-    return bool(raw >= 2**bits - (2 if bits >= 4 else 1))
+        errors = 2 if bits >= 4 else 0
+    elif bits >= 16:
+        highest, errors, number = 0xFF, 1, number >> (bits - 8)
+    else:
+        errors = 1 if bits >= 4 else 0
+    if bits == 1 or not highest - errors <= number:
+        return None
+    return NOT_AVAILABLE if number == highest else ERROR_VALUE
+
+
+def missing_by_name(raw: float, signal: DbcSignal) -> str | None:
+    """Why a raw value is no value by the file's own table of values; None if it is one."""
+    name = str((signal.choices or {}).get(int(raw), "")) if isfinite(raw) else ""
+    if not _NO_VALUE.search(name.replace("_", " ")):
+        return None
+    return ERROR_VALUE if _ERROR.search(name) else NOT_AVAILABLE
+
+
+class _Wanted(NamedTuple):
+    """One signal that carries a channel, and the factor to the channel's unit."""
+
+    channel: str
+    signal: DbcSignal
+    scale: float
 
 
 class DbcDecoder:
-    """The configured signals of one DBC file on one bus."""
+    """The configured signals of one DBC file on one bus; ``devices`` tells who has which address there."""
 
-    def __init__(self, path: Path, signals: dict[str, Signal], clock: SourceClock) -> None:
+    def __init__(
+        self, path: Path, signals: dict[str, Signal], clock: SourceClock, devices: BusDevices | None = None
+    ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self._clock = clock
-        self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[tuple[str, DbcSignal, float]]]] = {}
+        self._devices = devices or BusDevices((), self.notices)
+        self._wanted: dict[tuple[bool, int], tuple[DbcMessage, list[_Wanted]]] = {}
         database = load_dbc(path)
         for channel, entry in signals.items():
             message, signal = find_signal(database, entry, path)
             wanted = self._wanted.setdefault(frame_key(message), (message, []))
-            wanted[1].append((channel, signal, scale_to(BY_NAME[channel].unit, entry.unit)))
+            wanted[1].append(_Wanted(channel, signal, scale_to(BY_NAME[channel].unit, entry.unit)))
 
     def decode(self, frame: Frame) -> list[Group]:
         if frame.flags & (FrameFlag.REMOTE | FrameFlag.ERROR):
             return []
         extended = not frame.flags & FrameFlag.STANDARD_ID
-        key = (True, parameter_group(frame.identifier)[0]) if extended else (False, frame.identifier)
-        if key not in self._wanted:
+        group, address = parameter_group(frame.identifier)
+        message, wanted = self._wanted.get((extended, group if extended else frame.identifier), (None, []))
+        if message is None:
             return []
-        message, wanted = self._wanted[key]
-        if len(frame.payload) < message.length:
-            self.refused["short frame"] += 1
-            return []
-        raw = message.decode(frame.payload, decode_choices=False, scaling=False)
-        values = []
-        for channel, signal, scale in wanted:
-            if signal.name not in raw:  # multiplexed, and this frame carries another signal
-                continue
-            if (extended or signal.is_float) and is_sentinel(raw[signal.name], signal):
-                self.refused["not available"] += 1
-            else:
-                values.append((channel, float(signal.raw_to_scaled(raw[signal.name], False)) * scale))
-        device = f"{frame.identifier & 0xFF}" if extended else f"{frame.identifier:03X}"
+        raw = self._raw(message, frame.payload)
+        device = self._devices.label(address) if extended else f"{frame.identifier:03X}"
+        values = [
+            (each.channel, value)
+            for each in wanted
+            # of multiplexed signals a frame carries some only
+            if each.signal.name in raw and self._devices.may_provide(device, each.channel)
+            if (value := self._value(raw[each.signal.name], each, extended)) is not None
+        ]
         return self._clock.group(frame, f"{frame.origin}/{device}:{message.name}", values)
+
+    def _raw(self, message: DbcMessage, payload: bytes) -> dict[str, float]:
+        """The raw values in a frame; bytes beyond the message are nobody's."""
+        if len(payload) < message.length:
+            self.refused["short frame"] += 1
+            return {}
+        try:
+            raw: dict[str, float] = message.decode(payload[: message.length], decode_choices=False, scaling=False)
+        except Exception:  # an unknown multiplexer value, and whatever else the library finds
+            self.refused["undecodable"] += 1
+            return {}
+        return raw
+
+    def _value(self, raw: float, wanted: _Wanted, extended: bool) -> float | None:
+        signal = wanted.signal
+        missing = missing_by_name(raw, signal)
+        if missing is None and (extended or signal.is_float):
+            missing = missing_by_rule(raw, signal)
+        value = 0.0 if missing else float(signal.raw_to_scaled(raw, False)) * wanted.scale
+        if missing or not isfinite(value):
+            self.refused[missing or "impossible value"] += 1
+            return None
+        return value

@@ -56,7 +56,7 @@ class Nmea2000Decoder:
         self.notices: Notices = deque()
         self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}")
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
-        self._devices = BusDevices(devices, self.notices)
+        self.devices = BusDevices(devices, self.notices)
         self._fast = FastPackets(self.refused)
         self._timekeeper: tuple[str, int] | None = None
         self._first_instance: dict[tuple[str, int], int] = {}
@@ -64,7 +64,7 @@ class Nmea2000Decoder:
     def decode(self, frame: Frame) -> list[Group]:
         group, address = parameter_group(frame.identifier)
         message = self.message(frame)
-        return [] if message is None else self._groups(frame, group, self._devices.label(address), message)
+        return [] if message is None else self._groups(frame, group, self.devices.label(address), message)
 
     def message(self, frame: Frame) -> Message | None:
         """The message that is whole with this frame, if it is one of a group that we listen to."""
@@ -72,7 +72,7 @@ class Nmea2000Decoder:
         if not self._passes_guards(frame, group):
             return None
         if group == ADDRESS_CLAIM:
-            if self._devices.claim(address, frame.payload):
+            if self.devices.claim(address, frame.payload):
                 self._fast.forget(address)
             return None
         known, payload = GROUPS[group], frame.payload
@@ -109,7 +109,7 @@ class Nmea2000Decoder:
         """The values that are there and wanted; those that are missing are counted."""
         values = []
         for quantity, value in reading.values:
-            if not self._devices.may_provide(device, quantity):
+            if not self.devices.may_provide(device, quantity):
                 continue
             if isinstance(value, str):
                 self.refused[value] += 1
