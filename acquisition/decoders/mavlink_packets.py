@@ -168,7 +168,8 @@ def _undecided(data: bytes, at: int, end: int) -> bool:
 def _passed_over(data: bytes, at: int, end: int, following: int) -> Fault | None:
     """Why a packet without a right checksum is passed over whole; None where its length is not to be believed.
 
-    It is believed where the next sound packet begins ``following`` it, and the next byte may begin a packet.
+    It is believed where the next sound packet, at ``following``, does not begin before its end, and the byte after
+    it may begin a packet.
     """
     if end == at or end > following or (end < len(data) and data[end] not in _HEADER_BYTES):
         return None
