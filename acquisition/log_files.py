@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import threading
+import time
 from collections.abc import Iterator
 from operator import attrgetter
 
@@ -47,7 +48,7 @@ def record_log_files(
             processing.process(frame)
             if number % _CHORES_EVERY == _CHORES_EVERY - 1:
                 parts.sync()
-                parts.look_after(float("inf"))
+                parts.look_after(time.monotonic())
         processing.note("recording stopped", now_ns)
     finally:
         for source in sources:

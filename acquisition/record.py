@@ -16,11 +16,12 @@ from acquisition.errors import SourceError, StorageError
 from acquisition.health import Health
 from acquisition.housekeeping import clock_metadata
 from acquisition.live import keys, terminal
+from acquisition.live.foxglove import LiveView
 from acquisition.log_files import record_log_files
 from acquisition.marks import MarkServer
 from acquisition.pipeline import Recorder, health_of
 from acquisition.recording.parts import RecordingParts
-from acquisition.sections import FILE_SOURCES
+from acquisition.sections import FILE_SOURCES, LiveSection
 from acquisition.supervision import LOG, LogFormat, log_to, notify
 from acquisition.timescale import Timescale
 
@@ -67,6 +68,10 @@ def _record_live(
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
+        if live or config.live is not None:
+            view = stack.enter_context(LiveView(config.live or LiveSection(), config.trial.name))
+            parts.listeners.append(view.hear)
+            LOG.info("live view at %s", view.address)
         stack.enter_context(_marks(recorder))
         stack.enter_context(_display(config, recorder))
         LOG.info("recording to %s", parts.path)

@@ -11,10 +11,10 @@ SILENT_NS = 2_500_000_000
 
 # What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
 # often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA tells whether there is a fix at all.
-_SECOND_CHOICE = frozenset({
-    "129029", "130577", "GLOBAL_POSITION_INT", "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN",
-    "RMC", "GLL", "HDM", "VWR", "VWT",
-})  # fmt: skip
+_CHOICE = {
+    **dict.fromkeys(("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "VWR", "VWT"), 1),
+    **dict.fromkeys(("GPS_RAW_INT", "GPS_GLOBAL_ORIGIN"), 2),
+}
 _MEANING = {"": 0, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
 """How far from the channel itself a message's reference is: what needs less derivation is preferred."""
 
@@ -87,4 +87,4 @@ class Selector:
         derived = meaning[-1:] == ["derived"] and quantity not in ("north_m", "east_m")
         kind = next((_MEANING[word] for word in meaning if word in _MEANING), 0)
         device_rank = self._devices.get((line, device), len(self._devices))
-        return line_rank, device_rank, 10 * (message in _SECOND_CHOICE) + kind + derived
+        return line_rank, device_rank, 10 * _CHOICE.get(message, 0) + kind + derived

@@ -1,0 +1,153 @@
+"""The live view: what a viewer sees over the WebSocket, and that it can do the recorder no harm."""
+
+from __future__ import annotations
+
+import json
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from acquisition.config import load_config
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.errors import ConfigurationError, SourceError
+from acquisition.live.foxglove import LiveView
+from acquisition.record import record
+from acquisition.recording.reader import read_recording
+from acquisition.recording.schemas import schema_of
+from acquisition.sections import LiveSection
+from tests.acquisition.conftest import config_text, free_port
+
+websockets = pytest.importorskip("websockets.sync.client")
+LAYOUT = Path(__file__).parents[2] / "trials" / "foxglove_layout.json"
+MESSAGE_DATA = 1  # the protocol's operation code for a message
+
+
+def wanted(channel: dict[str, Any]) -> dict[str, int]:
+    return {"id": channel["id"], "channelId": channel["id"]}
+
+
+class Recording:
+    """A recorder in a thread with a live view, fed by datagrams."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port, self.live_port = free_port(), free_port(socket.SOCK_STREAM)
+        text = config_text(f'type = "udp"\nport = {self.port}\n', ("heading_deg",), clock="receiver")
+        (folder / "trial.toml").write_text(f"{text}[live]\nport = {self.live_port}\n")
+        self.folder, self.stop, self.paths = folder, threading.Event(), list[Path]()
+        self.thread = threading.Thread(target=self.run)
+
+    def run(self) -> None:
+        paths, _ = record(load_config(self.folder / "trial.toml"), self.folder / "out", 60.0, self.stop)
+        self.paths.extend(paths)
+
+    def say(self, count: int) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for number in range(count):
+                sender.sendto(sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", self.port))
+
+    def viewer(self) -> Any:
+        until_s = time.monotonic() + 10
+        while True:
+            try:
+                return websockets.connect(f"ws://127.0.0.1:{self.live_port}", subprotocols=["foxglove.sdk.v1"])
+            except OSError:
+                assert time.monotonic() < until_s
+                time.sleep(0.05)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Iterator[Recording]:
+    running = Recording(tmp_path)
+    running.thread.start()
+    yield running
+    running.stop.set()
+    running.thread.join()
+
+
+def test_a_viewer_sees_channels_with_schemas_and_values(recording: Recording) -> None:
+    with recording.viewer() as viewer:
+        topics: dict[int, str] = {}
+        values: list[float] = []
+        until_s = time.monotonic() + 20
+        while len(values) < 5 and time.monotonic() < until_s:
+            recording.say(1)
+            said = viewer.recv(timeout=5)
+            if isinstance(said, str):
+                for channel in json.loads(said).get("channels", []):
+                    topics[channel["id"]] = channel["topic"]
+                    assert json.loads(channel["schema"]) == json.loads(schema_of(channel["topic"])[1])
+                    viewer.send(
+                        json.dumps(
+                            {
+                                "op": "subscribe",
+                                "subscriptions": [{"id": channel["id"], "channelId": channel["id"]}],
+                            }
+                        )
+                    )
+            elif said[0] == MESSAGE_DATA:
+                number, time_ns = struct.unpack("<IQ", said[1:13])
+                assert abs(time_ns - time.time_ns()) < 60e9
+                if topics[number] == "/channel/heading_deg":
+                    values.append(json.loads(said[13:])["value"])
+    assert set(values) == {0.0}
+    assert not any(topic.startswith("/raw") for topic in topics.values())
+
+
+def test_a_viewer_that_reads_nothing_costs_the_recording_nothing(recording: Recording) -> None:
+    with recording.viewer():
+        for _ in range(50):
+            recording.say(100)
+            time.sleep(0.01)
+        recording.stop.set()
+        recording.thread.join()
+    found = read_recording(recording.paths[0])
+    assert found.raw["/raw/nmea0183/line"] == 5000
+    assert found.series["heading_deg"].value.size == 5000
+
+
+def test_a_port_that_is_taken_is_a_clear_error() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        settings = LiveSection(port=server.getsockname()[1])
+        with (
+            pytest.raises(SourceError, match=r"cannot be served on 127\.0\.0\.1"),
+            LiveView(settings, "x"),
+        ):
+            pass
+
+
+def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "foxglove", None)
+    with pytest.raises(ConfigurationError, match=r"pip install 'seatrial\[live\]'"), LiveView(LiveSection(), "x"):
+        pass
+
+
+def _strings(node: Any) -> Iterator[str]:
+    if isinstance(node, str):
+        yield node
+    elif isinstance(node, dict | list):
+        for each in node.values() if isinstance(node, dict) else node:
+            yield from _strings(each)
+
+
+def test_the_layout_shows_what_a_recording_holds() -> None:
+    """Every path in it is a field of a topic of ours, every panel in the picture is described, the map is there."""
+    layout = json.loads(LAYOUT.read_text())
+    panels = set(layout["configById"])
+    assert {text for text in _strings(layout["layout"]) if "!" in text} == panels
+    assert {panel.partition("!")[0] for panel in panels} >= {"map", "Plot", "RosOut"}
+    paths = [text for text in _strings(layout["configById"]) if text.startswith("/")]
+    for path in paths:
+        topic, _, field = path.partition(".")
+        properties = json.loads(schema_of(topic)[1])["properties"]
+        assert not field or field in properties, path
+    shown = {path.partition(".")[0] for path in paths}
+    from acquisition.channels import CHANNELS
+
+    assert {each.topic for each in CHANNELS} - shown == {"/channel/north_m", "/channel/east_m"}  # on the map
+    assert {"/position", "/event", "/health"} <= shown

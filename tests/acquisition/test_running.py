@@ -1,0 +1,262 @@
+"""Running a recorder: marks, the check before departure, log lines, a supervisor, keys on a terminal."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import os
+import pty
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from acquisition import supervision
+from acquisition.channels import NAMES
+from acquisition.config import load_config
+from acquisition.departure import check_departure
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.errors import SourceError
+from acquisition.marks import MarkServer, send_mark
+from acquisition.null_modem import NullModem
+from acquisition.recording.reader import read_recording
+from seatrial import app
+from tests.acquisition.conftest import config_text, free_port, wait_for
+
+ROOT = Path(__file__).parents[2]
+
+
+def say(port: int, text: str = "HEHDT,12.5,T") -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(sentence(text), ("127.0.0.1", port))
+
+
+class Process:
+    """``seatrial record`` as a process of its own, with its log."""
+
+    def __init__(self, folder: Path, *options: str, more: str = "", **environment: str) -> None:
+        self.port = free_port()
+        text = config_text(f'type = "udp"\nport = {self.port}\n', ("heading_deg",), clock="receiver")
+        (folder / "trial.toml").write_text(text + more)
+        self.folder = folder
+        self.errors = (folder / "stderr").open("w+")
+        self.process = subprocess.Popen(
+            [sys.executable, str(ROOT / "seatrial.py"), "record", str(folder / "trial.toml"),
+             "-o", str(folder / "out"), *options],
+            stdout=subprocess.PIPE, stderr=self.errors, text=True, cwd=ROOT,
+            env={**os.environ, "SEATRIAL_RUNTIME": str(folder / "run"), **environment},
+        )  # fmt: skip
+
+    def log(self) -> str:
+        return (self.folder / "stderr").read_text()
+
+    def end(self) -> tuple[int, list[str]]:
+        self.process.send_signal(signal.SIGTERM)
+        stdout, _ = self.process.communicate(timeout=20)
+        self.errors.close()
+        return self.process.returncode, stdout.split()
+
+
+def test_marks_are_set_from_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the time at which the command was given, not when it arrived."""
+    monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path / "run"))
+    running = Process(tmp_path)
+    wait_for(lambda: "recording to" in running.log())
+    before_ns = time.time_ns()
+    result = CliRunner().invoke(app, ["mark", "start 20/20"])
+    after_ns = time.time_ns()
+    assert result.exit_code == 0, result.output
+    wait_for(lambda: "start 20/20" in running.log())
+    code, (path,) = running.end()
+    assert code == 0
+    ((time_ns, _),) = [event for event in read_recording(path).events if event[1] == "start 20/20"]
+    assert before_ns - 5e6 <= time_ns <= after_ns + 5e6
+    assert list((tmp_path / "run").iterdir()) == []
+
+
+def test_a_mark_that_nobody_hears_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path))
+    result = CliRunner().invoke(app, ["mark", "start"])
+    assert result.exit_code != 0
+    with pytest.raises(SourceError, match="no recorder is running"):
+        send_mark("start")
+
+
+def test_a_socket_that_a_killed_recorder_left_is_no_recorder(tmp_path: Path) -> None:
+    stale = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    stale.bind(str(tmp_path / "1-a.sock"))
+    stale.close()
+    heard: list[str] = []
+    with MarkServer(lambda text, at_ns: heard.append(text), tmp_path):
+        assert send_mark("x" * 1000, tmp_path) == 1
+    assert heard == ["x" * 500]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "rubbish", [b"", b"{", b"[]", b'{"text": "x"}', b'{"text": "x", "monotonic_ns": "a"}', b"\xff" * 9000]
+)
+def test_rubbish_sent_as_a_mark_does_no_harm(tmp_path: Path, rubbish: bytes) -> None:
+    heard: list[str] = []
+    with MarkServer(lambda text, at_ns: heard.append(text), tmp_path) as server:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.connect(str(server.path))
+            client.sendall(rubbish)
+        assert send_mark("after", tmp_path) == 1
+    assert heard == ["after"]
+
+
+def test_log_lines_are_json_from_the_first_to_the_last(tmp_path: Path) -> None:
+    running = Process(tmp_path, "--log", "json")
+    wait_for(lambda: "recording to" in running.log())
+    say(running.port)
+    time.sleep(0.3)
+    code, _ = running.end()
+    lines = [json.loads(line) for line in running.log().splitlines()]
+    assert code == 0
+    assert {"time", "level", "text"} <= set.intersection(*(set(line) for line in lines))
+    assert [line["text"] for line in lines][-1] == "recording stopped"
+    assert any(line["level"] == "warning" and "no source provides north_m" in line["text"] for line in lines)
+
+
+def test_a_log_that_nobody_reads_does_not_hold_up_the_recording() -> None:
+    class Stuck(io.StringIO):
+        """A pipe whose reader sleeps."""
+
+        def write(self, text: str) -> int:
+            reader_wakes.wait(20)
+            return super().write(text)
+
+    reader_wakes, stream = threading.Event(), Stuck()
+    log = logging.getLogger("seatrial")
+    with supervision.log_to(stream, "text"):
+        for number in range(20_000):
+            log.info("line %d", number)
+        logged = True  # with the reader still asleep
+        reader_wakes.set()
+    assert logged
+    assert stream.getvalue().startswith("line 0\nline 1\n")
+
+
+def test_a_supervisor_is_told(tmp_path: Path) -> None:
+    """READY when the sources are open, then the watchdog's sign of life with a status, then STOPPING."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as supervisor:
+        supervisor.bind(str(tmp_path / "notify"))
+        supervisor.settimeout(20)
+        running = Process(tmp_path, NOTIFY_SOCKET=str(tmp_path / "notify"))
+        assert supervisor.recv(1000) == b"READY=1"
+        sign = supervisor.recv(1000).decode()
+        assert sign.startswith("WATCHDOG=1\nSTATUS=recording")
+        code, _ = running.end()
+        said = [supervisor.recv(1000)]
+        while said[-1] != b"STOPPING=1":
+            said.append(supervisor.recv(1000))
+    assert code == 0
+
+
+def test_without_a_supervisor_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    assert not supervision.notify("READY=1")
+    monkeypatch.setenv("NOTIFY_SOCKET", "/nowhere/at/all")
+    assert not supervision.notify("READY=1")
+
+
+def two_lines(folder: Path, port: int, silent_device: str) -> Path:
+    text = config_text(f'type = "udp"\nport = {port}\nrates_hz = {{ heading_deg = 50.0 }}\n', ("heading_deg",))
+    serial = '[[source]]\nname = "{}"\ntype = "serial"\ndevice = "{}"\nchannels = ["{}"]\n'
+    text += serial.format("quiet", silent_device, "yaw_rate_dps")
+    text += serial.format("gone", "/dev/nowhere", "tunnel_rpm")
+    (folder / "trial.toml").write_text(text)
+    return folder / "trial.toml"
+
+
+def test_a_check_says_what_is_missing_and_why(tmp_path: Path) -> None:
+    port = free_port()
+    stop = threading.Event()
+
+    def talk() -> None:
+        while not stop.wait(0.05):
+            say(port)
+
+    with NullModem() as cable:
+        config = load_config(two_lines(tmp_path, port, cable.logger_device))
+        talker = threading.Thread(target=talk)
+        talker.start()
+        found = check_departure(config, 1.2, tmp_path)
+        stop.set()
+        talker.join()
+    problems = {each.name: each.problem for each in found.channels}
+    assert list(problems) == list(NAMES)
+    assert problems["heading_deg"].startswith("comes 1")
+    assert problems["heading_deg"].endswith("instead of 50")
+    assert problems["yaw_rate_dps"] == "nothing at all comes from 'quiet'"
+    assert problems["tunnel_rpm"] == "source 'gone' cannot be opened"
+    assert problems["north_m"] == "no source provides it"
+    assert found.free_bytes is not None
+    assert any("/dev/nowhere" in event for event in found.events)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["trial.toml"]
+
+
+def test_a_check_on_the_command_line_leaves_by_its_exit_code(tmp_path: Path) -> None:
+    port = free_port()
+    text = config_text(f'type = "udp"\nport = {port}\n', NAMES, clock="receiver")
+    (tmp_path / "trial.toml").write_text(text)
+    arguments = ["record", "--check", str(tmp_path / "trial.toml"), "--duration", "0.3"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 1
+    assert "nothing at all comes from 'line'" in " ".join(result.output.split())
+    result = CliRunner().invoke(app, [*arguments, "--json"])
+    found = json.loads(next(line for line in result.output.splitlines() if line.startswith("{")))
+    assert found["ready"] is False
+    assert found["missing"] == list(NAMES)
+
+
+@pytest.mark.parametrize("arguments", [["record", "x.toml"], ["record", "x.toml", "-o", "y", "--log", "xml"]])
+def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
+    assert CliRunner().invoke(app, arguments).exit_code == 2
+
+
+def test_keys_set_marks(tmp_path: Path) -> None:
+    """The configured ones by their text, m by a number; the terminal is as it was afterwards."""
+    near, far = pty.openpty()
+    before = __import__("termios").tcgetattr(far)
+    port = free_port()
+    text = config_text(f'type = "udp"\nport = {port}\n', ("heading_deg",), clock="receiver")
+    (tmp_path / "trial.toml").write_text(text + '[marks]\n"z" = "start zigzag"\n')
+    process = subprocess.Popen(
+        [sys.executable, str(ROOT / "seatrial.py"), "record", str(tmp_path / "trial.toml"),
+         "-o", str(tmp_path / "out")],
+        stdin=far, stdout=subprocess.PIPE, stderr=far, text=True, cwd=ROOT,
+        env={**os.environ, "TERM": "xterm", "SEATRIAL_RUNTIME": str(tmp_path / "run")},
+    )  # fmt: skip
+    shown = io.BytesIO()
+
+    def watch() -> None:
+        try:
+            while data := os.read(near, 65_536):
+                shown.write(data)
+        except OSError:
+            pass
+
+    threading.Thread(target=watch, daemon=True).start()
+    wait_for(lambda: b"waiting" in shown.getvalue(), 20.0)
+    os.write(near, b"zmqm")
+    wait_for(lambda: b"mark 2" in shown.getvalue(), 20.0)
+    process.send_signal(signal.SIGINT)
+    stdout, _ = process.communicate(timeout=20)
+    assert __import__("termios").tcgetattr(far) == before
+    os.close(far)
+    texts = [text for _, text in read_recording(stdout.strip()).events]
+    assert [text for text in texts if text in ("start zigzag", "mark 1", "mark 2")] == [
+        "start zigzag",
+        "mark 1",
+        "mark 2",
+    ]
+    assert b"z start zigzag" in shown.getvalue()
