@@ -62,12 +62,27 @@ class Nmea2000Decoder:
         self._first_instance: dict[tuple[str, int], int] = {}
 
     def decode(self, frame: Frame) -> list[Group]:
-        group, address = parameter_group(frame.identifier)
-        message = self.message(frame)
-        return [] if message is None else self._groups(frame, group, self.devices.label(address), message)
+        found = self.message(frame)
+        if found is None:
+            return []
+        group, address, message = found
+        device = self.devices.label(address)
+        reading = GROUPS[group].read(message)
+        if reading.instance is not None and not self._is_first_instance(device, group, reading.instance):
+            return []
+        told_ns = None
+        if group in _CLOCKS:
+            told_ns = told_time(message)
+            self._announce(told_ns, frame, group, device, reading.quality)
+        meaning = f" {reading.meaning}" if reading.meaning else ""
+        source = f"{frame.origin}/{device}:{group}{meaning}"
+        return self.clock.group(frame, source, self._admitted(device, reading), told_ns, reading.quality)
 
-    def message(self, frame: Frame) -> Message | None:
-        """The message that is whole with this frame, if it is one of a group that we listen to."""
+    def message(self, frame: Frame) -> tuple[int, int, Message] | None:
+        """The message that is whole with this frame, with its group and the sender's address.
+
+        None where the frame is refused, of no group that we listen to, or not the last one of its message.
+        """
         group, address = parameter_group(frame.identifier)
         if not self._passes_guards(frame, group):
             return None
@@ -78,8 +93,8 @@ class Nmea2000Decoder:
         known, payload = GROUPS[group], frame.payload
         if known.shortest:
             whole = self._fast.push(address, group, payload, frame.monotonic_ns, known.shortest)
-            return None if whole is None else Message(known.fields, whole)
-        return Message(known.fields, payload)
+            return None if whole is None else (group, address, Message(known.fields, whole))
+        return group, address, Message(known.fields, payload)
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
         if frame.flags:
@@ -92,18 +107,6 @@ class Nmea2000Decoder:
             self.refused["frame of other than 8 bytes"] += 1
             return False
         return True
-
-    def _groups(self, frame: Frame, group: int, device: str, message: Message) -> list[Group]:
-        reading = GROUPS[group].read(message)
-        if not self._is_first_instance(device, group, reading.instance):
-            return []
-        told_ns = None
-        if group in _CLOCKS:
-            told_ns = told_time(message)
-            self._announce(told_ns, frame, group, device, reading.quality)
-        meaning = f" {reading.meaning}" if reading.meaning else ""
-        source = f"{frame.origin}/{device}:{group}{meaning}"
-        return self.clock.group(frame, source, self._admitted(device, reading), told_ns, reading.quality)
 
     def _admitted(self, device: str, reading: Reading) -> list[tuple[str, float]]:
         """The values that are there and wanted; those that are missing are counted."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi
 from typing import NamedTuple
 
@@ -40,16 +40,21 @@ class Field:
     bits: int
     step: float | None = None
     signed: bool = False
+    _ones: int = field(init=False, repr=False)
+    _highest: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_ones", (1 << self.bits) - 1)
+        object.__setattr__(self, "_highest", self._ones >> self.signed)
 
     def read(self, raw: int) -> Value:
         """The field's value in a message that was read as one little-endian number."""
-        value = (raw >> self.start) & ((1 << self.bits) - 1)
+        value, highest = (raw >> self.start) & self._ones, self._highest
         if self.step is None:
             return value
-        highest = (1 << (self.bits - self.signed)) - 1
         if highest - 2 <= value <= highest:
             return NOT_AVAILABLE if value == highest else ERROR_VALUE
-        return (value - (1 << self.bits) if value > highest else value) * self.step
+        return (value if value <= highest else value - self._ones - 1) * self.step
 
 
 class Message:
@@ -63,8 +68,8 @@ class Message:
         self._bits = 8 * len(payload)
 
     def __getitem__(self, name: str) -> Value:
-        field = self._fields[name]
-        return field.read(self.raw) if field.start + field.bits <= self._bits else NOT_AVAILABLE
+        known = self._fields[name]
+        return known.read(self.raw) if known.start + known.bits <= self._bits else NOT_AVAILABLE
 
     def degrees(self, name: str) -> Value:
         """A field of radians in degrees."""
@@ -81,7 +86,7 @@ class Reading(NamedTuple):
     values: Iterable[tuple[str, Value]]
     meaning: str = ""
     quality: Quality = Quality.NOT_EVALUATED
-    instance: int = 0
+    instance: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,104 @@
+"""Coverage-guided fuzzing of NMEA 2000, from frames to channel samples.
+
+``pip install atheris``, then ``python tests/fuzz/fuzz_nmea2000.py -max_total_time=600 -rss_limit_mb=300``.
+
+The bytes are taken for single frames of the groups that we listen to, address claims among them, and for whole
+messages that are cut into parts, which chance would seldom put together. Nothing may raise, every value must be
+finite, and every channel sample must be one that its channel can hold.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import atheris
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.channels import BY_NAME
+    from acquisition.decoders.nmea2000 import Nmea2000Decoder
+    from acquisition.decoders.parameter_groups import ADDRESS_CLAIM, GROUPS
+    from acquisition.derive import Derivation
+    from acquisition.frames import Frame, FrameFlag
+    from acquisition.sections import Device
+    from acquisition.trial import Trial
+    from tests.acquisition.can_frames import fast_parts, identifier_of
+
+MILLISECOND = 1_000_000
+TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
+NUMBERS = [*sorted(GROUPS), ADDRESS_CLAIM]
+DEVICES = (
+    Device(name="gyro", iso_name="c0a0a0001cbea005"),
+    Device(name="wind", address=3, channels=("wind_speed_mps", "wind_direction_deg")),
+)
+WHOLE, LONG_GAP, ODD_LENGTH, FLAGGED = 0x10, 0x20, 0x40, 0x80
+
+
+def records(data: bytes) -> Iterator[tuple[int, bytes, int, FrameFlag]]:
+    """Identifiers, payloads, the time since the one before [ns], and flags: two bytes choose, others are sent."""
+    while len(data) >= 3:
+        choice, where, data = data[0], data[1], data[2:]
+        group, gap_ns = NUMBERS[choice % 16 % len(NUMBERS)], (800 if choice & LONG_GAP else 5) * MILLISECOND
+        flags = FrameFlag(where >> 4 & 7) if choice & FLAGGED else FrameFlag.NONE
+        address = 254 if where & 0xF == 0xF else where & 0x3
+        if choice & WHOLE and group in GROUPS and GROUPS[group].shortest:
+            length = data[0] % 64
+            parts, data = fast_parts(data[1 : 1 + length], where >> 5), data[1 + length :]
+        else:
+            length = where & 0xF if choice & ODD_LENGTH else 8
+            parts, data = [data[:length]], data[length:]
+        for part in parts:
+            yield identifier_of(group, address), part, gap_ns, flags
+
+
+def check(decoder: Nmea2000Decoder, derivation: Derivation, frame: Frame) -> None:
+    refused = decoder.refused.total()
+    for group in decoder.decode(frame):
+        assert group, "an empty group"
+        assert all(math.isfinite(sample.value) for sample in group), group
+        samples, impossible = derivation.channels(group)
+        assert impossible >= 0
+        for sample in samples:
+            assert BY_NAME[sample.quantity].holds(sample.value), sample
+            derivation.admitted(sample)
+    assert decoder.refused.total() >= refused
+    decoder.notices.clear()
+
+
+def one_input(data: bytes) -> None:
+    decoder = Nmea2000Decoder("source", DEVICES)
+    derivation = Derivation(TRIAL, frozenset({"bus"}))
+    at_ns = 0
+    for identifier, payload, gap_ns, flags in records(data):
+        at_ns += gap_ns
+        check(decoder, derivation, Frame("bus", "can", payload, at_ns, at_ns, identifier, flags))
+
+
+def seeds() -> list[bytes]:
+    """A frame, or a whole message, of every group, and two of the same device after it has moved."""
+    body = bytes.fromhex("00102700001027000051d22e75150000e803d007fc10f80300000000000000000000000000000000000000")
+    each = [bytes([place | WHOLE, 1, 43]) + body for place in range(len(NUMBERS))]
+    claims = [bytes([len(NUMBERS) - 1, address]) + bytes.fromhex("05a0be1c00a0a0c0") for address in (1, 2)]
+    return [*each, b"".join(claims), b"".join(each)]
+
+
+def corpus() -> Path:
+    """A folder with the seeds, where libFuzzer also keeps what reached new code, for the next run."""
+    folder = Path(tempfile.gettempdir()) / "fuzz_nmea2000"
+    folder.mkdir(exist_ok=True)
+    for number, seed in enumerate(seeds()):
+        (folder / f"seed_{number}").write_bytes(seed)
+    return folder
+
+
+def main() -> None:
+    atheris.Setup([*sys.argv, "-max_len=800", str(corpus())], one_input)
+    atheris.Fuzz()
+
+
+if __name__ == "__main__":
+    main()
