@@ -13,16 +13,16 @@ from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.fast_packets import FastPackets
-from acquisition.decoders.parameter_groups import (
+from acquisition.decoders.parameter_fields import (
     ADDRESS_CLAIM,
+    FIELDS,
     GNSS_POSITION,
-    GROUPS,
+    SHORTEST_BYTES,
     SYSTEM_TIME,
     TIME_AND_DATE,
     Message,
-    Reading,
-    told_time,
 )
+from acquisition.decoders.parameter_groups import READERS, Reading, told_time
 from acquisition.frames import Frame, FrameFlag, Group, Quality
 from acquisition.sections import Clock, Device
 
@@ -67,7 +67,7 @@ class Nmea2000Decoder:
             return []
         group, address, message = found
         device = self.devices.label(address)
-        reading = GROUPS[group].read(message)
+        reading = READERS[group](message)
         if reading.instance is not None and not self._is_first_instance(device, group, reading.instance):
             return []
         told_ns = None
@@ -90,18 +90,17 @@ class Nmea2000Decoder:
             if self.devices.claim(address, frame.payload):
                 self._fast.forget(address)
             return None
-        known, payload = GROUPS[group], frame.payload
-        if known.shortest:
-            whole = self._fast.push(address, group, payload, frame.monotonic_ns, known.shortest)
-            return None if whole is None else (group, address, Message(known.fields, whole))
-        return group, address, Message(known.fields, payload)
+        payload: bytes | None = frame.payload
+        if group in SHORTEST_BYTES:
+            payload = self._fast.push(address, group, frame.payload, frame.monotonic_ns, SHORTEST_BYTES[group])
+        return None if payload is None else (group, address, Message(FIELDS[group], payload))
 
     def _passes_guards(self, frame: Frame, group: int) -> bool:
         if frame.flags:
             if frame.flags != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
             return False
-        if group not in GROUPS and group != ADDRESS_CLAIM:
+        if group not in READERS and group != ADDRESS_CLAIM:
             return False
         if len(frame.payload) != _FRAME_BYTES:
             self.refused["frame of other than 8 bytes"] += 1

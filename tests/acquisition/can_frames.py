@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 from acquisition.frames import Frame, FrameFlag, Group
 
 SECOND = 1_000_000_000
@@ -31,3 +33,9 @@ def fast_parts(payload: bytes, number: int = 0) -> list[bytes]:
 def values(groups: list[Group]) -> dict[str, float]:
     """Value by quantity."""
     return {sample.quantity: sample.value for group in groups for sample in group}
+
+
+def gnss(method: int = 1, latitude_deg: float = 63.4) -> bytes:
+    """129029, 43 bytes: a position in seven parts."""
+    position = int(latitude_deg * 1e16), int(10.4e16)
+    return struct.pack("<BHIqqqBBBhhiB", 1, 20_000, 360_000_000, *position, 0, method << 4, 0xFC, 9, 9, 9, 0, 0)

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 import struct
-from collections import Counter
 from math import degrees
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.decoders.fast_packets import INCOMPLETE
 from acquisition.decoders.nmea2000 import Nmea2000Decoder, parameter_group
-from acquisition.decoders.parameter_groups import ERROR_VALUE, GROUPS, NOT_AVAILABLE
+from acquisition.decoders.parameter_fields import ERROR_VALUE, FIELDS, NOT_AVAILABLE, SHORTEST_BYTES
 from acquisition.frames import Frame, FrameFlag, Quality
-from acquisition.sections import Device
-from tests.acquisition.can_frames import SECOND, can_frame, fast_parts, identifier_of, values
+from tests.acquisition.can_frames import SECOND, can_frame, fast_parts, gnss, identifier_of, values
 
 HEADING = 0x09F11223  # 127250 from address 35
 TRUE_HEADING = "ff10270000ff7ffc"  # 1 rad
@@ -26,7 +23,7 @@ SYSTEM_TIME = 0x0DF01023
 def decoded(group: int, data: str | bytes) -> dict[str, float]:
     """What one message says, whether it fits into one frame or not."""
     payload = bytes.fromhex(data) if isinstance(data, str) else data
-    parts = fast_parts(payload) if GROUPS[group].shortest else [payload]
+    parts = fast_parts(payload) if group in SHORTEST_BYTES else [payload]
     decoder = Nmea2000Decoder()
     return values([each for part in parts for each in decoder.decode(can_frame(identifier_of(group), part))])
 
@@ -34,11 +31,6 @@ def decoded(group: int, data: str | bytes) -> dict[str, float]:
 def wind(reference: int) -> bytes:
     """130306: 5.12 m/s from 3.1 rad."""
     return struct.pack("<BHHBH", 255, 512, 31_000, 0xF8 | reference, 0xFFFF)
-
-
-def gnss(method: int = 1, latitude_deg: float = 63.4) -> bytes:
-    position = int(latitude_deg * 1e16), int(10.4e16)
-    return struct.pack("<BHIqqqBBBhhiB", 1, 20_000, 360_000_000, *position, 0, method << 4, 0xFC, 9, 9, 9, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -171,82 +163,8 @@ def test_parameter_group_of_addressed_and_broadcast_identifiers() -> None:
     assert parameter_group(0x08F80123) == (129025 - 0x10000, 35)
 
 
-# Fast packets
-
-
-def received(frames: list[tuple[int, bytes, float]]) -> tuple[list[float], Nmea2000Decoder]:
-    """The latitudes that 129029 gives from parts (address, part, time)."""
-    decoder, found = Nmea2000Decoder(), []
-    for address, part, at_s in frames:
-        found += decoder.decode(can_frame(identifier_of(129029, address), part, at_s))
-    return [sample.value for group in found for sample in group if sample.quantity == "latitude_deg"], decoder
-
-
-def test_stale_parts_of_a_fast_packet_are_never_mixed() -> None:
-    """Frames of one message and of another with the same number, 8 s later: no value."""
-    former, later = fast_parts(gnss(latitude_deg=10.0)), fast_parts(gnss(latitude_deg=20.0))
-    frames = [(35, part, 0.0) for part in former[:2]] + [(35, part, 8.0) for part in later[2:]]
-    latitudes, decoder = received(frames)
-    assert (latitudes, decoder.refused) == ([], {INCOMPLETE: 1})
-    assert received(frames + [(35, part, 9.0) for part in later])[0] == [20.0]
-
-
-def test_parts_that_come_twice_or_out_of_order_make_one_message() -> None:
-    parts = fast_parts(gnss())
-    twice = [part for part in parts for _ in range(2)]
-    for order in (twice, [parts[0], *parts[:0:-1]], [*parts[3:], *parts[:3]]):
-        latitudes, decoder = received([(35, part, 0.0) for part in order])
-        assert (latitudes, decoder.refused.total()) == ([63.4], 0)
-
-
-@pytest.mark.parametrize("lost", range(7))
-def test_a_message_with_a_lost_part_is_dropped_and_counted(lost: int) -> None:
-    first, second = fast_parts(gnss(latitude_deg=10.0)), fast_parts(gnss(latitude_deg=20.0))
-    del first[lost]
-    latitudes, decoder = received([(35, part, 0.0) for part in first + second])
-    assert (latitudes, decoder.refused) == ([20.0], {INCOMPLETE: 1})
-
-
-@pytest.mark.parametrize("length", [0, 1, 42, 224, 255])
-def test_an_impossible_length_is_refused(length: int) -> None:
-    first, *others = fast_parts(gnss())
-    frames = [(35, part, 0.0) for part in (bytes([0, length]) + first[2:], *others)]
-    latitudes, decoder = received(frames)
-    assert (latitudes, decoder.refused) == ([], {"impossible length": 1})
-
-
-FATES = st.lists(st.sampled_from(["sent", "sent", "sent", "lost", "twice", "late"]), min_size=7, max_size=7)
-
-
-def sent_parts(messages: list[tuple[int, list[str]]], at_once: int) -> list[tuple[int, bytes, float]]:
-    """Ten messages a second from two devices in turn, ``at_once`` of them woven into each other."""
-    frames = []
-    for place, (latitude_deg, fates) in enumerate(messages):
-        address, count = place % 2, place // 2
-        for number, part in enumerate(fast_parts(gnss(1, latitude_deg), count % 8)):
-            late_s = 0.03 if fates[number] == "late" else 0.0
-            at_s = 0.1 * at_once * (count // at_once) + 0.001 * number + late_s
-            frames += {"lost": 0, "twice": 2}.get(fates[number], 1) * [(address, part, at_s)]
-    return sorted(frames, key=lambda frame: frame[2])
-
-
-@given(st.lists(st.tuples(st.integers(-9, 9), FATES), min_size=1, max_size=40), st.integers(1, 2))
-@settings(max_examples=300)
-def test_only_positions_that_were_sent_come_out(messages: list[tuple[int, list[str]]], at_once: int) -> None:
-    """Parts are lost, doubled, overtaken by others: what comes out was sent, and what was sent whole comes out."""
-    frames = sent_parts(messages, at_once)
-    of_each: Counter[float] = Counter()
-    for address in (0, 1):
-        found = Counter(received([frame for frame in frames if frame[0] == address])[0])
-        own = messages[address::2]
-        assert found <= Counter(latitude_deg for latitude_deg, _ in own)
-        assert found >= Counter(latitude_deg for latitude_deg, fates in own if {"sent", "twice"}.issuperset(fates))
-        of_each += found
-    assert Counter(received(frames)[0]) == of_each
-
-
 @given(
-    st.lists(st.tuples(st.sampled_from([*GROUPS, 60928, 61184]), st.binary(min_size=8, max_size=8)), max_size=30)
+    st.lists(st.tuples(st.sampled_from([*FIELDS, 60928, 61184]), st.binary(min_size=8, max_size=8)), max_size=30)
 )
 @settings(max_examples=300)
 def test_no_frame_raises_and_every_value_is_finite(frames: list[tuple[int, bytes]]) -> None:
@@ -259,99 +177,6 @@ def test_no_frame_raises_and_every_value_is_finite(frames: list[tuple[int, bytes
 @given(st.integers(0, 2**29 - 1), st.binary(max_size=64), st.integers(0, 7))
 def test_no_identifier_length_or_flag_raises(identifier: int, data: bytes, flags: int) -> None:
     Nmea2000Decoder().decode(Frame("bus", "can", data, 0, 0, identifier, FrameFlag(flags)))
-
-
-# Who has which address
-
-GYRO, GPS = bytes.fromhex("05a0be1c00a0a0c0"), bytes.fromhex("9fb9e310008278c0")
-GYRO_NAME, GPS_NAME = "c0a0a0001cbea005", "c078820010e3b99f"
-
-
-class Bus:
-    """A bus on which devices claim addresses and tell a heading."""
-
-    def __init__(self, *devices: Device) -> None:
-        self.decoder = Nmea2000Decoder("receiver", devices)
-
-    def claim(self, address: int, name: bytes) -> None:
-        assert self.decoder.decode(can_frame(identifier_of(60928, address), name)) == []
-
-    def label(self, address: int) -> str:
-        """What the device with this address is called in its samples."""
-        (group,) = self.decoder.decode(can_frame(identifier_of(127250, address), TRUE_HEADING))
-        return group[0].source.removeprefix("bus/").removesuffix(":127250")
-
-
-def test_a_device_keeps_its_label_when_it_moves() -> None:
-    bus = Bus()
-    assert bus.label(35) == "35"
-    bus.claim(35, GYRO)
-    assert bus.label(35) == "35"
-    assert not bus.decoder.notices
-    bus.claim(40, GYRO)
-    assert bus.label(40) == "35"
-    assert len(bus.decoder.notices) == 1
-    assert bus.label(35) == "35-unclaimed"
-    bus.claim(40, GYRO)
-    assert len(bus.decoder.notices) == 1
-
-
-def test_another_device_at_a_taken_address_is_called_by_its_name() -> None:
-    bus = Bus()
-    bus.claim(35, GYRO)
-    bus.claim(35, GPS)
-    assert bus.label(35) == GPS_NAME
-    bus.claim(36, GYRO)
-    assert bus.label(36) == "35"
-    assert len(bus.decoder.notices) == 1
-
-
-def test_configured_devices_are_called_by_their_names() -> None:
-    bus = Bus(Device(name="gyro", iso_name=GYRO_NAME), Device(name="gps", address=12))
-    assert (bus.label(12), bus.label(35)) == ("gps", "35")
-    bus.claim(35, GYRO)
-    assert bus.label(35) == "gyro"
-    bus.claim(12, GPS)
-    bus.claim(13, GPS)
-    assert bus.label(13) == "gps"
-
-
-def test_a_device_without_an_address_has_no_label() -> None:
-    bus = Bus()
-    bus.claim(35, GYRO)
-    bus.claim(254, GYRO)
-    assert [level for level, _ in bus.decoder.notices] == ["warning"]
-    bus.claim(35, GPS)
-    assert bus.label(35) == "35"
-
-
-def test_a_new_device_does_not_continue_what_another_began() -> None:
-    decoder = Nmea2000Decoder()
-    decoder.decode(can_frame(identifier_of(60928), GYRO))
-    parts = fast_parts(gnss())
-    for part in parts[:3]:
-        decoder.decode(can_frame(identifier_of(129029), part))
-    decoder.decode(can_frame(identifier_of(60928), GPS))
-    for part in parts[3:]:
-        assert decoder.decode(can_frame(identifier_of(129029), part)) == []
-    assert decoder.refused[INCOMPLETE] >= 1
-
-
-def test_a_device_provides_only_what_it_may() -> None:
-    decoder = Nmea2000Decoder("receiver", (Device(name="gps", address=35, channels=("surge_mps", "north_m")),))
-    speeds = struct.pack("<hhhh", 0x7FFF, 0x7FFF, -1234, 500)
-    found = [decoder.decode(can_frame(identifier_of(130578), part)) for part in fast_parts(speeds)]
-    assert values(found[-1]) == {"surge_mps": -1.234}
-    assert decoder.decode(can_frame(HEADING, TRUE_HEADING)) == []
-    position = struct.pack("<ii", 634_000_000, -104_000_000)
-    assert set(values(decoder.decode(can_frame(identifier_of(129025), position)))) == {
-        "latitude_deg",
-        "longitude_deg",
-    }
-    assert not decoder.refused
-
-
-# The clock
 
 
 def test_system_time_stamps_what_follows() -> None:

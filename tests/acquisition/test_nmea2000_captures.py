@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from nmea2000 import pgns
 
 from acquisition.decoders.nmea2000 import Nmea2000Decoder
-from acquisition.decoders.parameter_groups import GROUPS, Field, Message
+from acquisition.decoders.parameter_fields import FIELDS, SHORTEST_BYTES, Field, Message
 from acquisition.sections import CanFileSource
 from acquisition.sources.can_file import CanFile
 from tests.acquisition.can_frames import can_frame, fast_parts, identifier_of, values
@@ -50,7 +50,7 @@ def heard(path: Path) -> tuple[list[tuple[int, int, Message]], Nmea2000Decoder]:
 def canboats(path: Path) -> Iterator[dict[str, Any]]:
     with gzip.open(path.with_name(f"{path.name}.si.jsonl.gz"), "rt") as stream:
         next(stream)
-        yield from (message for message in map(json.loads, stream) if message["pgn"] in GROUPS)
+        yield from (message for message in map(json.loads, stream) if message["pgn"] in FIELDS)
 
 
 def field_name(printed: str) -> str:
@@ -83,8 +83,8 @@ def test_every_field_of_every_message_equals_canboats(shared_data: Path, name: s
         group, address, message = mine
         assert (group, address) == (other["pgn"], other["src"])
         theirs = {field_name(printed): value for printed, value in other.get("fields", {}).items()}
-        assert set(theirs) <= {*GROUPS[group].fields, "reserved", "list"}
-        for each, field in GROUPS[group].fields.items():
+        assert set(theirs) <= {*FIELDS[group], "reserved", "list"}
+        for each, field in FIELDS[group].items():
             different[group, each] += not agrees(field, message[each], theirs.get(each))
     assert not +different
     assert len(ours) == CAPTURES[name]
@@ -99,7 +99,7 @@ def canboats_text(path: Path) -> list[tuple[int, int, dict[str, int]]]:
     found = []
     for match in filter(None, map(TEXT.match, path.read_text().splitlines())):
         group = int(match[2])
-        if group in GROUPS:
+        if group in FIELDS:
             raw = {
                 field_name(n): int.from_bytes(bytes.fromhex(b), "little") for n, b in TEXT_FIELD.findall(match[3])
             }
@@ -129,7 +129,7 @@ def test_faults_give_no_value_that_canboat_does_not_give(
     assert len(ours) == count
     assert decoder.refused == refused
     for group, address, message in ours:
-        raw = {n: Field(f.start, f.bits).read(message.raw) for n, f in GROUPS[group].fields.items() if f.bits >= 8}
+        raw = {n: Field(f.start, f.bits).read(message.raw) for n, f in FIELDS[group].items() if f.bits >= 8}
         assert any(
             (group, address) == (g, a) and all(raw[n] == v for n, v in r.items() if n in raw) for g, a, r in theirs
         )
@@ -162,7 +162,7 @@ POSSIBLE = {"latitude": 90.0, "longitude": 180.0}
 
 
 @given(
-    st.sampled_from(sorted(GROUPS)),
+    st.sampled_from(sorted(FIELDS)),
     st.lists(st.sampled_from([0, 0x7F, 0x80, 0xFC, 0xFE, 0xFF]) | st.integers(0, 255), min_size=43, max_size=43),
 )
 @settings(max_examples=400)
@@ -170,9 +170,9 @@ def test_every_field_equals_the_librarys(group: int, noise: list[int]) -> None:
     """Any bytes at all; the library gives None for what is not available, an error or reserved."""
     payload = bytes(noise[: {130577: 14, 130578: 12, 129029: 43}.get(group, 8)])
     theirs = getattr(pgns, f"decode_pgn_{group}")(int.from_bytes(payload, "little"), 8 * len(payload))
-    message = Message(GROUPS[group].fields, payload)
-    compared = {field.id: field.raw_value for field in theirs.fields if field.id in GROUPS[group].fields}
-    assert set(compared) == set(GROUPS[group].fields)
+    message = Message(FIELDS[group], payload)
+    compared = {field.id: field.raw_value for field in theirs.fields if field.id in FIELDS[group]}
+    assert set(compared) == set(FIELDS[group])
     for name, expected in compared.items():
         found = message[name]
         if expected is None:
@@ -186,6 +186,6 @@ def test_a_message_of_any_length_is_whole_or_none(group: int, payload: bytes) ->
     decoder, found = Nmea2000Decoder(), {}
     for part in fast_parts(payload):
         found |= values(decoder.decode(can_frame(identifier_of(group), part)))
-    if len(payload) < GROUPS[group].shortest:
+    if len(payload) < SHORTEST_BYTES[group]:
         assert found == {}
         assert decoder.refused == {"impossible length": 1}

@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.channels import BY_NAME
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
-    from acquisition.decoders.parameter_groups import ADDRESS_CLAIM, GROUPS
+    from acquisition.decoders.parameter_fields import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
     from acquisition.derive import Derivation
     from acquisition.frames import Frame, FrameFlag
     from acquisition.sections import Device
@@ -30,7 +30,7 @@ with atheris.instrument_imports(include=["acquisition"]):
 
 MILLISECOND = 1_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
-NUMBERS = [*sorted(GROUPS), ADDRESS_CLAIM]
+NUMBERS = [*sorted(FIELDS), ADDRESS_CLAIM]
 DEVICES = (
     Device(name="gyro", iso_name="c0a0a0001cbea005"),
     Device(name="wind", address=3, channels=("wind_speed_mps", "wind_direction_deg")),
@@ -45,7 +45,7 @@ def records(data: bytes) -> Iterator[tuple[int, bytes, int, FrameFlag]]:
         group, gap_ns = NUMBERS[choice % 16 % len(NUMBERS)], (800 if choice & LONG_GAP else 5) * MILLISECOND
         flags = FrameFlag(where >> 4 & 7) if choice & FLAGGED else FrameFlag.NONE
         address = 254 if where & 0xF == 0xF else where & 0x3
-        if choice & WHOLE and group in GROUPS and GROUPS[group].shortest:
+        if choice & WHOLE and group in SHORTEST_BYTES:
             length = data[0] % 64
             parts, data = fast_parts(data[1 : 1 + length], where >> 5), data[1 + length :]
         else:
