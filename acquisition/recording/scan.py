@@ -28,7 +28,17 @@ from acquisition.recording.records import (
 )
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
-_CANDIDATE = re.compile(rb"[\x01-\x0f][\x00-\xff]{3}[\x00-\x04]\x00{4}")  # a known opcode, a length that may be
+_LENGTH = rb"[\x00-\xff]{3}[\x00-\x04]\x00{4}"  # one that may be
+_RECORD = re.compile(rb"[\x01-\x0f]" + _LENGTH)
+_CHUNK = re.compile(  # kind, length, two times, size, checksum, name of the compression
+    rb"\x06"
+    + _LENGTH
+    + rb"[\x00-\xff]{16}"
+    + _LENGTH
+    + rb"[\x00-\xff]{4}(?:\x00{4}|\x03\x00{3}lz4|\x04\x00{3}zstd)"
+)
+_OVERLAP_BYTES = HEAD.size + CHUNK_HEAD_BYTES
+_MOST_FALSE_ALARMS = 20_000
 _FIRST_SEARCHED_BYTES, _SEARCHED_BYTES = 4 * 1024, 1024 * 1024
 
 
@@ -85,6 +95,7 @@ class _Records:
         self._checksum: int | None = 0  # of all bytes so far; unknown behind damage
         self._chunked = False  # a chunk was met, intact or not
         self._amid_damage = False  # no chunk has been found intact since the last damage
+        self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
 
     def at(self, offset: int) -> Intact:
@@ -212,16 +223,26 @@ class _Records:
         self._record(opcode, self._content(offset, end), end)
 
     def _candidates(self, start: int) -> Iterator[int]:
-        """Every place from ``start`` on where a record may begin."""
+        """Every place from ``start`` on where a record may begin.
+
+        There are hardly any in noise, and any number in a table of small integers: after too many false alarms only
+        chunks are looked for, of which there is more to recognise.
+        """
         span_bytes = _FIRST_SEARCHED_BYTES  # damage is mostly short, and there may be much of it
         while start < self.size_bytes:
-            block = self._peek(start, span_bytes + HEAD.size - 1)
-            found = _CANDIDATE.search(block)
-            while found:
-                yield start + found.start()
-                found = _CANDIDATE.search(block, found.start() + 1)
+            block = self._peek(start, span_bytes + _OVERLAP_BYTES)
+            place = -1
+            while found := self._pattern().search(block, place + 1):
+                place = found.start()
+                if place >= span_bytes:
+                    break
+                yield start + place
+                self._false_alarms += 1
             start += span_bytes
             span_bytes = min(2 * span_bytes, _SEARCHED_BYTES)
+
+    def _pattern(self) -> re.Pattern[bytes]:
+        return _RECORD if self._false_alarms < _MOST_FALSE_ALARMS else _CHUNK
 
 
 def _claimed_end(offset: int, head: bytes) -> int | None:
