@@ -1,0 +1,156 @@
+"""One source a channel: who is preferred, when it changes hands, and what the event log says of it."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.frames import Sample
+from acquisition.sections import CanSource, Device, UdpSource
+from acquisition.select import SILENT_NS, Selector
+
+SECOND = 1_000_000_000
+HEADING = ("heading_deg",)
+WIND = ("wind_direction_deg", "north_m")
+
+
+def line(name: str, channels: tuple[str, ...] = HEADING) -> UdpSource:
+    return UdpSource(name=name, channels=channels, type="udp", port=1)
+
+
+def bus(*devices: str, channels: tuple[str, ...] = (*HEADING, *WIND)) -> CanSource:
+    listed = tuple(Device(name, address=number) for number, name in enumerate(devices))
+    return CanSource(name="bus", channels=channels, type="can", interface="x", channel="x", devices=listed)
+
+
+def sample(source: str, at_s: float, quantity: str = "heading_deg") -> Sample:
+    at_ns = round(at_s * SECOND)
+    return Sample(quantity, 1.0, source, 0, at_ns, 0)
+
+
+def admitted(selector: Selector, *said: tuple[str, float], quantity: str = "heading_deg") -> list[str]:
+    """The sources of those of ``said``, (source, second), that have the channel."""
+    return [source for source, at_s in said if selector.admit(sample(source, at_s, quantity))[0]]
+
+
+def test_the_order_in_the_file_is_the_order_of_preference() -> None:
+    selector = Selector((line("first"), line("second"), line("third")))
+    said = [("third/HE:HDT", 0.0), ("second/HE:HDT", 0.1), ("third/HE:HDT", 0.2), ("first/HE:HDT", 0.3)]
+    said += [("second/HE:HDT", 0.4), ("third/HE:HDT", 0.5), ("first/HE:HDT", 0.6)]
+    assert admitted(selector, *said) == ["third/HE:HDT", "second/HE:HDT", "first/HE:HDT", "first/HE:HDT"]
+
+
+def test_a_source_provides_only_what_it_lists() -> None:
+    selector = Selector((line("first"), line("second", WIND)))
+    assert admitted(selector, ("second/HE:HDT", 0.0), ("unknown/HE:HDT", 9.0)) == []
+    assert admitted(selector, ("first/WI:MWD", 0.0), quantity="wind_direction_deg") == []
+    assert selector.admit(sample("first/HE:HDT", 9.1)) == (True, "")
+
+
+def test_fail_over_comes_after_two_and_a_half_seconds_and_back_at_once() -> None:
+    selector = Selector((line("first"), line("second")))
+    assert selector.admit(sample("first/HE:HDT", 1.0)) == (True, "")
+    assert selector.admit(sample("second/HE:HDT", 3.5)) == (False, "")
+    assert selector.admit(sample("second/HE:HDT", 3.6)) == (True, "heading_deg: from first/HE:HDT to second/HE:HDT")
+    assert selector.admit(sample("second/HE:HDT", 3.7)) == (True, "")
+    assert selector.admit(sample("first/HE:HDT", 3.8)) == (True, "heading_deg: from second/HE:HDT to first/HE:HDT")
+    assert selector.admit(sample("second/HE:HDT", 3.9)) == (False, "")
+
+
+def test_one_channel_changes_hands_and_the_other_does_not() -> None:
+    selector = Selector((line("first", (*HEADING, *WIND)), line("second", (*HEADING, *WIND))))
+    for at_s in (0.0, 1.0, 2.0, 3.0):
+        selector.admit(sample("first/WI:MWD", at_s, "wind_direction_deg"))
+    selector.admit(sample("first/HE:HDT", 0.0))
+    assert admitted(selector, ("second/HE:HDT", 3.0)) == ["second/HE:HDT"]
+    assert admitted(selector, ("second/WI:MWD", 3.0), quantity="wind_direction_deg") == []
+
+
+def test_the_devices_of_a_bus_have_their_order_and_all_others_come_after_them() -> None:
+    selector = Selector((bus("gyro", "compass"), line("line")))
+    worst_first = ["line/HE:HDT", "bus/77:127250", "bus/compass:127250", "bus/gyro:127250"]
+    said = [(source, 0.1 * number) for number, source in enumerate(worst_first)]
+    assert admitted(selector, *said) == worst_first
+    assert admitted(selector, *((source, 0.5) for source in worst_first)) == worst_first[-1:]
+
+
+def test_of_devices_that_are_not_listed_the_first_that_came_stays() -> None:
+    """By address and by NAME; a lower address is no better."""
+    selector = Selector((bus("gyro"),))
+    said = [("bus/77:127250", 0.0), ("bus/3:127250", 1.0), ("bus/c0508c00e7e0b87f:127250", 2.0)]
+    said += [("bus/77:127250", 2.4), ("bus/3:127250", 4.8), ("bus/3:127250", 5.0), ("bus/77:127250", 5.1)]
+    assert admitted(selector, *said) == ["bus/77:127250", "bus/77:127250", "bus/3:127250"]
+
+
+@pytest.mark.parametrize(
+    ("finer", "coarser"),
+    [
+        ("line/GP:GGA derived", "line/GP:RMC derived"),
+        ("line/GP:GGA derived", "line/GP:GLL derived"),
+        ("bus/2:129025 derived", "bus/2:129029 derived"),
+        ("bus/2:129026 derived", "bus/2:130577 derived"),
+        ("link/1-1:LOCAL_POSITION_NED", "link/1-1:GLOBAL_POSITION_INT derived"),
+        ("link/1-1:GLOBAL_POSITION_INT derived", "link/1-1:GPS_RAW_INT derived"),
+        ("line/HE:HDT", "line/HE:HDM magnetic derived"),
+        ("line/HE:HDT", "line/HE:HDG magnetic derived"),
+        ("bus/2:127250", "bus/2:127250 magnetic derived"),
+        ("bus/2:130306", "bus/2:130306 theoretical derived"),
+        ("bus/2:130306 theoretical derived", "bus/2:130306 apparent derived"),
+        ("bus/2:130306 theoretical derived", "bus/2:130306 water derived"),
+        ("line/WI:MWD", "line/WI:MWV theoretical derived"),
+        ("line/WI:MWV theoretical derived", "line/WI:MWV apparent derived"),
+        ("line/WI:MWV apparent derived", "line/WI:VWR apparent derived"),
+    ],
+)
+def test_of_two_messages_of_a_device_the_one_nearer_to_the_channel_has_it(finer: str, coarser: str) -> None:
+    """Whichever comes first, and however often the other comes."""
+    channels = ("wind_direction_deg",)
+    sources = (line("line", channels), bus(channels=channels), line("link", channels))
+    for order in ((finer, coarser), (coarser, finer)):
+        selector = Selector(sources)
+        said = [(source, 0.1 * number) for number, source in enumerate(order)]
+        said += [(coarser, 0.1 * number) for number in range(2, 26)]
+        assert admitted(selector, *said, quantity="wind_direction_deg")[-1] == finer
+        assert admitted(selector, (coarser, 9.0), quantity="wind_direction_deg") == [coarser]
+
+
+def test_a_position_is_always_derived_which_makes_it_no_worse() -> None:
+    """GGA in degrees and another message in metres would both be somebody's fix: the first stays."""
+    selector = Selector((line("line", ("north_m",)),))
+    said = [("line/GP:GGA derived", 0.0), ("line/GN:GNS", 0.1)]
+    assert admitted(selector, *said, quantity="north_m") == ["line/GP:GGA derived"]
+
+
+def test_the_preferred_line_has_the_channel_even_by_its_coarser_message() -> None:
+    """Line before device, device before message."""
+    selector = Selector((bus("gps", channels=("north_m",)), line("line", ("north_m",))))
+    said = [("line/GP:GGA derived", 0.0), ("bus/9:129025 derived", 0.1), ("bus/gps:129029 derived", 0.2)]
+    said += [("bus/9:129025 derived", 0.3), ("line/GP:GGA derived", 0.4)]
+    assert admitted(selector, *said, quantity="north_m") == [source for source, _ in said[:3]]
+
+
+RANKED = ("first/HE:HDT", "first/HE:HDG magnetic derived", "bus/gyro:127250", "bus/7:127250", "last/HE:HDT")
+"""Each of them another rank, the best first."""
+SAID = st.lists(st.tuples(st.sampled_from(RANKED), st.integers(0, 4 * SECOND)), min_size=1, max_size=60)
+
+
+@given(SAID)
+def test_two_sources_never_mix(said: list[tuple[str, int]]) -> None:
+    """It changes hands only to a better source or from a silent one, says so, and never starves."""
+    selector = Selector((line("first"), bus("gyro"), line("last")))
+    now_ns, let_through = 0, []
+    for source, pause_ns in said:
+        now_ns += pause_ns
+        accepted, text = selector.admit(Sample("heading_deg", 1.0, source, 0, now_ns, 0))
+        former, former_ns = let_through[-1] if let_through else (source, now_ns)
+        assert accepted or (former != source and now_ns - former_ns <= SILENT_NS)
+        assert accepted or source != RANKED[0]
+        assert text == (f"heading_deg: from {former} to {source}" if accepted and former != source else "")
+        if accepted:
+            let_through.append((source, now_ns))
+    for (former, former_ns), (latter, latter_ns) in pairwise(let_through):
+        better = RANKED.index(latter) < RANKED.index(former)
+        assert former == latter or better or latter_ns - former_ns > SILENT_NS
