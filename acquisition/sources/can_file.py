@@ -8,6 +8,7 @@ is received as fast as it is read.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterable, Iterator
 from io import TextIOWrapper
 from itertools import islice, pairwise
@@ -24,6 +25,8 @@ from acquisition.sources.can_text import LineReader, Logged
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 16_384
 _LONGEST_LINE = 4_096
+_HIGHEST_IDENTIFIER = 0x1FFFFFFF
+_LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
 _EARLIEST_UTC_NS = 1_000_000_000 * 10**9
 
 
@@ -78,6 +81,7 @@ class CanFile:
         return frames or None
 
     def close(self) -> None:
+        self._frames = iter(())
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -157,24 +161,42 @@ class _TextLog:
                     yield logged
 
 
-class _LibraryLog:
-    """A log by one of python-can's readers; what it trips over ends the log."""
+class _LibraryLog(logging.Filter):
+    """A log by one of python-can's readers; what it trips over ends the log.
+
+    What a reader passes over it tells its logger only: that is counted, and not printed.
+    """
 
     def __init__(self, make_reader: Callable[[], Iterable[can.Message]], size_bytes: int = 0) -> None:
+        super().__init__()
+        self.unreadable = 0
         try:
             self._reader = make_reader()
         except Exception as error:  # the library promises no set of errors for a broken log
             raise ValueError(f"its beginning is broken: {error}") from error
-        self.unreadable = int(getattr(self._reader, "file_size", 0) > size_bytes)  # BLF: how long it once was
+        if getattr(self._reader, "file_size", 0) > size_bytes:  # BLF: how long it once was
+            self.unreadable = 1
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        self.unreadable += 1
+        return False
 
     def __iter__(self) -> Iterator[Logged]:
+        for logger in _LIBRARY_LOGGERS:
+            logger.addFilter(self)
         try:
             for message in self._reader:
-                yield _logged(message)
+                if message.arbitration_id <= _HIGHEST_IDENTIFIER:
+                    yield _logged(message)
+                else:
+                    self.unreadable += 1
         except OSError:
             raise
         except Exception:
             self.unreadable += 1
+        finally:
+            for logger in _LIBRARY_LOGGERS:
+                logger.removeFilter(self)
 
 
 def _logged(message: can.Message) -> Logged:

@@ -104,9 +104,7 @@ def test_a_device_provides_only_what_it_may() -> None:
     assert not decoder.refused
 
 
-CLAIMS = st.lists(
-    st.tuples(st.sampled_from([12, 35, 36, 254]), st.sampled_from([None, GYRO, GPS, bytes(8)])), max_size=20
-)
+CLAIM = st.tuples(st.sampled_from([12, 35, 36, 254]), st.sampled_from([None, GYRO, GPS, bytes(8)]))
 
 
 @given(st.lists(CLAIM, max_size=20))

@@ -214,6 +214,20 @@ def test_a_log_that_was_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
     source.close()
 
 
+def test_broken_lines_of_a_trace_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "frames.trc"
+    with can.TRCWriter(path) as write:
+        for message in messages()[:3]:
+            write(message)
+    path.write_text(path.read_text() + "rubbish\n      9      9.000 DT 1 98EEFF01 Rx - 1 00\n")
+    source = can_file(path)
+    source.open()
+    assert len(source.read(0.0) or []) == 3
+    assert source.read(0.0) is None
+    assert source.unreadable == 2
+    source.close()
+
+
 @pytest.mark.parametrize("content", [b"time,heading\n1,2\n", b"LOGGnonsense", b"\x00\xff" * 1000, b"\x89PNG"])
 def test_what_is_no_log_says_so(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "log").write_bytes(content)
