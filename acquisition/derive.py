@@ -6,7 +6,6 @@ What is derived says so in its source. Values that a channel cannot hold are lef
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from math import isfinite
 
 from acquisition.channels import BY_NAME, CIRCULAR
@@ -203,8 +202,8 @@ class Derivation:
             if angle is None or speed is None:
                 continue
             if kind == "apparent":
-                yield replace(angle, quantity="apparent_wind_angle_deg")
-                yield replace(speed, quantity="apparent_wind_speed_mps")
+                yield angle._replace(quantity="apparent_wind_angle_deg")
+                yield speed._replace(quantity="apparent_wind_speed_mps")
             wind = self._over_ground_wind(kind, angle, speed.value)
             if wind is not None:
                 yield _derived(angle, "wind_direction_deg", wind[0])
@@ -233,15 +232,12 @@ def _wrapped(sample: Sample) -> Sample:
     if sample.quantity not in CIRCULAR or not abs(sample.value) <= _WHOLE_TURN_DEG:
         return sample
     channel = BY_NAME[sample.quantity]
-    return sample if channel.holds(sample.value) else replace(sample, value=channel.wrapped(sample.value))
+    return sample if channel.holds(sample.value) else sample._replace(value=channel.wrapped(sample.value))
 
 
 def _derived(sample: Sample, quantity: str, value: float) -> Sample:
     source = sample.source if sample.source.endswith(" derived") else f"{sample.source} derived"
-    return Sample(  # as replace() would, in a third of the time
-        quantity, value, source, sample.received_ns, sample.monotonic_ns, sample.measured_ns, sample.source_ns,
-        sample.clock, sample.quality,
-    )  # fmt: skip
+    return sample._replace(quantity=quantity, value=value, source=source)
 
 
 def _line(sample: Sample) -> str:

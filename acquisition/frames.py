@@ -1,11 +1,13 @@
-"""The two values that walk through acquisition: a frame (bytes off a wire) and a sample (one number)."""
+"""The two values that walk through acquisition: a frame (bytes off a wire) and a sample (one number).
+
+Thousands are made a second, so they are tuples with names.
+"""
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Literal
+from typing import Literal, NamedTuple
 
 Protocol = Literal["can", "nmea0183", "mavlink"]
 
@@ -29,8 +31,7 @@ class FrameFlag(IntFlag):
     ERROR = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(NamedTuple):
     """Bytes as they came off one wire, with the times of their reception; nothing is decoded yet.
 
     ``payload`` is one CAN frame's data, one NMEA 0183 line without its line end, or one MAVLink datagram.
@@ -47,8 +48,7 @@ class Frame:
     stamped_ns: int | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
+class Sample(NamedTuple):
     """One value of one quantity in the house's unit, with its three times.
 
     ``measured_ns`` is the UTC time that the recording stamps the value with; ``source_ns`` is what the

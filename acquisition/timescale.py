@@ -8,7 +8,6 @@ takes the new time.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import replace
 
 from acquisition.frames import Frame, now_ns
 
@@ -41,7 +40,7 @@ class Timescale:
         received_ns = frame.monotonic_ns + self.offset_ns
         if -_TOLERANCE_NS < frame.received_ns - received_ns < _TOLERANCE_NS:
             return frame
-        return replace(frame, received_ns=received_ns)
+        return frame._replace(received_ns=received_ns)
 
     def follow(self, wall_ns: int, monotonic_ns: int) -> int:
         """Look at the wall clock, and follow it slowly. Returns its step since the last look [ns], 0 for none."""

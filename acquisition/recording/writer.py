@@ -1,8 +1,7 @@
 """Writing a recording: one MCAP file.
 
 The file is readable up to the last :meth:`RecordingWriter.flush` whatever happens afterwards: a flush closes
-the chunk in progress and hands it to the system, ``sync`` makes the disk keep it. What a topic is stands both in
-the chunk that first uses it and outside all chunks, so that no damage to a chunk makes others unreadable.
+the chunk in progress and hands it to the system, ``sync`` makes the disk keep it.
 """
 
 from __future__ import annotations
@@ -10,13 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, cast
-
-from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, DataEnd, Footer, Schema
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from typing import Any
 
 from acquisition.errors import storage_error
+from acquisition.recording.mcap_file import McapFile, ending_without_index
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.schemas import schema_of
 from acquisition.recording.storage import CommittedFile, sync_folder
@@ -29,8 +25,7 @@ _MEDIA_TYPES = {".toml": "application/toml"}
 class RecordingWriter(MessageSink):
     """One MCAP file being written; a context manager that closes it properly.
 
-    Raises :class:`StorageError` when the file cannot be created or written. The MCAP library is fed only
-    non-negative integer times and bytes: anything else would poison a chunk without a word.
+    Raises :class:`StorageError` when the file cannot be created or written.
     """
 
     def __init__(self, path: Path | str, trial: Trial, attachments: Mapping[str, bytes] | None = None) -> None:
@@ -38,19 +33,16 @@ class RecordingWriter(MessageSink):
         self.messages = 0
         self._topics: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
-        self._unsaid: Any = RecordBuilder()  # untyped, as is the writer
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = CommittedFile(self.path)
             sync_folder(self.path.parent)
         except OSError as error:
             raise storage_error(path, error, "cannot be created") from error
-        stream = cast(Any, self._file)  # it has what the library uses of a file
-        self._mcap: Any = Writer(stream, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._mcap.start(profile="", library=software_version())
+        self._mcap = McapFile(self._file, software_version(), _CHUNK_BYTES)
         self._mcap.add_metadata("trial", trial.as_metadata())
         for name, data in (attachments or {}).items():
-            self._mcap.add_attachment(0, 0, name, _MEDIA_TYPES.get(Path(name).suffix, "text/plain"), data)
+            self._mcap.add_attachment(name, _MEDIA_TYPES.get(Path(name).suffix, "text/plain"), data)
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -108,7 +100,7 @@ class RecordingWriter(MessageSink):
 
         Such a file has no index, which readers can do without. Returns whether it could be ended.
         """
-        return self._file.abandon(_ending_without_index())
+        return self._file.abandon(ending_without_index())
 
     def close_deleted(self) -> None:
         """Close a file that was deleted while it was written, and put its content back to where it was."""
@@ -121,32 +113,18 @@ class RecordingWriter(MessageSink):
             self._guarded(self._file.close)
 
     def _flush(self) -> None:
-        self._mcap.flush()
-        if self._unsaid.count:
-            self._file.write(self._unsaid.end())  # between two chunks, where any record may stand
-            self._file.flush()
+        self._mcap.end_chunk()
+        self._file.flush()
 
     def _register(self, topic: str) -> int:
         name, text = schema_of(topic)
         schema_id = self._mcap.register_schema(name, "jsonschema", text)
-        channel_id: int = self._mcap.register_channel(topic, "json", schema_id)
-        self._topics[topic] = channel_id
+        self._topics[topic] = self._mcap.register_channel(topic, "json", schema_id)
         self._sequences[topic] = 0
-        Schema(id=schema_id, name=name, encoding="jsonschema", data=text).write(self._unsaid)
-        Channel(
-            id=channel_id, topic=topic, message_encoding="json", schema_id=schema_id, metadata={}
-        ).write(self._unsaid)  # fmt: skip
-        return channel_id
+        return self._topics[topic]
 
     def _guarded(self, call: Callable[[], Any]) -> None:
         try:
             call()
         except OSError as error:
             raise storage_error(self.path, error) from error
-
-
-def _ending_without_index() -> bytes:
-    builder: Any = RecordBuilder()
-    DataEnd(0).write(builder)
-    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-    return bytes(builder.end()) + MCAP0_MAGIC

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import datetime as dt
 import re
-from dataclasses import replace
 from typing import BinaryIO
 
 from acquisition.decoders.clock import is_possible
@@ -85,9 +84,9 @@ class LogTime:
 
     def _stamped(self, frame: Frame, told_ns: int | None, payload: bytes) -> Frame:
         if self._now_ns is None:
-            return replace(frame, payload=payload)
+            return frame._replace(payload=payload)
         now_ns = self._now_ns = max(self._now_ns, told_ns or 0)
-        return replace(frame, payload=payload, received_ns=now_ns, monotonic_ns=now_ns, stamped_ns=now_ns)
+        return frame._replace(payload=payload, received_ns=now_ns, monotonic_ns=now_ns, stamped_ns=now_ns)
 
 
 def _told(line: bytes) -> tuple[int | None, bytes]:
