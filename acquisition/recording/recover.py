@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import os
 import struct
-from array import array
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import blake2b
@@ -25,10 +23,7 @@ from mcap.records import (
     Attachment,
     Channel,
     Chunk,
-    ChunkIndex,
     Footer,
-    Header,
-    McapRecord,
     Message,
     Metadata,
     Schema,
@@ -37,16 +32,15 @@ from mcap.writer import CompressionType, Writer
 
 from acquisition.errors import InputError, StorageError, storage_error
 from acquisition.info import iso
+from acquisition.recording.definitions import Definitions, Progress, collect_definitions, scanned
 from acquisition.recording.reader import MessageStream, open_recording
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, contents
-from acquisition.recording.scan import Damage, Intact, scan
+from acquisition.recording.records import HEAD, RecordError, contents
+from acquisition.recording.scan import Damage, Intact
 from acquisition.trial import Trial, software_version
 
 _CHUNK_BYTES = 1024 * 1024
 _MESSAGE_HEAD_BYTES = HEAD.size + 22
 _KEY = struct.Struct("<QQQQ")
-
-Progress = Callable[[float], None]
 
 
 @dataclass(slots=True)
@@ -114,7 +108,7 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
     """
     with open_recording(source, whatever_it_is=True) as stream:
         _refuse_existing(source, target)
-        definitions = _collect_definitions(stream, source, lambda share: progress(0.3 * share))
+        definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
         partial = target.with_name(f".{target.name}.{os.getpid()}.part")
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -132,73 +126,6 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
                 partial.unlink(missing_ok=True)
     progress(1.0)
     return saved.found
-
-
-@dataclass(slots=True)
-class _Definitions:
-    """Channels and schemas by their number. Those out of a chunk have its checksum and go before the others.
-
-    ``chunk_starts`` is where chunks begin by the word of the index, used for nothing but to count the lost ones.
-    """
-
-    header: Header = field(default_factory=lambda: Header("", ""))
-    vouched: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
-    others: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
-    chunk_starts: array[int] = field(default_factory=lambda: array("Q"))
-
-    def channel(self, number: int) -> Channel | None:
-        found = self._get(Channel, number)
-        return found if isinstance(found, Channel) else None
-
-    def schema(self, number: int) -> Schema | None:
-        found = self._get(Schema, number)
-        return found if isinstance(found, Schema) else None
-
-    def _get(self, kind: type, number: int) -> Channel | Schema | None:
-        return self.vouched.get((kind, number)) or self.others.get((kind, number))
-
-
-def _collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> _Definitions:
-    """All definitions of a file, the first that was given to each number."""
-    definitions, size_bytes = _Definitions(), 0
-    for found in _scanned(stream, progress):
-        if not isinstance(found, Intact):
-            continue
-        if isinstance(found.record, Header):
-            definitions.header = found.record
-        if isinstance(found.record, ChunkIndex):
-            definitions.chunk_starts.append(found.record.chunk_start_offset)
-        known = definitions.vouched if isinstance(found.record, Chunk) else definitions.others
-        for record in _definitions_in(found.record):
-            first = known.setdefault((type(record), record.id), record)
-            if first is record or first != record:
-                size_bytes += _size_bytes(record)
-        if size_bytes > LARGEST_BYTES:
-            raise InputError("is damaged", where=str(path), why="it defines more topics than there can be")
-    definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
-    return definitions
-
-
-def _size_bytes(record: Channel | Schema) -> int:
-    return len(record.data) if isinstance(record, Schema) else len(record.topic) + len(str(record.metadata))
-
-
-def _definitions_in(record: McapRecord | None) -> Iterator[Channel | Schema]:
-    within = contents(record, messages=False) if isinstance(record, Chunk) else iter([record])
-    with suppress(RecordError):  # counted when the messages are copied
-        for each in within:
-            if isinstance(each, Channel | Schema):
-                yield each
-
-
-def _scanned(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
-    size_bytes = stream.seek(0, os.SEEK_END)
-    shown = 0
-    for found in scan(stream):
-        yield found
-        if found.end - shown > size_bytes // 100:
-            shown = found.end
-            progress(shown / size_bytes)
 
 
 class _Digest:
@@ -223,7 +150,7 @@ class _Digest:
 class _Saving:
     """Copies records into a new file and counts what was found, saved and lost."""
 
-    def __init__(self, writer: Writer, definitions: _Definitions) -> None:
+    def __init__(self, writer: Writer, definitions: Definitions) -> None:
         self.found = Recovered()
         self.digest = _Digest()
         self._writer = writer
@@ -334,12 +261,12 @@ def _refuse_existing(source: Path, target: Path) -> None:
         raise StorageError(what, where=str(target), fix="name a new file")
 
 
-def _write(stream: BinaryIO, partial: Path, definitions: _Definitions, progress: Progress) -> _Saving:
+def _write(stream: BinaryIO, partial: Path, definitions: Definitions, progress: Progress) -> _Saving:
     with partial.open("xb") as file:
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start(profile=definitions.header.profile, library=software_version())
         saving = _Saving(writer, definitions)
-        for found in _scanned(stream, progress):
+        for found in scanned(stream, progress):
             saving.take(found)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()

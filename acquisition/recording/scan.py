@@ -16,6 +16,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Chunk, DataEnd, McapRecord
 
+from acquisition.errors import InputError
 from acquisition.recording.records import (
     CHUNK_HEAD_BYTES,
     HEAD,
@@ -73,15 +74,18 @@ class Damage:
 
 
 def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
-    """All of a file in its order, without a hole: the end of each is the start of the next."""
+    """All of a file in its order, without a hole: the end of each is the start of the next.
+
+    Raises :class:`InputError` when the disk does not give it.
+    """
     records = _Records(stream)
     offset = 0
     while offset < records.size_bytes:
-        found: Intact | Damage
         try:
-            found = records.at(offset)
-        except RecordError as error:
-            found = records.damage(offset, str(error))
+            found = records.found_at(offset)
+        except OSError as error:
+            where, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
+            raise InputError("cannot be read", where=where, why=error.strerror or str(error), fix=fix) from error
         yield found
         offset = found.end
 
@@ -97,6 +101,13 @@ class _Records:
         self._amid_damage = False  # no chunk has been found intact since the last damage
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
+
+    def found_at(self, offset: int) -> Intact | Damage:
+        """The record that begins here, or the damage."""
+        try:
+            return self.at(offset)
+        except RecordError as error:
+            return self.damage(offset, str(error))
 
     def at(self, offset: int) -> Intact:
         """The record that begins where the one before it ended. Raises :class:`RecordError` if none does."""

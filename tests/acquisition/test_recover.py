@@ -531,6 +531,19 @@ def test_a_full_disk_leaves_nothing_behind(
     assert [path.name for path in tmp_path.iterdir()] == ["damaged.mcap"]
 
 
+def test_a_disk_that_fails_to_read_is_one_clear_error(tmp_path: Path, small: Original) -> None:
+    class Failing(io.BytesIO):
+        name = "trial.mcap"
+
+        def read(self, size: int | None = -1) -> bytes:
+            if self.tell() > len(small.data) // 2:
+                raise OSError(5, "Input/output error")
+            return super().read(size)
+
+    with pytest.raises(InputError, match=r"trial\.mcap: cannot be read: Input/output error; copy it"):
+        list(scan(Failing(small.data)))
+
+
 def refused_or_sound(folder: Path, data: bytes) -> None:
     """Only errors of ours, and only files that the plain library reads; the reader raises nothing else either."""
     try:
