@@ -67,6 +67,11 @@ class Recovered:
         """How many messages were saved."""
         return self.counts.total()
 
+    @property
+    def reasons(self) -> str:
+        """The most frequent reasons of a loss."""
+        return ", ".join(f"{why} ({count:,})" for why, count in self.refused.most_common(3))
+
     def lose(self, why: str, size_bytes: int, chunks: int = 0) -> None:
         """Count what cannot be saved."""
         self.refused[why] += 1
@@ -94,10 +99,9 @@ class Recovered:
         if not self.refused:
             return f"{saved}{ended}; nothing was lost"
         chunks = f" with {self.damaged_chunks} chunks" if self.damaged_chunks != 1 else " with 1 chunk"
-        reasons = ", ".join(f"{why} ({count})" for why, count in self.refused.most_common(3))
         gaps = "".join(f"; a gap of {(end - start) / 1e9:.3f} s from {iso(start)}" for start, end in self.gaps[:5])
         more = f"; {len(self.gaps) - 5} more gaps" if len(self.gaps) > 5 else ""
-        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {reasons}{gaps}{more}"
+        return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{more}"
 
 
 def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> Recovered:
@@ -115,7 +119,10 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
             saved = _write(stream, partial, definitions, lambda share: progress(0.3 + 0.5 * share))
             if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
                 raise InputError(
-                    "holds nothing that can be saved", where=str(source), fix="give another copy of it"
+                    "holds nothing that can be saved",
+                    where=str(source),
+                    why=saved.found.reasons,
+                    fix="give another copy of it",
                 )
             _verify(partial, target, saved)
             partial.replace(target)

@@ -268,6 +268,11 @@ def test_the_beginning_may_be_gone(tmp_path: Path, larger: Original) -> None:
         assert messages == larger.without(lambda start, _, lost=lost: start < lost)  # type: ignore[misc]
 
 
+def test_without_any_definition_the_error_says_so(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nothing that can be saved: a message of no known topic \(1\)"):
+        recovered(tmp_path, hand_made(HEADER, packed(MESSAGE)))
+
+
 def test_two_files_made_into_one_are_both_saved(tmp_path: Path, small: Original, larger: Original) -> None:
     _, messages = recovered(tmp_path, small.data + larger.data)
     assert messages == small.all + larger.all
