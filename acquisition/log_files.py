@@ -49,6 +49,11 @@ def record_log_files(
             if number % _CHORES_EVERY == _CHORES_EVERY - 1:
                 parts.sync()
                 parts.look_after(time.monotonic())
+        for source in sources:
+            if unreadable := getattr(source, "unreadable", 0):
+                processing.note(
+                    f"{source.name}: {unreadable:,} lines of the log could not be read", now_ns, "warning"
+                )
         processing.note("recording stopped", now_ns)
     finally:
         for source in sources:

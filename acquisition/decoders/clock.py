@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections import deque
 from collections.abc import Iterable
 
+from acquisition.decoders import Notices
 from acquisition.frames import Frame, Group, Quality, Sample
 from acquisition.sections import Clock
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
+_SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next
+_FAR_S = 2.0
 _EPOCH = dt.date(1970, 1, 1)
 # A receiver that does not know the time yet tells 1980, one whose weeks rolled over tells 20 years ago; times
 # after 2262 do not fit into 64 bits of nanoseconds and would make the whole recording unreadable.
@@ -48,18 +52,38 @@ class SourceClock:
     """The UTC time that a source announces now and then, carried on by our monotonic clock.
 
     With ``stamps`` "source" it decides the measured time of the source's samples; with "receiver" what the
-    source says is only kept beside the time of reception.
+    source says is only kept beside the time of reception. A clock that is far from ours, or that is set, is told
+    in ``notices``.
     """
 
-    def __init__(self, stamps: Clock, name: str) -> None:
+    def __init__(self, stamps: Clock, name: str, notices: Notices | None = None) -> None:
         self.stamps = stamps
         self.name = name
+        self._notices: Notices = deque() if notices is None else notices
         self._announced: tuple[int, int] | None = None
+        self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last told
 
     def announce(self, source_ns: int, frame: Frame) -> None:
         """The source said that it is ``source_ns`` UTC."""
         if is_possible(source_ns):
             self._announced = (source_ns, frame.monotonic_ns)
+            self._compare(source_ns, frame)
+
+    def _compare(self, source_ns: int, frame: Frame) -> None:
+        """Tell at first how far the clock is from ours, and whenever it has been set since."""
+        offset_ns, before_ns = source_ns - frame.monotonic_ns, self._offset_ns
+        if before_ns is not None and abs(offset_ns - before_ns) < _SET_NS:
+            return
+        self._offset_ns = offset_ns
+        if before_ns is not None:
+            self._notices.append(
+                ("warning", f"clock {self.name} was set by {(offset_ns - before_ns) / 1e9:+.3f} s")
+            )
+            return
+        ahead_s = (source_ns - frame.received_ns) / 1e9
+        level = "warning" if abs(ahead_s) > _FAR_S else "info"
+        trusted = "it stamps this source" if self.stamps == "source" else "ours stamps this source"
+        self._notices.append((level, f"clock {self.name} is {ahead_s:+.3f} s from ours; {trusted}"))
 
     def forget(self) -> None:
         """What the source said no longer holds: it has started anew."""

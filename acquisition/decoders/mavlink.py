@@ -126,7 +126,7 @@ class MavlinkDecoder:
         """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME")
+        self.clock = SourceClock(config.clock, "mavlink SYSTEM_TIME", self.notices)
         self._system_id, self._component_id = config.system_id, config.component_id
         self._wanted = frozenset(_chosen(config) + _CONTEXT)
         self._named = {

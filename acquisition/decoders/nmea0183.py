@@ -39,7 +39,7 @@ class Nmea0183Decoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG")
+        self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
         self._readers = readers(thrusters or Thrusters(), theoretical_wind)
 
     def decode(self, frame: Frame) -> list[Group]:

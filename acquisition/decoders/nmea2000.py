@@ -6,7 +6,6 @@ lost. Sources are named by device, group and, where a group has several, the mea
 
 from __future__ import annotations
 
-import threading
 from collections import Counter, deque
 
 from acquisition.decoders import Notices
@@ -30,9 +29,6 @@ _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
 """What tells the time, best first: a position's time is that of the fix, which is late by the time it comes."""
 _FRAME_BYTES = 8
 
-LIBRARY = threading.Lock()
-"""To be held around every call of the ``nmea2000`` library: its codec raises when two threads meet in it."""
-
 
 def parameter_group(identifier: int) -> tuple[int, int]:
     """The parameter group number and the source address in a 29-bit identifier.
@@ -54,7 +50,7 @@ class Nmea2000Decoder:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
-        self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}")
+        self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.devices = BusDevices(devices, self.notices)
         self._fast = FastPackets(self.refused)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import threading
 from math import nan, pi
 from typing import Any
 
@@ -14,11 +15,11 @@ from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.channels import BY_NAME
 from acquisition.decoders.dbc import find_signal, is_sentinel, load_dbc
-from acquisition.decoders.nmea2000 import LIBRARY
 from acquisition.encoders import Moment, Packet
 from acquisition.sections import CanFrames
 from acquisition.units import DEG_PER_RAD, scale_to
 
+_LIBRARY = threading.Lock()  # its codec, one a process, raises when two threads meet in it
 _ADDRESS = 35
 _DAY_NS = 86_400_000_000_000
 _GROUND_REFERENCED_WIND = "True (ground referenced to North)"
@@ -91,7 +92,7 @@ class CanEncoder:
                 if value is not None
             ],
         )
-        with LIBRARY:
+        with _LIBRARY:
             first, *others = self._encoder.encode(message)
         packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
         return packets + [Packet(bytes(each.data), each.arbitration_id) for each in others]

@@ -30,8 +30,6 @@ class Source(Protocol):
     """What the pipeline asks of a transport."""
 
     name: str
-    waits: bool
-    """Whether it can wait when we are slow: a file can, a bus or a line cannot."""
 
     def open(self) -> None:
         """Connect. Raises :class:`~acquisition.errors.SourceError` if that cannot be done."""

@@ -32,8 +32,6 @@ def open_bus(config: CanSource) -> can.BusABC:
 class CanBus:
     """One bus; frames are stamped when python-can hands them over."""
 
-    waits = False
-
     def __init__(self, config: CanSource) -> None:
         self.name = config.name
         self._config = config

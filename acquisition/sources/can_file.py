@@ -42,8 +42,6 @@ class _Log(Protocol):
 class CanFile:
     """One log, read once; ``unreadable`` counts lines, or remains of a broken log, that held no frame."""
 
-    waits = True
-
     def __init__(self, config: CanFileSource) -> None:
         self.name = config.name
         self._path = config.path

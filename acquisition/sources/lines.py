@@ -30,6 +30,11 @@ class LineAssembler:
         lines = (line.strip(b"\0 \t") for line in complete)
         return [Frame(self._origin, "nmea0183", line, received_ns, monotonic_ns) for line in lines if line]
 
+    def cut(self) -> None:
+        """The stream was cut and begins anew: a line that was under way stays as far as it came, by itself."""
+        if self._pending:
+            self._pending += b"\n"
+
     def end(self) -> list[Frame]:
         """The last line, where the stream ended without a line end (a datagram, a file)."""
         return self.push(b"\n") if self._pending else []

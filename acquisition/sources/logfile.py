@@ -28,8 +28,6 @@ _STAMP = re.compile(
 class LogFile:
     """One file, read once; it ends, which the pipeline understands."""
 
-    waits = True
-
     def __init__(self, config: FileSource) -> None:
         self.name = config.name
         self._config = config

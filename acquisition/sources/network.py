@@ -34,8 +34,6 @@ def bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
 class DatagramSource:
     """A UDP port that others send to; what a datagram holds is for the heirs to say."""
 
-    waits = False
-
     def __init__(self, config: UdpSource | MavlinkSource) -> None:
         self.name = config.name
         self._config = config
@@ -72,8 +70,6 @@ class UdpLines(DatagramSource):
 
 class TcpStream:
     """One connection to a server; what its bytes are is for the heirs to say."""
-
-    waits = False
 
     def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
         self.name = config.name
@@ -116,9 +112,13 @@ class TcpStream:
 class TcpLines(TcpStream):
     """One connection to a multiplexer or gateway."""
 
+    def __init__(self, config: TcpSource) -> None:
+        super().__init__(config)
+        self._lines = LineAssembler(config.name)
+
     def open(self) -> None:
         super().open()
-        self._lines = LineAssembler(self.name)  # a line never goes on in another connection
+        self._lines.cut()
 
     def read(self, timeout_s: float) -> list[Frame] | None:
         received = self.receive(timeout_s)

@@ -26,8 +26,6 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
 class SerialPort:
     """One serial port; what its bytes are is for the heirs to say."""
 
-    waits = False
-
     def __init__(self, config: SerialSource | MavlinkSerialSource) -> None:
         self.name = config.name
         self._config = config
@@ -57,9 +55,13 @@ class SerialPort:
 class SerialLine(SerialPort):
     """NMEA 0183 on one serial port."""
 
+    def __init__(self, config: SerialSource) -> None:
+        super().__init__(config)
+        self._lines = LineAssembler(config.name)
+
     def open(self) -> None:
         super().open()
-        self._lines = LineAssembler(self.name)  # a line never goes on after the port was opened anew
+        self._lines.cut()
 
     def read(self, timeout_s: float) -> list[Frame] | None:
         received = self.receive(timeout_s)

@@ -67,8 +67,6 @@ def next_entry(data: bytes, at: int, settled: int) -> int | None:
 class TelemetryLog:
     """One log, read once, as fast as it is taken; every frame has the log's time and no other."""
 
-    waits = True
-
     def __init__(self, config: MavlinkFileSource) -> None:
         self.name = config.name
         self._config = config

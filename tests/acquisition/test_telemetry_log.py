@@ -35,7 +35,6 @@ def section(path: Path) -> MavlinkFileSource:
 
 def frames_of(path: Path) -> list[Frame]:
     source = make_source(section(path))
-    assert source.waits
     source.open()
     frames: list[Frame] = []
     while (more := source.read(0.0)) is not None:
