@@ -92,14 +92,15 @@ def test_of_devices_that_are_not_listed_the_first_that_came_stays() -> None:
         ("line/GP:GGA derived", "line/GP:GLL derived"),
         ("bus/2:129025 derived", "bus/2:129029 derived"),
         ("bus/2:129026 derived", "bus/2:130577 derived"),
-        ("link/1-1:LOCAL_POSITION_NED", "link/1-1:GLOBAL_POSITION_INT derived"),
-        ("link/1-1:GLOBAL_POSITION_INT derived", "link/1-1:GPS_RAW_INT derived"),
-        ("line/HE:HDT", "line/HE:HDM magnetic derived"),
-        ("line/HE:HDT", "line/HE:HDG magnetic derived"),
-        ("bus/2:127250", "bus/2:127250 magnetic derived"),
+        ("link/1:LOCAL_POSITION_NED", "link/1:GLOBAL_POSITION_INT derived"),
+        ("link/1:GLOBAL_POSITION_INT derived", "link/1:GPS_RAW_INT derived"),
+        ("line/HE:HDT", "line/HE:HDM derived"),
+        ("line/HE:HDT", "line/HE:HDG derived"),
+        ("bus/2:127250", "bus/2:127250 derived"),
         ("bus/2:130306", "bus/2:130306 theoretical derived"),
         ("bus/2:130306 theoretical derived", "bus/2:130306 apparent derived"),
         ("bus/2:130306 theoretical derived", "bus/2:130306 water derived"),
+        ("line/WI:MWD", "line/WI:MWD magnetic derived"),
         ("line/WI:MWD", "line/WI:MWV theoretical derived"),
         ("line/WI:MWV theoretical derived", "line/WI:MWV apparent derived"),
         ("line/WI:MWV apparent derived", "line/WI:VWR apparent derived"),
@@ -132,7 +133,7 @@ def test_the_preferred_line_has_the_channel_even_by_its_coarser_message() -> Non
     assert admitted(selector, *said, quantity="north_m") == [source for source, _ in said[:3]]
 
 
-RANKED = ("first/HE:HDT", "first/HE:HDG magnetic derived", "bus/gyro:127250", "bus/7:127250", "last/HE:HDT")
+RANKED = ("first/HE:HDT", "first/HE:HDG derived", "bus/gyro:127250", "bus/7:127250", "last/HE:HDT")
 """Each of them another rank, the best first."""
 SAID = st.lists(st.tuples(st.sampled_from(RANKED), st.integers(0, 4 * SECOND)), min_size=1, max_size=60)
 
