@@ -10,6 +10,7 @@ import os
 import struct
 from bisect import bisect_left
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from hashlib import blake2b
@@ -17,6 +18,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import (
@@ -28,6 +30,7 @@ from mcap.records import (
     Metadata,
     Schema,
 )
+from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from acquisition.errors import InputError, StorageError, storage_error
@@ -289,13 +292,27 @@ def _verify(partial: Path, target: Path, saved: _Saving) -> None:
         for entry in written:
             ours.add(*entry)
         with partial.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            for _, channel, message in reader.iter_messages(log_time_order=False):
-                theirs.add(channel.topic, message.log_time, message.publish_time, message.data)
+            for topic, message in _by_index(stream):
+                theirs.add(topic, message.log_time, message.publish_time, message.data)
     except (InputError, McapError, ValueError, KeyError, struct.error) as error:
         raise _unlike(target, str(error)) from error
     if not written.closed or not ours.value == theirs.value == saved.digest.value:
         raise _unlike(target, f"{ours.messages:,} and {theirs.messages:,} messages of {saved.digest.messages:,}")
+
+
+def _by_index(stream: BinaryIO) -> Iterator[tuple[str, Message]]:
+    """Topics and messages in file order, found by the library through the file's index.
+
+    The library's own ``iter_messages`` in file order would first hold all of them.
+    """
+    summary = make_reader(stream, validate_crcs=True).get_summary()
+    if summary is None:
+        raise ValueError("it has no summary")
+    for index in summary.chunk_indexes:
+        stream.seek(index.chunk_start_offset + HEAD.size)
+        for record in breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True):
+            if isinstance(record, Message):
+                yield summary.channels[record.channel_id].topic, record
 
 
 def _unlike(target: Path, why: str) -> StorageError:

@@ -210,6 +210,8 @@ class _Records:
         """Where the next intact record begins, or the end of the file; and the damaged chunks on the way."""
         chunks = 0
         for candidate in self._candidates(start):
+            if self._search_budget_bytes < 0:
+                break
             try:
                 self._check_found(candidate)
             except RecordError:
@@ -229,8 +231,6 @@ class _Records:
         if opcode not in (Opcode.CHUNK, Opcode.FOOTER) and not self._leads_on(end):
             raise RecordError("a record that nothing follows")
         self._search_budget_bytes -= end - offset
-        if self._search_budget_bytes < 0:
-            raise RecordError("too much damage to search")
         self._record(opcode, self._content(offset, end), end)
 
     def _candidates(self, start: int) -> Iterator[int]:
