@@ -7,20 +7,14 @@ once for the messages. The copy gets its name only when it has been read back an
 from __future__ import annotations
 
 import os
-import struct
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from hashlib import blake2b
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 from mcap.records import (
     Attachment,
     Channel,
@@ -30,20 +24,19 @@ from mcap.records import (
     Metadata,
     Schema,
 )
-from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from acquisition.errors import InputError, StorageError, storage_error
 from acquisition.info import iso
 from acquisition.recording.definitions import Definitions, Progress, collect_definitions, scanned
-from acquisition.recording.reader import MessageStream, open_recording
+from acquisition.recording.reader import open_recording
 from acquisition.recording.records import HEAD, RecordError, contents
 from acquisition.recording.scan import Damage, Intact
+from acquisition.recording.verification import Digest, verify
 from acquisition.trial import Trial, software_version
 
 _CHUNK_BYTES = 1024 * 1024
 _MESSAGE_HEAD_BYTES = HEAD.size + 22
-_KEY = struct.Struct("<QQQQ")
 
 
 @dataclass(slots=True)
@@ -127,7 +120,7 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
                     why=saved.found.reasons,
                     fix="give another copy of it",
                 )
-            _verify(partial, target, saved)
+            verify(partial, target, saved.digest)
             partial.replace(target)
         except OSError as error:
             raise error if isinstance(error, StorageError) else storage_error(target, error) from error
@@ -138,31 +131,12 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
     return saved.found
 
 
-class _Digest:
-    """A running hash of messages in their order: topics, times and data."""
-
-    def __init__(self) -> None:
-        self.messages = 0
-        self._hash = blake2b()
-
-    def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
-        name = topic.encode()
-        self.messages += 1
-        self._hash.update(_KEY.pack(log_ns, publish_ns, len(name), len(data)))
-        self._hash.update(name)
-        self._hash.update(data)
-
-    @property
-    def value(self) -> tuple[int, bytes]:
-        return self.messages, self._hash.digest()
-
-
 class _Saving:
     """Copies records into a new file and counts what was found, saved and lost."""
 
     def __init__(self, writer: Writer, definitions: Definitions) -> None:
         self.found = Recovered()
-        self.digest = _Digest()
+        self.digest = Digest()
         self._writer = writer
         self._definitions = definitions
         self._channels: dict[tuple[Any, ...], int] = {}
@@ -282,38 +256,3 @@ def _write(stream: BinaryIO, partial: Path, definitions: Definitions, progress: 
         file.flush()
         os.fsync(file.fileno())
     return saving
-
-
-def _verify(partial: Path, target: Path, saved: _Saving) -> None:
-    """Read the copy back, as we would and as any other program would."""
-    ours, theirs = _Digest(), _Digest()
-    try:
-        written = MessageStream(partial)
-        for entry in written:
-            ours.add(*entry)
-        with partial.open("rb") as stream:
-            for topic, message in _by_index(stream):
-                theirs.add(topic, message.log_time, message.publish_time, message.data)
-    except (InputError, McapError, ValueError, KeyError, struct.error) as error:
-        raise _unlike(target, str(error)) from error
-    if not written.closed or not ours.value == theirs.value == saved.digest.value:
-        raise _unlike(target, f"{ours.messages:,} and {theirs.messages:,} messages of {saved.digest.messages:,}")
-
-
-def _by_index(stream: BinaryIO) -> Iterator[tuple[str, Message]]:
-    """Topics and messages in file order, found by the library through the file's index.
-
-    The library's own ``iter_messages`` in file order would first hold all of them.
-    """
-    summary = make_reader(stream, validate_crcs=True).get_summary()
-    if summary is None:
-        raise ValueError("it has no summary")
-    for index in summary.chunk_indexes:
-        stream.seek(index.chunk_start_offset + HEAD.size)
-        for record in breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True):
-            if isinstance(record, Message):
-                yield summary.channels[record.channel_id].topic, record
-
-
-def _unlike(target: Path, why: str) -> StorageError:
-    return StorageError("does not read back as it was written", where=str(target), why=why, fix="try another disk")
