@@ -27,7 +27,7 @@ class Receiver:
     ) -> None:
         self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
         self._back_off_s = POLL_S
-        self._dropped_before = 0
+        self._dropped_before = self._lost_before = 0
         self.open_error: SourceError | None = None
 
     def open(self) -> bool:
@@ -62,6 +62,8 @@ class Receiver:
                 break
             if frames:
                 self._pass_on(frames)
+            if self.source.lost > self._lost_before:
+                self._tell_lost(self.source.lost - self._lost_before)
         self.close()
 
     def close(self) -> None:
@@ -82,6 +84,13 @@ class Receiver:
             count = self._health.dropped - self._dropped_before
             self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
             self._dropped_before = self._health.dropped
+
+    def _tell_lost(self, count: int) -> None:
+        """The system has dropped what we did not fetch in time: as bad as a drop of our own."""
+        self._health.dropped += count
+        self._dropped_before += count
+        self._lost_before += count
+        self._tell("error", f"{self._health.name}: the system had no room for {count:,} datagrams")
 
     def _failed(self, error: SourceError) -> None:
         if self._health.failed_ns is None:

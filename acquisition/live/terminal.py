@@ -62,7 +62,7 @@ def _header(health: Health, now_ns: int) -> Text:
 def _second_line(health: Health, marks: Mapping[str, str]) -> Text:
     if health.trouble:
         return _one_line((health.trouble, "bold red"))
-    keys = ", ".join(f"{key} {text}" for key, text in marks.items()) or "m or space sets a mark"
+    keys = ", ".join([*(f"{key} {text}" for key, text in marks.items()), "m a mark"])
     return _one_line(*_disk(health), ("  Ctrl-C ends; ", "dim"), (keys, "dim"), (f"  {health.marks} marks", "dim"))
 
 

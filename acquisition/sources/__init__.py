@@ -30,6 +30,8 @@ class Source(Protocol):
     """What the pipeline asks of a transport."""
 
     name: str
+    lost: int
+    """How much the system had no room for, as far as it tells: datagrams, frames."""
 
     def open(self) -> None:
         """Connect. Raises :class:`~acquisition.errors.SourceError` if that cannot be done."""

@@ -32,6 +32,8 @@ def open_bus(config: CanSource) -> can.BusABC:
 class CanBus:
     """One bus; frames are stamped when python-can hands them over."""
 
+    lost = 0
+
     def __init__(self, config: CanSource) -> None:
         self.name = config.name
         self._config = config

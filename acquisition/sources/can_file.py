@@ -42,6 +42,8 @@ class _Log(Protocol):
 class CanFile:
     """One log, read once; ``unreadable`` counts lines, or remains of a broken log, that held no frame."""
 
+    lost = 0
+
     def __init__(self, config: CanFileSource) -> None:
         self.name = config.name
         self._path = config.path

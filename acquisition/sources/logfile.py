@@ -28,6 +28,8 @@ _STAMP = re.compile(
 class LogFile:
     """One file, read once; it ends, which the pipeline understands."""
 
+    lost = 0
+
     def __init__(self, config: FileSource) -> None:
         self.name = config.name
         self._config = config

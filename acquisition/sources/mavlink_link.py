@@ -11,7 +11,7 @@ class MavlinkLink(DatagramSource):
     """One UDP port that an autopilot or a router sends to."""
 
     def read(self, timeout_s: float) -> list[Frame] | None:
-        return _frames(self.name, self.receive(timeout_s))
+        return [frame for datagram in self.receive(timeout_s) for frame in _frames(self.name, datagram)]
 
 
 class MavlinkTcp(TcpStream):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import sys
+from contextlib import suppress
 
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
@@ -10,6 +12,8 @@ from acquisition.sections import MavlinkSource, MavlinkTcpSource, TcpSource, Udp
 from acquisition.sources.lines import LineAssembler
 
 _DATAGRAM_BYTES = 65_535
+_MOST_DATAGRAMS = 100
+_SO_RXQ_OVFL = 40  # Linux tells with each datagram how many it has dropped so far; Python has no name for it
 _BUFFER_BYTES = 4 * 1024 * 1024
 _CONNECT_TIMEOUT_S = 3.0
 
@@ -19,6 +23,8 @@ def bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        with suppress(OSError):
+            opened.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
         opened.bind((config.address, config.port))
     except OSError as error:
         opened.close()
@@ -32,27 +38,48 @@ def bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
 
 
 class DatagramSource:
-    """A UDP port that others send to; what a datagram holds is for the heirs to say."""
+    """A UDP port that others send to; what a datagram holds is for the heirs to say.
+
+    ``lost`` counts the datagrams that the system had no room for.
+    """
 
     def __init__(self, config: UdpSource | MavlinkSource) -> None:
         self.name = config.name
+        self.lost = 0
         self._config = config
         self._socket: socket.socket | None = None
+        self._dropped = 0  # by this socket, as the system counts
 
     def open(self) -> None:
-        self._socket = bind_udp(self._config)
+        self._socket, self._dropped = bind_udp(self._config), 0
 
-    def receive(self, timeout_s: float) -> bytes:
-        """The next datagram, or nothing after the timeout. Raises :class:`SourceError`."""
+    def receive(self, timeout_s: float) -> list[bytes]:
+        """The datagrams that are there, waiting for the first; none after the timeout.
+
+        Raises :class:`SourceError`.
+        """
         if self._socket is None:
             raise SourceError("is not open", where=f"source {self.name!r}")
+        datagrams: list[bytes] = []
         try:
             self._socket.settimeout(timeout_s)
-            return self._socket.recv(_DATAGRAM_BYTES)
+            while len(datagrams) < _MOST_DATAGRAMS:
+                data, more, *_ = self._socket.recvmsg(_DATAGRAM_BYTES, 64)
+                datagrams.append(data)
+                self._count(more)
+                self._socket.settimeout(0.0)
         except (TimeoutError, BlockingIOError):
-            return b""
+            pass
         except OSError as error:
             raise SourceError("network failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
+        return datagrams
+
+    def _count(self, more: list[tuple[int, int, bytes]]) -> None:
+        for level, kind, data in more:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_RXQ_OVFL):
+                dropped = int.from_bytes(data[:4], sys.byteorder)
+                self.lost += (dropped - self._dropped) % 2**32
+                self._dropped = dropped
 
     def close(self) -> None:
         if self._socket is not None:
@@ -64,12 +91,17 @@ class UdpLines(DatagramSource):
     """Datagrams of one or more sentences each."""
 
     def read(self, timeout_s: float) -> list[Frame] | None:
-        lines = LineAssembler(self.name)  # a datagram never continues the one before it
-        return lines.push(self.receive(timeout_s)) + lines.end()
+        frames: list[Frame] = []
+        for datagram in self.receive(timeout_s):
+            lines = LineAssembler(self.name)  # a datagram never continues the one before it
+            frames += lines.push(datagram) + lines.end()
+        return frames
 
 
 class TcpStream:
     """One connection to a server; what its bytes are is for the heirs to say."""
+
+    lost = 0
 
     def __init__(self, config: TcpSource | MavlinkTcpSource) -> None:
         self.name = config.name

@@ -26,6 +26,8 @@ def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
 class SerialPort:
     """One serial port; what its bytes are is for the heirs to say."""
 
+    lost = 0
+
     def __init__(self, config: SerialSource | MavlinkSerialSource) -> None:
         self.name = config.name
         self._config = config

@@ -67,6 +67,8 @@ def next_entry(data: bytes, at: int, settled: int) -> int | None:
 class TelemetryLog:
     """One log, read once, as fast as it is taken; every frame has the log's time and no other."""
 
+    lost = 0
+
     def __init__(self, config: MavlinkFileSource) -> None:
         self.name = config.name
         self._config = config

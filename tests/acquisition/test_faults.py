@@ -211,6 +211,8 @@ def test_a_gateway_that_closes_and_opens_again(tmp_path: Path) -> None:
 class Fake:
     """A source whose reads are a function."""
 
+    lost = 0
+
     def __init__(self, name: str, read: Callable[[], list[Frame]]) -> None:
         self.name, self._read, self.waits = name, read, False
 

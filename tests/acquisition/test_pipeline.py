@@ -28,6 +28,8 @@ Read = Callable[[], list[Frame] | None]
 class FakeSource:
     """A source whose reads are a function; counts how often it was opened and closed."""
 
+    lost = 0
+
     def __init__(self, name: str, read: Read) -> None:
         self.name, self._read = name, read
         self.opened = self.closed = 0

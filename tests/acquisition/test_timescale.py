@@ -93,6 +93,8 @@ class SettableClock:
 class Talker:
     """A source that says a heading every hundredth of a second, stamped by the clock as it is."""
 
+    lost = 0
+
     name = "line"
 
     def __init__(self, clock: SettableClock) -> None:

@@ -1,0 +1,50 @@
+"""Sources on the network: nothing beyond this computer unless asked for, and the system's own drops are counted."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.sections import LiveSection, MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
+from acquisition.sources import network
+from acquisition.sources.network import UdpLines
+from tests.acquisition.conftest import free_port
+
+
+def test_nothing_listens_beyond_this_computer_unless_asked() -> None:
+    for kind in (UdpSource, TcpSource, MavlinkSource, MavlinkTcpSource, LiveSection):
+        address = next(field.default for name, field in kind.__dataclass_fields__.items() if name == "address")
+        assert getattr(address, "default", address) == "127.0.0.1"
+
+
+def test_what_the_system_drops_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that was sent was either read or counted, once a datagram has come through that tells the count."""
+    monkeypatch.setattr(network, "_BUFFER_BYTES", 4096)
+    port = free_port()
+    source = UdpLines(UdpSource(name="line", type="udp", port=port, channels=()))
+    source.open()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for number in range(1000):
+            sender.sendto(sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", port))
+        read = 0
+        while frames := source.read(0.1):
+            read += len(frames)
+        sender.sendto(sentence("HEHDT,1,T"), ("127.0.0.1", port))
+        read += len(source.read(0.5) or [])
+    source.close()
+    assert 0 < read < 1000
+    assert read + source.lost == 1001
+
+
+def test_datagrams_of_several_lines_and_of_half_a_line() -> None:
+    port = free_port()
+    source = UdpLines(UdpSource(name="line", type="udp", port=port, channels=()))
+    source.open()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for payload in (b"$A\r\n$B\r\n$C", b"$D", b"", b"\r\n", b"$E\r\n"):
+            sender.sendto(payload, ("127.0.0.1", port))
+        payloads = [frame.payload for frame in source.read(0.5) or []]
+    source.close()
+    assert payloads == [b"$A", b"$B", b"$C", b"$D", b"$E"]

@@ -1,0 +1,122 @@
+"""A week at sea in minutes: every frame of it through the recorder's threads, and what that does to its memory.
+
+Eight sentences a second, as fast as the recorder takes them, stamped with the week's own times; parts of 20 MB.
+Prints memory and open files on the way, and what was recorded. Run with the number of days:
+``python tests/benchmarks/recorder_soak.py 7``.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from acquisition import pipeline
+from acquisition.config import load_config
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.frames import Frame, now_ns
+from acquisition.pipeline import Recorder
+from acquisition.recording.parts import RecordingParts
+from acquisition.recording.reader import read_recording
+
+MESSAGES_HZ = 8
+BLOCK = 400
+CONFIGURATION = """
+[trial]
+name = "soak"
+origin = { latitude_deg = 63.44, longitude_deg = 10.40 }
+[recording]
+split_mb = 20
+[[source]]
+name = "line"
+type = "udp"
+port = 1
+channels = ["north_m", "east_m", "heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "wind_direction_deg",
+            "wind_speed_mps", "port_rpm", "port_angle_deg", "starboard_rpm", "starboard_angle_deg", "tunnel_rpm"]
+"""
+
+
+class Week:
+    """A source that says everything as fast as the recorder's inbox has room for it."""
+
+    lost = 0
+
+    lost = 0
+
+    name = "line"
+
+    def __init__(self, days: float) -> None:
+        self.wanted, self.said = int(days * 86_400 * MESSAGES_HZ), 0
+        self.started = now_ns()
+        self.recorder: Recorder | None = None
+
+    def open(self) -> None:
+        """Nothing to open."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        if self.said >= self.wanted:
+            return None
+        if self.recorder is None or len(self.recorder._inbox) > 4 * BLOCK:
+            time.sleep(0.001)
+            return []
+        frames = [self.frame(self.said + number) for number in range(BLOCK)]
+        self.said += BLOCK
+        return frames
+
+    def frame(self, number: int) -> Frame:
+        at_ns = number * 1_000_000_000 // MESSAGES_HZ
+        wave = number % 3600
+        texts = (
+            f"GPGGA,120000,6326.{wave:04d},N,01024.{wave:04d},E,4,12,0.6,0.0,M,0.0,M,,",
+            f"HEHDT,{wave / 10:.1f},T",
+            f"TIROT,{wave / 100 - 18:.2f},A",
+            f"VDVBW,,,V,{wave / 500:.3f},0.1,A,,V,,V",
+            f"WIMWD,{wave / 10:.1f},T,,M,10.0,N,5.1,M",
+            f"RCTRD,2,{wave / 20:.1f},R,,V,{wave / 10:.1f}",
+            f"RCTRD,4,{wave / 20:.1f},R,,V,{wave / 10:.1f}",
+            f"RCTRD,1,{wave / 20:.1f},R,,V,",
+        )
+        body = sentence(texts[number % len(texts)]).strip()
+        return Frame("line", "nmea0183", body, self.started[0] + at_ns, self.started[1] + at_ns)
+
+
+def state() -> str:
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return f"{pages * os.sysconf('SC_PAGE_SIZE') / 1e6:.1f} MB, {len(os.listdir('/proc/self/fd'))} open files"  # noqa: PTH208
+
+
+def main(days: float) -> None:
+    with tempfile.TemporaryDirectory() as scratch:
+        (Path(scratch) / "soak.toml").write_text(CONFIGURATION)
+        config = load_config(Path(scratch) / "soak.toml")
+        week = Week(days)
+        pipeline.make_source = lambda section: week  # type: ignore[assignment]
+        parts = RecordingParts(Path(scratch) / "out", config.trial, config.attachments, config.recording)
+        week.recorder = recorder = Recorder(config, parts)
+        started_s = time.monotonic()
+        recorder.start()
+        told = 0
+        while not recorder.ended:
+            time.sleep(0.5)
+            if week.said * 10 // week.wanted > told:
+                told = week.said * 10 // week.wanted
+                gc.collect()
+                print(f"{10 * told:3d} %  {time.monotonic() - started_s:5.0f} s  {state()}", flush=True)
+        recorder.stop()
+        parts.close()
+        dropped = recorder.health.sources["line"].dropped
+        recordings = [read_recording(path) for path in parts.paths]
+        recorded = sum(sum(each.raw.values()) for each in recordings)
+        span_days = (max(each.end_ns for each in recordings) - recordings[0].start_ns) / 86_400e9
+        print(f"said {week.said:,}, recorded {recorded:,}, dropped {dropped:,}; {len(parts.paths)} parts")
+        print(f"{span_days:.2f} days, all parts closed: {all(each.closed for each in recordings)}")
+
+
+if __name__ == "__main__":
+    main(float(sys.argv[1]) if len(sys.argv) > 1 else 7.0)
