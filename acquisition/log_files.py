@@ -32,7 +32,7 @@ def record_log_files(
     processing = Processing(config, parts, health)
     sources = [make_source(each) for each in config.sources]
     parts.tell = lambda level, text: processing.note(text, now_ns, level)
-    now_ns = 0
+    now_ns = time.time_ns()  # until a log tells another
     try:
         for source in sources:
             source.open()

@@ -1,0 +1,171 @@
+"""Log files to a recording: merged by their own times, which they keep, and counted in them."""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from acquisition.config import TrialConfig, load_config
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.errors import ConfigurationError, SourceError
+from acquisition.record import record
+from acquisition.recording.messages import frame_of
+from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.recording.schemas import RAW_PREFIX
+from seatrial import app
+from tests.acquisition.can_frames import identifier_of
+from tests.acquisition.conftest import free_port
+
+SECOND = 1_000_000_000
+START_NS = 1_779_019_200 * SECOND
+TAGGED = 'type = "file"\npath = "bridge.log"\n'
+CANDUMP = 'type = "can_file"\npath = "bus.log"\n'
+
+
+def tagged(time_ns: int, body: str) -> bytes:
+    """A sentence with the time at which a gateway received it, in ms."""
+    tag = sentence(f"c:{time_ns // 1_000_000}").strip()[1:]
+    return b"\\" + tag + b"\\" + sentence(body)
+
+
+def candump(time_ns: int, rate_dps: float, address: int = 35) -> str:
+    rate = round(radians(rate_dps) * 32e6).to_bytes(4, "little", signed=True)
+    frame = f"{identifier_of(127251, address):08X}#00{rate.hex().upper()}FFFFFF"
+    return f"({time_ns / SECOND:.6f}) can0 {frame}\n"
+
+
+def write_logs(folder: Path, seconds: float = 4.0) -> tuple[list[int], list[int]]:
+    """The heading in a sentence every 200 ms, the rate of turn in a frame every 70 ms; returns their times [ns]."""
+    said = [START_NS + number * 200_000_000 for number in range(round(seconds / 0.2))]
+    sent = [START_NS + 10_000_000 + number * 70_000_000 for number in range(round(seconds / 0.07))]
+    sentences = [tagged(time_ns, f"HEHDT,{number}.0,T") for number, time_ns in enumerate(said)]
+    (folder / "bridge.log").write_bytes(b"".join(sentences))
+    (folder / "bus.log").write_text("".join(candump(time_ns, number / 10) for number, time_ns in enumerate(sent)))
+    return said, sent
+
+
+def config_of(folder: Path, *sections: str, more: str = "") -> TrialConfig:
+    channels = '["heading_deg", "yaw_rate_dps"]'
+    sources = "".join(
+        f'[[source]]\nname = "source{number}"\nchannels = {channels}\n{section}'
+        for number, section in enumerate(sections)
+    )
+    (folder / "trial.toml").write_text(f'[trial]\nname = "logs"\n{sources}{more}')
+    return load_config(folder / "trial.toml")
+
+
+def test_two_logs_are_merged_and_keep_their_own_times(tmp_path: Path) -> None:
+    said, sent = write_logs(tmp_path)
+    (path,), health = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
+    recording = read_recording(path)
+    assert recording.closed
+    heading, rate = recording.series["heading_deg"], recording.series["yaw_rate_dps"]
+    assert heading.received_ns.tolist() == heading.measured_ns.tolist() == said
+    assert rate.received_ns.tolist() == rate.measured_ns.tolist() == sent
+    assert heading.value.tolist() == list(range(len(said)))
+    assert rate.value == pytest.approx(np.arange(len(sent)) / 10, abs=1e-5)
+    assert (heading.sources, rate.sources) == (("source0/HE:HDT",), ("source1/35:127251",))
+    assert recording.raw == {"/raw/nmea0183/source0": len(said), "/raw/can/source1": len(sent)}
+    assert [each.frames for each in health.sources.values()] == [len(said), len(sent)]
+    assert {each.state for each in health.sources.values()} == {"ended"}
+
+
+def test_the_recording_is_in_the_order_of_the_logs_times(tmp_path: Path) -> None:
+    """Its raw messages, its monotonic times, and the events that begin and end it."""
+    said, sent = write_logs(tmp_path)
+    (path,), _ = record(config_of(tmp_path, CANDUMP, TAGGED), tmp_path / "out")
+    entries = [entry for entry in MessageStream(path) if entry.topic.startswith(RAW_PREFIX)]
+    frames = [frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns) for entry in entries]
+    assert [frame.received_ns for frame in frames] == sorted(said + sent)
+    assert [frame.monotonic_ns for frame in frames] == sorted(said + sent)
+    events = read_recording(path).events
+    assert events[0] == (said[0], "recording started, from log files")
+    assert events[-1] == (max(said + sent), "recording stopped")
+
+
+def test_duration_counts_in_the_logs_time(tmp_path: Path) -> None:
+    """The last moment belongs to it, and it takes much less time than it counts."""
+    said, sent = write_logs(tmp_path, seconds=4.0)
+    (path,), _ = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out", duration_s=2.0)
+    recording = read_recording(path)
+    until_ns = START_NS + 2 * SECOND
+    assert recording.series["heading_deg"].received_ns.tolist() == [each for each in said if each <= until_ns]
+    assert recording.series["yaw_rate_dps"].received_ns.tolist() == [each for each in sent if each <= until_ns]
+    assert recording.closed
+
+
+def test_a_stop_keeps_what_was_read(tmp_path: Path) -> None:
+    write_logs(tmp_path)
+    stop = threading.Event()
+    stop.set()
+    (path,), _ = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out", stop=stop)
+    recording = read_recording(path)
+    assert recording.closed
+    assert recording.raw == {}
+
+
+def test_live_and_file_sources_do_not_mix(tmp_path: Path) -> None:
+    live = f'type = "udp"\nport = {free_port()}\n'
+    with pytest.raises(ConfigurationError, match="source0 are log files, other sources are live"):
+        config_of(tmp_path, TAGGED, live)
+    assert (tmp_path / "trial.toml").exists()
+    result = CliRunner().invoke(app, ["record", str(tmp_path / "trial.toml"), "-o", str(tmp_path / "out")])
+    assert isinstance(result.exception, ConfigurationError)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("missing", ["bridge.log", "bus.log"])
+def test_a_missing_file_leaves_nothing_behind(tmp_path: Path, missing: str) -> None:
+    """Whether it is the first or the last of the files."""
+    write_logs(tmp_path)
+    (tmp_path / missing).unlink()
+    with pytest.raises(SourceError, match=rf"{missing} cannot be opened: No such file.*correct `path`"):
+        record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_long_file_is_one_part_and_complete(tmp_path: Path) -> None:
+    """Ten thousand lines at 10 Hz are a quarter of an hour, read in a second or two."""
+    count = 10_000
+    lines = (tagged(START_NS + number * 100_000_000, f"HEHDT,{number % 360}.0,T") for number in range(count))
+    (tmp_path / "bridge.log").write_bytes(b"".join(lines))
+    paths, health = record(
+        config_of(tmp_path, TAGGED, more="[recording]\nsplit_minutes = 10.0\n"), tmp_path / "out"
+    )
+    assert len(paths) == 1
+    recording = read_recording(paths[0])
+    assert recording.closed
+    assert recording.series["heading_deg"].value.tolist() == [number % 360 for number in range(count)]
+    assert recording.end_ns - recording.start_ns == (count - 1) * 100_000_000
+    assert health.sources["source0"].rejected == health.sources["source0"].dropped == 0
+
+
+def test_an_empty_file_makes_a_recording_of_today(tmp_path: Path) -> None:
+    (tmp_path / "bridge.log").touch()
+    before_ns = time.time_ns()
+    (path,), _ = record(config_of(tmp_path, TAGGED), tmp_path / "out")
+    recording = read_recording(path)
+    assert recording.closed
+    assert [text for _, text in recording.events] == ["recording stopped"]
+    assert recording.start_ns >= before_ns
+
+
+@pytest.mark.shared
+def test_a_real_log_keeps_every_frame(shared_data: Path, tmp_path: Path) -> None:
+    """As a plain look at its lines finds them, which is not our reader."""
+    log = shared_data / "nmea2000" / "candumpSample1.txt"
+    lines = re.findall(r"^<0x([0-9a-f]{8})> \[\d\] ((?:[0-9a-f]{2} ?)*)", log.read_text(), re.MULTILINE)
+    (path,), _ = record(config_of(tmp_path, f'type = "can_file"\npath = "{log}"\n'), tmp_path / "out")
+    entries = [entry for entry in MessageStream(path) if entry.topic.startswith(RAW_PREFIX)]
+    frames = [frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns) for entry in entries]
+    assert len(frames) > 1_000
+    assert [(frame.identifier, frame.payload) for frame in frames] == [
+        (int(identifier, 16), bytes.fromhex(data)) for identifier, data in lines
+    ]
