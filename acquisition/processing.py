@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from acquisition.config import TrialConfig
 from acquisition.decoders import Decoder, make_decoders
@@ -13,11 +13,29 @@ from acquisition.health import Health
 from acquisition.recording.messages import MessageSink
 from acquisition.select import Selector
 
+_EVENTS_A_MINUTE = 30
 DECODED = "decoding"
 """The name of events that decoding brings forth, and would bring forth again."""
 LOG = logging.getLogger("seatrial")
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 _POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
+
+
+@dataclass(slots=True)
+class _Allowance:
+    """How many events a source may still bring forth in this minute."""
+
+    until_ns: int = 0
+    left: int = _EVENTS_A_MINUTE
+    left_out: int = 0
+
+    def allows(self, now_ns: int) -> bool:
+        """Take one event from what is left of this minute; count it if nothing is."""
+        if now_ns >= self.until_ns:
+            self.until_ns, self.left = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
+        self.left -= 1
+        self.left_out += self.left < 0
+        return self.left >= 0
 
 
 class Processing:
@@ -35,19 +53,23 @@ class Processing:
             config.magnetic_variation_deg,
         )
         self._selector = Selector(config.sources)
+        self._in_storm: set[str] = set()
+        self._allowances = {each.name: _Allowance() for each in config.sources}
 
     def process(self, frame: Frame) -> None:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)
+        if self._in_storm:
+            self._end_storm(frame)
         decoders, health = self._decoders[frame.origin], self._health.sources[frame.origin]
         for decoder in decoders:
             for group in self._decoded(decoder, frame):
                 samples, impossible = self._derivation.channels(group)
                 health.impossible += impossible
-                self._record(samples, frame.received_ns)
+                self._record(samples, frame)
             while decoder.notices:
                 level, text = decoder.notices.popleft()
-                self.note(f"{frame.origin}: {text}", frame.received_ns, level, DECODED)
+                self._tell(frame, f"{frame.origin}: {text}", level)
         health.refused = sum(each.refused.total() for each in decoders)
 
     def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
@@ -61,12 +83,12 @@ class Processing:
             decoder.refused["decoder failed"] += 1
             return []
 
-    def _record(self, samples: list[Sample], received_ns: int) -> None:
+    def _record(self, samples: list[Sample], frame: Frame) -> None:
         admitted = []
         for sample in samples:
             accepted, change = self._selector.admit(sample)
             if change:
-                self.note(change, received_ns, "warning", DECODED)
+                self._tell(frame, change, "warning")
             if accepted:
                 self._writer.write_sample(sample)
                 self._health.saw(sample)
@@ -75,7 +97,7 @@ class Processing:
         if not _POSITION.isdisjoint(admitted):
             self._record_position({each.quantity: each for each in samples})
         if self._derivation.origin != self._trial.origin:
-            self._keep_origin(received_ns)
+            self._keep_origin(frame.received_ns)
 
     def _record_position(self, samples: dict[str, Sample]) -> None:
         """The fix for the map, from the source that the position channels come from."""
@@ -92,6 +114,22 @@ class Processing:
         self._writer.write_trial(self._trial)
         text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
         self.note(text, received_ns, "info", DECODED)
+
+    def _tell(self, frame: Frame, text: str, level: str) -> None:
+        """Note what decoding told, within what a source may tell: rubbish can look like news without end."""
+        if self._allowances[frame.origin].allows(frame.monotonic_ns):
+            self.note(text, frame.received_ns, level, DECODED)
+        else:
+            self._in_storm.add(frame.origin)
+
+    def _end_storm(self, frame: Frame) -> None:
+        """Once the source may tell something again: how much it could not."""
+        allowance = self._allowances[frame.origin]
+        if frame.origin in self._in_storm and frame.monotonic_ns >= allowance.until_ns:
+            self._in_storm.remove(frame.origin)
+            text = f"{frame.origin}: {allowance.left_out:,} more events were left out"
+            self.note(text, frame.received_ns, "warning", DECODED)
+            allowance.left_out = 0
 
     def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
         """Put a line into the recording's event log and the display."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import orjson
@@ -24,6 +24,8 @@ from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import Entry, MessageStream
 from acquisition.recording.schemas import EVENT_TOPIC, RAW_PREFIX
 from acquisition.recording.writer import RecordingWriter
+
+_FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
 
 Progress = Callable[[float], None]
 
@@ -69,7 +71,7 @@ def redecode(
 def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
     """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
     stream = MessageStream(path)
-    next(iter(stream), None)
+    next(iter(stream), None)  # a part says at its beginning what is known by then
     text = stream.attachments.get(CONFIGURATION)
     if text is None:
         raise InputError(
@@ -80,14 +82,21 @@ def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
         if name.endswith(".dbc"):
             files[name.removesuffix(".dbc")] = scratch / f"{len(files)}.dbc"
             files[name.removesuffix(".dbc")].write_bytes(data)
-    return parse_config(text.decode("utf-8", "replace"), path, files)
+    config = parse_config(text.decode("utf-8", "replace"), path, files)
+    if config.trial.origin is None and stream.trial.origin is not None:  # a fix in an earlier part became it
+        known = stream.trial.origin
+        origin = {"origin_latitude_deg": known[0], "origin_longitude_deg": known[1]}
+        return replace(config, trial=replace(config.trial, **origin))
+    return config
 
 
 def _decode_all(paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress) -> Redecoded:
     result = Redecoded(health_of(config))
     processing = Processing(config, writer, result.health)
     last_ns = 0
-    for entry in _entries(paths, progress):
+    for number, entry in enumerate(_entries(paths, progress), start=1):
+        if number % _FLUSH_EVERY == 0:
+            writer.flush()
         last_ns = max(last_ns, entry.log_ns)
         if entry.topic.startswith(RAW_PREFIX):
             frame = _frame(entry, paths)

@@ -8,6 +8,7 @@ from acquisition.frames import Sample
 from acquisition.sections import AnySource, CanFrames
 
 SILENT_NS = 2_500_000_000
+_MOST_RANKS = 10_000
 
 # What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as
 # often as 129029, LOCAL_POSITION_NED has the finer speeds, GGA tells whether there is a fix at all.
@@ -73,6 +74,10 @@ class Selector:
     def _rank(self, source: str, quantity: str) -> Rank | None:
         key = source, quantity
         if key not in self._ranks:
+            if (
+                len(self._ranks) >= _MOST_RANKS
+            ):  # sources are named by what comes off the wire: there is no end to them
+                self._ranks.clear()
             self._ranks[key] = self._work_out_rank(source, quantity)
         return self._ranks[key]
 

@@ -12,6 +12,7 @@ from acquisition.decoders import Notices
 from acquisition.sections import Device
 
 _NO_ADDRESS = 254  # claimed by a device that found none free
+_MOST_NAMES = 512  # a bus has 252 addresses; more NAMEs than this are noise that looks like claims
 
 _LEADS_TO = {
     "latitude_deg": {"north_m", "east_m", "longitude_deg"},
@@ -69,6 +70,8 @@ class BusDevices:
             self._leave(former_address)
         if address == _NO_ADDRESS:
             self._lose_label(name)
+            return False
+        if name not in self._label_of and len(self._label_of) >= _MOST_NAMES:
             return False
         return self._take(address, name, former_address)
 

@@ -39,6 +39,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIXED_BYTES = 2 + 4 + 8 + 8
 _FOOTER_HEAD = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
+_CHUNKS_TO_NEXT_DEFINITIONS = 300
 
 
 class Stream(Protocol):
@@ -63,8 +64,8 @@ class McapFile:
     """An MCAP file being written to ``stream``, whose errors pass through.
 
     Times are ns since 1970 and must be 0 or more. A definition (schema, channel) stands in the chunk that first
-    uses it, where a checksum guards it, and once more behind that chunk, so that no damage to a single chunk
-    makes the others unreadable.
+    uses it, where a checksum guards it, once more behind that chunk, and again in a chunk every minute or so: no
+    damage to one place makes the others unreadable.
     """
 
     def __init__(self, stream: Stream, library: str, chunk_bytes: int) -> None:
@@ -171,7 +172,8 @@ class McapFile:
         self._stream.write(bytes(summary) + serialised(footer) + MAGIC)
 
     def _begin_chunk(self) -> None:
-        self._chunk = bytearray()
+        due = len(self._indexes[Opcode.CHUNK_INDEX]) % _CHUNKS_TO_NEXT_DEFINITIONS == 0
+        self._chunk = bytearray(b"".join(self._schemas + self._channels) if due else b"")
         self._index: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
 
     def _define(self, record: Schema | Channel) -> bytes:

@@ -210,3 +210,20 @@ def test_the_picture_fits_its_terminal(width: int, height: int, process: Process
     for name in ("starboard_angle_deg", "wind_direction_deg"):
         assert any(line.startswith(name) for line in lines)
     assert ("event 9" in captured.get()) == (height > 20)
+
+
+def test_a_storm_of_claims_does_not_fill_the_event_log(tmp_path: Path) -> None:
+    """What looks like a bus of a thousand devices that fight for one address: the first events, and a count."""
+    text = '[trial]\nname = "storm"\n[[source]]\nname = "bus"\ntype = "can"\ninterface = "virtual"\nchannel = "x"\n'
+    (tmp_path / "trial.toml").write_text(text + 'channels = ["heading_deg"]\n')
+    config = load_config(tmp_path / "trial.toml")
+    health = Health({"bus": SourceHealth("bus")})
+    with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
+        processing = Processing(config, writer, health)
+        for number in range(3000):
+            at_ns = START_NS + number * 30_000_000
+            payload = (0xC000_0000_0000_0000 + number).to_bytes(8, "little")
+            processing.process(Frame("bus", "can", payload, at_ns, at_ns, 0x18EEFF23))
+    texts = [text for _, text in read_recording(tmp_path / "x.mcap").events]
+    assert 30 < len(texts) <= 61
+    assert sum("events were left out" in text for text in texts) == 1

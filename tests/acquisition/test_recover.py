@@ -658,3 +658,19 @@ def test_info_names_the_remedy(tmp_path: Path, larger: Original) -> None:
     (tmp_path / "bad.mcap").write_bytes(flipped(larger.data, (larger.spans[9][0] + 90, 1)))
     with pytest.raises(InputError, match=r"is damaged near byte \d+.*seatrial recover"):
         read_recording(tmp_path / "bad.mcap")
+
+
+def test_a_file_whose_beginning_is_gone_gives_back_what_follows_the_next_definitions(tmp_path: Path) -> None:
+    """Killed after a minute or two, and the first page of the file erased: topics are defined anew now and then."""
+    path = tmp_path / "long.mcap"
+    writer = RecordingWriter(path, Trial(name="long"))
+    for number in range(650):
+        writer.write_sample(Sample("north_m", float(number), "x", 1_790_000_000_000_000_000 + number, 0, number))
+        writer.flush()
+    data = bytearray(path.read_bytes())
+    data[:4096] = bytes(4096)
+    path.write_bytes(data)
+    recover(path, tmp_path / "saved.mcap")
+    values = read_recording(tmp_path / "saved.mcap").series["north_m"].value
+    assert values[-1] == 649.0
+    assert len(values) >= 630  # the definitions in a later chunk name those before it too

@@ -44,8 +44,6 @@ class Week:
 
     lost = 0
 
-    lost = 0
-
     name = "line"
 
     def __init__(self, days: float) -> None:
