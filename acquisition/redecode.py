@@ -20,6 +20,7 @@ from acquisition.frames import Frame
 from acquisition.health import Health
 from acquisition.pipeline import health_of
 from acquisition.processing import DECODED, Processing
+from acquisition.recording.beginning import trial_at_beginning
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import Entry, MessageStream
 from acquisition.recording.schemas import EVENT_TOPIC, RAW_PREFIX
@@ -71,7 +72,7 @@ def redecode(
 def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
     """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
     stream = MessageStream(path)
-    next(iter(stream), None)  # a part says at its beginning what is known by then
+    next(iter(stream), None)
     text = stream.attachments.get(CONFIGURATION)
     if text is None:
         raise InputError(
@@ -82,12 +83,17 @@ def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
         if name.endswith(".dbc"):
             files[name.removesuffix(".dbc")] = scratch / f"{len(files)}.dbc"
             files[name.removesuffix(".dbc")].write_bytes(data)
-    config = parse_config(text.decode("utf-8", "replace"), path, files)
-    if config.trial.origin is None and stream.trial.origin is not None:  # a fix in an earlier part became it
-        known = stream.trial.origin
-        origin = {"origin_latitude_deg": known[0], "origin_longitude_deg": known[1]}
-        return replace(config, trial=replace(config.trial, **origin))
-    return config
+    return _on_the_same_plane(parse_config(text.decode("utf-8", "replace"), path, files), path)
+
+
+def _on_the_same_plane(config: TrialConfig, path: Path) -> TrialConfig:
+    """With the origin that a fix in an earlier part of the recording gave it, if there was one."""
+    known = trial_at_beginning(path)
+    if config.trial.origin is not None or known.origin is None:
+        return config
+    latitude_deg, longitude_deg = known.origin
+    trial = replace(config.trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
+    return replace(config, trial=trial)
 
 
 def _decode_all(paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress) -> Redecoded:
