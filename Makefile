@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow lint types benchmark check clean
+.PHONY: help install demo test test-slow lint types benchmark load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ :/' | column -t -s:
@@ -35,6 +35,17 @@ types: $(STAMP)  ## mypy, strict
 
 benchmark: $(STAMP) ## speeds as ratios, printed and never asserted
 	for file in tests/benchmarks/*_speed.py; do $(BIN)/python $$file; done
+
+load: $(STAMP)   ## ten minutes of a saturated bus, a busy line and an autopilot: losses, CPU, memory
+	$(BIN)/python tests/benchmarks/recorder_load.py 600
+
+soak: $(STAMP)   ## a week at sea through the recorder, in some ten minutes: memory and open files
+	$(BIN)/python tests/benchmarks/recorder_soak.py 7
+
+fuzz: $(STAMP)   ## every decoder and recovery against bytes found by coverage, ten minutes each
+	$(BIN)/python -m pip install --quiet atheris
+	for name in nmea2000 dbc nmea0183 mavlink recover; do \
+	  $(BIN)/python tests/fuzz/fuzz_$$name.py -max_total_time=600 -rss_limit_mb=300 || exit 1; done
 
 check: lint types test ## what CI runs
 

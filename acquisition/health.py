@@ -124,7 +124,10 @@ class Health:
     def saw(self, sample: Sample) -> None:
         """A sample was recorded."""
         self.samples += 1
-        self.channels.setdefault(sample.quantity, ChannelHealth()).saw(sample)
+        channel = self.channels.get(sample.quantity)
+        if channel is None:
+            channel = self.channels[sample.quantity] = ChannelHealth()
+        channel.saw(sample)
 
     @property
     def seconds_left(self) -> float | None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType
 
 from acquisition.config import TrialConfig
-from acquisition.errors import SourceError, StorageError
+from acquisition.errors import ConfigurationError, SourceError, StorageError
 from acquisition.health import Health
 from acquisition.housekeeping import clock_metadata
 from acquisition.live import keys, terminal
@@ -41,7 +41,8 @@ def record(
     """Record until ``stop`` is set, ``duration_s`` is over, or every source has ended.
 
     Returns the recording's parts and what was seen. Raises :class:`SourceError` when no source at all can be
-    opened (no file is left behind then), :class:`StorageError` when the disk fails and messages are lost.
+    opened, :class:`ConfigurationError` for what only a decoder can find wrong (no file is left behind then),
+    :class:`StorageError` when the disk fails and messages are lost.
     """
     stop = stop or threading.Event()
     with log_to(sys.stderr, log_format) if not sys.stderr.isatty() else nullcontext():
@@ -56,12 +57,12 @@ def _record_live(
     scale = Timescale.of_now()
     clock = clock_metadata(scale)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
-    recorder = Recorder(config, parts, scale)
     with ExitStack() as stack:
         stack.callback(parts.close)
         try:
+            recorder = Recorder(config, parts, scale)
             recorder.start()
-        except SourceError:
+        except (ConfigurationError, SourceError):
             stack.pop_all()
             parts.discard()
             raise
@@ -86,13 +87,16 @@ def _record_files(
 ) -> tuple[list[Path], Health]:
     health = health_of(config)
     parts = RecordingParts(folder, config.trial, config.attachments, config.recording)
-    try:
-        LOG.info("recording to %s", parts.path)
-        record_log_files(config, parts, health, duration_s, stop)
-    except SourceError:
-        parts.discard()
-        raise
-    parts.close()
+    with ExitStack() as stack:
+        stack.callback(parts.close)
+        try:
+            LOG.info("recording to %s", parts.path)
+            record_log_files(config, parts, health, duration_s, stop)
+        except (ConfigurationError, SourceError):
+            if not any(source.frames for source in health.sources.values()):
+                stack.pop_all()
+                parts.discard()
+            raise
     return parts.paths, health
 
 

@@ -303,8 +303,9 @@ class TrialSection(RunSheet):
 class RecordingSection:
     """How often what was received is handed to the system (flush) and forced onto the disk (sync).
 
-    A new part begins after ``split_minutes`` or ``split_mb``. Writing stops, with the file closed well, when less
-    than ``reserve_mb`` is free on the disk (unless given: a twentieth of the disk, at most 200 MB).
+    ``queue_frames`` is how many frames of each source may wait for the disk. A new part begins after
+    ``split_minutes`` or ``split_mb``. Writing stops, with the file closed well, when less than ``reserve_mb`` is
+    free on the disk (unless given: a twentieth of the disk, at most 200 MB).
     """
 
     flush_s: FinitePositive = 0.2

@@ -26,7 +26,6 @@ from mcap.records import (
     Footer,
     Header,
     McapRecord,
-    MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
@@ -36,7 +35,9 @@ from mcap.records import (
 
 MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
-_MESSAGE_FIXED_BYTES = 2 + 4 + 8 + 8
+_MESSAGE_CODE = int(Opcode.MESSAGE)
+_FIXED_BYTES = 2 + 4 + 8 + 8
+_INDEX = struct.Struct("<BQHI")
 _FOOTER_HEAD = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
 _CHUNKS_TO_NEXT_DEFINITIONS = 300
@@ -99,13 +100,11 @@ class McapFile:
 
     def add_message(self, channel_id: int, log_ns: int, data: bytes, publish_ns: int, sequence: int) -> None:
         """Add a message to the chunk in progress, which ends when it is large enough."""
-        self._index[channel_id].append((log_ns, len(self._chunk)))
-        self._chunk += _MESSAGE.pack(
-            Opcode.MESSAGE, _MESSAGE_FIXED_BYTES + len(data), channel_id, sequence, log_ns, publish_ns
-        )
-        self._chunk += data
-        self._counts[channel_id] += 1
-        if len(self._chunk) > self._chunk_bytes:
+        chunk = self._chunk
+        self._index[channel_id] += log_ns, len(chunk)
+        chunk += _MESSAGE.pack(_MESSAGE_CODE, _FIXED_BYTES + len(data), channel_id, sequence, log_ns, publish_ns)
+        chunk += data
+        if len(chunk) > self._chunk_bytes:
             self.end_chunk()
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
@@ -132,8 +131,8 @@ class McapFile:
         """Write the chunk in progress, if it holds a message."""
         if not self._index:
             return
-        times = [time_ns for entries in self._index.values() for time_ns, _ in entries]
-        start_ns, end_ns = min(times), max(times)
+        start_ns = min(min(places[::2]) for places in self._index.values())
+        end_ns = max(max(places[::2]) for places in self._index.values())
         chunk = Chunk(
             compression="zstd",
             data=self._compressor.compress(bytes(self._chunk)),
@@ -174,7 +173,7 @@ class McapFile:
     def _begin_chunk(self) -> None:
         due = len(self._indexes[Opcode.CHUNK_INDEX]) % _CHUNKS_TO_NEXT_DEFINITIONS == 0
         self._chunk = bytearray(b"".join(self._schemas + self._channels) if due else b"")
-        self._index: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+        self._index: defaultdict[int, list[int]] = defaultdict(list)  # time, place, time, place ...
 
     def _define(self, record: Schema | Channel) -> bytes:
         data = serialised(record)
@@ -188,7 +187,9 @@ class McapFile:
         places: dict[int, int] = {}
         for channel_id, entries in self._index.items():
             places[channel_id] = self._stream.tell()
-            self._stream.write(serialised(MessageIndex(channel_id=channel_id, records=entries)))
+            head = _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(entries), channel_id, 8 * len(entries))
+            self._stream.write(head + struct.pack(f"<{len(entries)}Q", *entries))
+            self._counts[channel_id] += len(entries) // 2
         index = ChunkIndex(
             message_start_time=chunk.message_start_time,
             message_end_time=chunk.message_end_time,

@@ -31,8 +31,7 @@ class RecordingWriter(MessageSink):
     def __init__(self, path: Path | str, trial: Trial, attachments: Mapping[str, bytes] | None = None) -> None:
         self.path = Path(path)
         self.messages = 0
-        self._topics: dict[str, int] = {}
-        self._sequences: dict[str, int] = {}
+        self._topics: dict[str, list[int]] = {}  # number of the channel, and of its last message
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             self._file = CommittedFile(self.path)
@@ -63,9 +62,11 @@ class RecordingWriter(MessageSink):
         return not self._file.closed and self._file.vanished
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
-        channel_id = self._topics.get(topic) or self._register(topic)
-        sequence = self._sequences[topic] = (self._sequences[topic] + 1) % 2**32
-        self._mcap.add_message(channel_id, max(log_ns, 0), data, max(publish_ns, 0), sequence)
+        channel = self._topics.get(topic) or self._register(topic)
+        channel[1] += 1
+        if log_ns < 0 or publish_ns < 0:  # a clock before 1970; the format has no such times
+            log_ns, publish_ns = max(log_ns, 0), max(publish_ns, 0)
+        self._mcap.add_message(channel[0], log_ns, data, publish_ns, channel[1] & 0xFFFFFFFF)
         self.messages += 1
 
     def write_trial(self, trial: Trial) -> None:
@@ -116,11 +117,10 @@ class RecordingWriter(MessageSink):
         self._mcap.end_chunk()
         self._file.flush()
 
-    def _register(self, topic: str) -> int:
+    def _register(self, topic: str) -> list[int]:
         name, text = schema_of(topic)
         schema_id = self._mcap.register_schema(name, "jsonschema", text)
-        self._topics[topic] = self._mcap.register_channel(topic, "json", schema_id)
-        self._sequences[topic] = 0
+        self._topics[topic] = [self._mcap.register_channel(topic, "json", schema_id), 0]
         return self._topics[topic]
 
     def _guarded(self, call: Callable[[], Any]) -> None:

@@ -15,13 +15,16 @@ from typer.testing import CliRunner
 from acquisition.config import TrialConfig, load_config
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.errors import ConfigurationError, SourceError
+from acquisition.frames import Frame
 from acquisition.record import record
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
+from acquisition.sources import logfile
+from acquisition.sources.logfile import LogFile
 from seatrial import app
 from tests.acquisition.can_frames import identifier_of
-from tests.acquisition.conftest import free_port
+from tests.acquisition.conftest import DBC, free_port
 
 SECOND = 1_000_000_000
 START_NS = 1_779_019_200 * SECOND
@@ -129,6 +132,40 @@ def test_a_missing_file_leaves_nothing_behind(tmp_path: Path, missing: str) -> N
     with pytest.raises(SourceError, match=rf"{missing} cannot be opened: No such file.*correct `path`"):
         record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize("section", [CANDUMP, 'type = "can"\ninterface = "virtual"\nchannel = "x"\n'])
+def test_a_signal_that_the_dbc_file_does_not_have_leaves_nothing_behind(tmp_path: Path, section: str) -> None:
+    """Only the decoder finds out, when the recording is about to begin; of log files and of a live bus."""
+    write_logs(tmp_path)
+    signal = 'heading_deg = { message = "PortAzimuth", signal = "Direction", unit = "deg" }\n'
+    config = config_of(tmp_path, f'{section}dbc = "{DBC}"\n[source.signals]\n{signal}')
+    with pytest.raises(ConfigurationError, match=r"has no signal PortAzimuth\.Direction; it has PortAzimuth"):
+        record(config, tmp_path / "out", duration_s=0.1)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_file_that_fails_on_the_way_keeps_what_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk's bad sector, say: an error, and a recording that is closed well and holds all that came before."""
+    monkeypatch.setattr(logfile, "_BLOCK_BYTES", 128)
+    blocks, read = iter(range(3)), LogFile.read
+
+    def failing(self: LogFile, timeout_s: float) -> list[Frame] | None:
+        if next(blocks, None) is None:
+            raise SourceError("file failed")
+        return read(self, timeout_s)
+
+    monkeypatch.setattr(LogFile, "read", failing)
+    said, _ = write_logs(tmp_path)
+    with pytest.raises(SourceError, match="file failed"):
+        record(config_of(tmp_path, TAGGED), tmp_path / "out")
+    (path,) = (tmp_path / "out").iterdir()
+    recording = read_recording(path)
+    assert recording.closed
+    assert 0 < recording.series["heading_deg"].value.size < len(said)
+    assert (
+        recording.series["heading_deg"].received_ns.tolist() == said[: recording.series["heading_deg"].value.size]
+    )
 
 
 def test_a_long_file_is_one_part_and_complete(tmp_path: Path) -> None:
