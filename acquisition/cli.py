@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -72,6 +73,9 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
     from acquisition.live.terminal import missing, summary
 
     typer.echo(summary(health, paths), err=True)
+    for _, level, text in health.events:  # the table that showed them is gone
+        if level == "error" and sys.stderr.isatty():
+            typer.echo(f"error: {text}", err=True)
     silent = missing(health.channels, frozenset(name for each in trial.sources for name in each.channels))
     if silent:
         typer.echo(f"warning: nothing came of {', '.join(silent)}", err=True)
@@ -172,9 +176,11 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a recording."""
-    from acquisition.info import describe
+    from acquisition.info import describe_recording
+    from acquisition.recording.reader import read_recording
 
-    found = describe(file)
+    recording = read_recording(file)
+    found = describe_recording(recording)
     if as_json:
         typer.echo(json.dumps(found))
         return
@@ -189,6 +195,9 @@ def info(
     console.print(f"{found['duration_s']:.1f} s, {found['messages']:,} messages", **_AS_IT_IS)
     for key, value in found["trial"].items():
         console.print(f"{key.replace('_', ' ')}: {value}", style="dim", **_AS_IT_IS)
+    part = recording.metadata.get("part", {})
+    if part.get("follows"):
+        console.print(f"part {part['number']}, follows {part['follows']}: {part['reason']}", **_AS_IT_IS)
     console.print(_channel_table(found["channels"]))
     for topic, count in found["raw"].items():
         console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)

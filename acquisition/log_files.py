@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import heapq
+import logging
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from operator import attrgetter
 
 from acquisition.config import TrialConfig
 from acquisition.frames import Frame
 from acquisition.health import Health
+from acquisition.info import iso
 from acquisition.processing import Processing
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source
 
 _CHORES_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
+_TELL_EVERY_S = 5.0
+_POLL_S = 0.2
+LOG = logging.getLogger("seatrial")
 
 
 def record_log_files(
@@ -29,35 +35,55 @@ def record_log_files(
 
     ``duration_s`` counts in the files' own time. Raises :class:`SourceError` for a file that cannot be read.
     """
-    processing = Processing(config, parts, health)
-    sources = [make_source(each) for each in config.sources]
-    parts.tell = lambda level, text: processing.note(text, now_ns, level)
-    now_ns = time.time_ns()  # until a log tells another
-    try:
+    with ExitStack() as stack:
+        sources = [make_source(each) for each in config.sources]
         for source in sources:
             source.open()
-        until_ns: float = float("inf")
-        merged = heapq.merge(*(_frames(source, health) for source in sources), key=attrgetter("received_ns"))
-        for number, frame in enumerate(merged):
-            now_ns = frame.received_ns
-            if number == 0:
-                processing.note("recording started, from log files", now_ns)
-                until_ns = now_ns + (float("inf") if duration_s is None else duration_s * 1e9)
-            if now_ns > until_ns or (stop is not None and stop.is_set()):
-                break
-            processing.process(frame)
-            if number % _CHORES_EVERY == _CHORES_EVERY - 1:
-                parts.sync()
-                parts.look_after(time.monotonic())
+            stack.callback(source.close)
+        reading = _Reading(Processing(config, parts, health), parts, stop or threading.Event())
+        frames = heapq.merge(*(_frames(source, health) for source in sources), key=attrgetter("received_ns"))
+        reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
             if unreadable := getattr(source, "unreadable", 0):
-                processing.note(
-                    f"{source.name}: {unreadable:,} lines of the log could not be read", now_ns, "warning"
-                )
-        processing.note("recording stopped", now_ns)
-    finally:
-        for source in sources:
-            source.close()
+                reading.tell("warning", f"{source.name}: {unreadable:,} lines of the log could not be read")
+        reading.tell("info", "recording stopped")
+
+
+class _Reading:
+    """Frames of logs on their way into a recording; ``now_ns`` is how far the logs have come."""
+
+    def __init__(self, processing: Processing, parts: RecordingParts, stop: threading.Event) -> None:
+        self._processing, self._parts, self._stop = processing, parts, stop
+        self.now_ns = time.time_ns()  # until a log tells another
+        self._told_s = time.monotonic()
+        parts.tell = self.tell
+
+    def tell(self, level: str, text: str) -> None:
+        """Put an event into the recording, at the time that the logs have come to."""
+        self._processing.note(text, self.now_ns, level)
+
+    def take(self, frames: Iterator[Frame], duration_ns: float) -> None:
+        """Process the frames until their end, the duration's, or until told to stop."""
+        until_ns = float("inf")
+        for number, frame in enumerate(frames):
+            self.now_ns = frame.received_ns
+            if number == 0:
+                until_ns = self.now_ns + duration_ns
+                self.tell("info", "recording started, from log files")
+            if self.now_ns > until_ns or self._stop.is_set():
+                break
+            self._processing.process(frame)
+            if number % _CHORES_EVERY == _CHORES_EVERY - 1:
+                self._do_chores(number + 1)
+
+    def _do_chores(self, frames: int) -> None:
+        self._parts.sync()
+        self._parts.look_after(time.monotonic())
+        while self._parts.paused and not self._stop.wait(_POLL_S):  # a file can wait for the disk
+            self._parts.look_after(time.monotonic())
+        if time.monotonic() - self._told_s >= _TELL_EVERY_S:
+            LOG.info("%s frames, up to %s", f"{frames:,}", iso(self.now_ns))
+            self._told_s = time.monotonic()
 
 
 def _frames(source: Source, health: Health) -> Iterator[Frame]:

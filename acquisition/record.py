@@ -45,8 +45,9 @@ def record(
     :class:`StorageError` when the disk fails and messages are lost.
     """
     stop = stop or threading.Event()
-    with log_to(sys.stderr, log_format) if not sys.stderr.isatty() else nullcontext():
-        if all(isinstance(source, FILE_SOURCES) for source in config.sources):
+    from_files = all(isinstance(source, FILE_SOURCES) for source in config.sources)
+    with nullcontext() if sys.stderr.isatty() and not from_files else log_to(sys.stderr, log_format):
+        if from_files:
             return _record_files(config, folder, duration_s, stop)
         return _record_live(config, folder, duration_s, stop, live)
 

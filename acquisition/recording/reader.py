@@ -44,7 +44,10 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What one file holds. ``raw`` counts the undecoded messages by topic, ``events`` are (time, text)."""
+    """What one file holds. ``raw`` counts the undecoded messages by topic, ``events`` are (time, text).
+
+    ``metadata`` is what the file says besides the trial: which part of a recording it is, whose clock it has.
+    """
 
     path: Path
     trial: Trial
@@ -55,6 +58,7 @@ class Recording:
     closed: bool
     start_ns: int
     end_ns: int
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 class Entry(NamedTuple):
@@ -68,7 +72,7 @@ class Entry(NamedTuple):
 
 @dataclass(slots=True)
 class MessageStream:
-    """All messages of a file in file order; iterate once, then ask ``closed``, ``trial``, ``attachments``.
+    """All messages of a file in file order; iterate once, then ask ``closed``, ``trial``, ``metadata`` and so on.
 
     Raises :class:`InputError` for what is no recording or is damaged in the middle.
     """
@@ -77,6 +81,7 @@ class MessageStream:
     closed: bool = False
     trial: Trial = field(default_factory=Trial)
     attachments: dict[str, bytes] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Entry]:
         topics: dict[int, str] = {}
@@ -99,7 +104,9 @@ class MessageStream:
             raise self._damaged(f"{messages:,} messages of {promised:,}")
 
     def _note(self, record: McapRecord) -> None:
-        if isinstance(record, Metadata) and record.name == "trial":
+        if isinstance(record, Metadata) and record.name != "trial":
+            self.metadata[record.name] = record.metadata
+        elif isinstance(record, Metadata):
             try:
                 self.trial = Trial.from_metadata(record.metadata)
             except ValueError as error:  # metadata have no checksum of their own
@@ -237,4 +244,5 @@ def read_recording(path: Path | str) -> Recording:
         closed=stream.closed,
         start_ns=start_ns if messages else 0,
         end_ns=end_ns,
+        metadata=stream.metadata,
     )
