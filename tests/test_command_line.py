@@ -23,8 +23,8 @@ from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = (
-    "demo", "record", "emulate", "import", "info", "export", "windows", "simulate", "train", "validate",
-    "predict",
+    "demo", "record", "mark", "emulate", "import", "info", "recover", "redecode", "export", "windows", "simulate",
+    "train", "validate", "predict",
 )  # fmt: skip
 HEAVY = (
     "torch",

@@ -62,7 +62,7 @@ class RecordingParts(MessageSink):
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
         self._clock = dict(clock or {})
         self.tell = tell
-        self._stem = _free_stem(folder, _stem(trial.name, datetime.now(UTC)))
+        self._stem = _stem(trial.name, datetime.now(UTC))
         self._unsure: list[Message] = []
         self._unkept = 0  # as unsure, but too many to be kept
         self._closed_bytes = 0  # in the parts before
@@ -112,8 +112,9 @@ class RecordingParts(MessageSink):
             self._part.write_trial(trial)
 
     def set_clock(self, clock: Mapping[str, str], reason: str) -> None:
-        """Begin a new part, whose times are by another clock."""
+        """Begin a new part, whose times, and the one in its name, are by another clock."""
         self._clock = dict(clock)
+        self._stem = _stem(self._trial.name, datetime.now(UTC))
         self.next_part(reason)
 
     def flush(self) -> None:
@@ -200,7 +201,8 @@ class RecordingParts(MessageSink):
 
     def _next_path(self) -> Path:
         number = len(self.paths) + 1
-        return self._folder / (f"{self._stem}.mcap" if number == 1 else f"{self._stem}_part{number:03d}.mcap")
+        name = self._stem if number == 1 else f"{self._stem}_part{number:03d}"
+        return self._folder / f"{_free_stem(self._folder, name)}.mcap"  # a clock may be set back to an old name
 
     def _part_metadata(self, reason: str) -> dict[str, str]:
         before = self.paths[-1].name if self.paths else ""
@@ -299,7 +301,7 @@ def _stem(name: str, started: datetime) -> str:
 
 
 def _free_stem(folder: Path, stem: str) -> str:
-    """The stem, with a number where another recording has begun in the same second."""
+    """The stem, with a number where another recording has the name."""
     number, free = 1, stem
     while (folder / f"{free}.mcap").exists():
         number += 1

@@ -117,6 +117,18 @@ def test_two_recordings_that_begin_in_one_second_have_two_names(tmp_path: Path) 
     second.parts.close()
 
 
+def test_no_part_is_written_over_a_file_that_is_there(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path)
+    occupied = recorded.parts.path.with_name(f"{recorded.parts.path.stem}_part002.mcap")
+    occupied.write_text("somebody's")
+    recorded.write(10)
+    recorded.parts.next_part("asked for")
+    recorded.write(10)
+    recorded.parts.close()
+    assert occupied.read_text() == "somebody's"
+    assert recorded.values() == recorded.expected()
+
+
 class FailingDisk:
     """Writes as the real one does, until it has an error; ``room`` is what may still be written [bytes]."""
 

@@ -329,7 +329,8 @@ def test_whatever_came_its_own_configuration_gives_the_same_again(
     config, at_ns, frames = configured(folder, TWO_LINES), 1_779_019_200 * SECOND, []
     for name, line, pause_ns in traffic:
         at_ns += pause_ns
-        frames.append(Frame(name, "nmea0183", line, at_ns, at_ns // 3))
+        stamped_ns = at_ns - 250_000_000 if pause_ns % 2 else None  # as by a gateway or a log
+        frames.append(Frame(name, "nmea0183", line, at_ns, at_ns // 3, stamped_ns=stamped_ns))
     path = made(folder / "x.mcap", config, frames)
     redecode([path], folder / "y.mcap")
     assert entries(folder / "y.mcap") == entries(path)
