@@ -63,7 +63,12 @@ def _second_line(health: Health, marks: Mapping[str, str]) -> Text:
     if health.trouble:
         return _one_line((health.trouble, "bold red"))
     keys = ", ".join([*(f"{key} {text}" for key, text in marks.items()), "m a mark"])
-    return _one_line(*_disk(health), ("  Ctrl-C ends; ", "dim"), (keys, "dim"), (f"  {health.marks} marks", "dim"))
+    return _one_line(
+        *_disk(health),
+        ("  Ctrl-C ends; ", "dim"),
+        (keys, "dim"),
+        (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
+    )
 
 
 def _disk(health: Health) -> tuple[tuple[str, str], ...]:
