@@ -14,6 +14,7 @@ from acquisition.sources import Source
 
 POLL_S = 0.1
 _LONGEST_BACK_OFF_S = 10.0
+_TELL_EVERY_S = 10.0
 
 Tell = Callable[[str, str], None]
 """Somebody who puts (level, text) into the recording's event log; called from any thread."""
@@ -27,7 +28,8 @@ class Receiver:
     ) -> None:
         self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
         self._back_off_s = POLL_S
-        self._dropped_before = self._lost_before = 0
+        self._dropped_before = self._lost_before = self._lost_untold = 0
+        self._told_lost_s = float("-inf")
         self.open_error: SourceError | None = None
 
     def open(self) -> bool:
@@ -86,11 +88,15 @@ class Receiver:
             self._dropped_before = self._health.dropped
 
     def _tell_lost(self, count: int) -> None:
-        """The system has dropped what we did not fetch in time: as bad as a drop of our own."""
+        """The system has dropped what we did not fetch in time: as bad as a drop of our own; told in sums."""
         self._health.dropped += count
         self._dropped_before += count
         self._lost_before += count
-        self._tell("error", f"{self._health.name}: the system had no room for {count:,} datagrams")
+        self._lost_untold += count
+        if time.monotonic() - self._told_lost_s > _TELL_EVERY_S:
+            text = f"{self._health.name}: the system had no room for {self._lost_untold:,} datagrams"
+            self._tell("error", text)
+            self._told_lost_s, self._lost_untold = time.monotonic(), 0
 
     def _failed(self, error: SourceError) -> None:
         if self._health.failed_ns is None:

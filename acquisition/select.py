@@ -33,8 +33,8 @@ class Selector:
     """Lets one source a channel through, so that a channel never mixes two sensors sample by sample.
 
     The order of the configuration's sources is the order of preference, and within a bus the order of its
-    devices. Of two devices that are not listed the first that came keeps the channel until it has been silent
-    for 2.5 s; of two messages of one device the finer one has it.
+    devices. Of two messages the finer one has it, and what needs less derivation. What is equal in all this, two
+    devices that are not listed, say, is decided by who came first, until that has been silent for 2.5 s.
     """
 
     def __init__(self, sources: tuple[AnySource, ...]) -> None:
