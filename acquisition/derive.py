@@ -6,10 +6,9 @@ What is derived says so in its source. Values that a channel cannot hold are lef
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import isfinite
 
-from acquisition.channels import BY_NAME, CIRCULAR
-from acquisition.frames import Group, Sample
+from acquisition.channels import BY_NAME
+from acquisition.frames import Group, Quality, Sample
 from acquisition.kinematics import (
     along,
     felt_wind,
@@ -29,6 +28,32 @@ _AS_FITTED = Mounting()
 
 _HEADINGS = ("heading_deg", "heading_magnetic_deg")
 _BOW_WINDS = ("apparent", "theoretical", "water")
+# What decoders say that is no channel is held to the limits of the channel that it is of a kind with.
+_KINDS = {
+    "velocity_north_mps": "surge_mps",
+    "velocity_east_mps": "surge_mps",
+    "course_magnetic_deg": "course_over_ground_deg",
+    "wind_direction_magnetic_deg": "wind_direction_deg",
+    **{f"wind_angle_{kind}_deg": "apparent_wind_angle_deg" for kind in _BOW_WINDS},
+    **{f"wind_speed_{kind}_mps": "wind_speed_mps" for kind in _BOW_WINDS},
+}
+_LIMITS = {**BY_NAME, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
+_PAIRS = (
+    ("latitude_deg", "longitude_deg"),
+    ("north_m", "east_m"),
+    ("surge_mps", "sway_mps"),
+    ("velocity_north_mps", "velocity_east_mps"),
+    ("course_over_ground_deg", "speed_over_ground_mps"),
+    ("course_magnetic_deg", "speed_over_ground_mps"),
+    ("wind_direction_deg", "wind_speed_mps"),
+    ("wind_direction_magnetic_deg", "wind_speed_mps"),
+    ("apparent_wind_angle_deg", "apparent_wind_speed_mps"),
+    *((f"wind_angle_{kind}_deg", f"wind_speed_{kind}_mps") for kind in _BOW_WINDS),
+)
+_PARTNERS = {
+    quantity: {each for pair in _PAIRS if quantity in pair for each in pair if each != quantity}
+    for quantity in {each for pair in _PAIRS for each in pair}
+}
 _REMEMBERED = frozenset({"heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps", "speed_through_water_mps"})
 _SPEAKS_OF_MORE = frozenset({
     "latitude_deg", "heading_deg", "heading_magnetic_deg", "magnetic_variation_deg", "velocity_north_mps",
@@ -73,13 +98,11 @@ class Derivation:
 
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        finite = [sample for sample in group if isfinite(sample.value)]
-        derived = finite
-        if any(sample.quantity in _SPEAKS_OF_MORE for sample in finite):
-            derived = list(self._derived(finite))
-        wrapped = [_wrapped(sample) for sample in derived if sample.quantity in BY_NAME]
-        possible = [sample for sample in wrapped if BY_NAME[sample.quantity].holds(sample.value)]
-        return possible, len(wrapped) - len(possible) + len(group) - len(finite)
+        sound, impossible = _possible(group)
+        if any(sample.quantity in _SPEAKS_OF_MORE for sample in sound):
+            sound, more = _possible(list(self._derived(sound)))
+            impossible += more
+        return [sample for sample in sound if sample.quantity in BY_NAME], impossible
 
     def _derived(self, group: Group) -> Iterator[Sample]:
         """The group's samples, corrected for how they are mounted, and what follows from them."""
@@ -103,7 +126,8 @@ class Derivation:
                 turn_deg = mounting.heading_deg
             elif sample.quantity.startswith("wind_angle_"):
                 turn_deg = mounting.wind_angle_deg
-            yield sample if turn_deg == 0.0 else _derived(sample, sample.quantity, sample.value + turn_deg)
+            turned_deg = (sample.value + turn_deg) % 360.0
+            yield sample if turn_deg == 0.0 else _derived(sample, sample.quantity, turned_deg)
 
     def _true_heading(self, group: Quantities) -> Sample | None:
         magnetic = group.get("heading_magnetic_deg")
@@ -132,30 +156,33 @@ class Derivation:
 
     def _ship_velocity(self, group: Quantities, mounting: Mounting) -> Quantities:
         """Surge and sway over ground at the reference point, from what the group says of velocity."""
-        found = self._measured_velocity(group)
-        if found is None:
+        told: Quantities = {name: group[name] for name in ("surge_mps", "sway_mps") if name in group}
+        velocity = told or self._velocity_over_ground(group)
+        if not velocity or not (mounting.forward_m or mounting.starboard_m):
+            return velocity
+        yaw_rate_dps = self._ship_value("yaw_rate_dps", next(iter(velocity.values())))
+        shift = velocity_at_reference(0.0, 0.0, yaw_rate_dps or 0.0, mounting.forward_m, mounting.starboard_m)
+        moved = {
+            name: _derived(velocity[name], name, velocity[name].value + metres_per_second)
+            for name, metres_per_second in zip(("surge_mps", "sway_mps"), shift, strict=True)
+            if name in velocity
+        }
+        if yaw_rate_dps is None:  # whether she turns is not known, so neither is how her ends move
+            return {name: sample._replace(quality=Quality.SUSPECT) for name, sample in moved.items()}
+        return moved
+
+    def _velocity_over_ground(self, group: Quantities) -> Quantities:
+        """Surge and sway where they were measured, from velocity over ground and the heading."""
+        found = self._over_ground(group)
+        heading_deg = None if found is None else self._heading_deg(found[0])
+        if found is None or heading_deg is None:
             return {}
-        sample, surge, sway, measured = found
-        if mounting.forward_m or mounting.starboard_m:
-            place = mounting.forward_m, mounting.starboard_m
-            surge, sway = velocity_at_reference(surge, sway, self._yaw_rate_dps(sample), *place)
-        elif measured:
-            return {}
+        sample, north, east = found
+        surge, sway = to_body(north, east, heading_deg)
         return {
             "surge_mps": _derived(sample, "surge_mps", surge),
             "sway_mps": _derived(sample, "sway_mps", sway),
         }
-
-    def _measured_velocity(self, group: Quantities) -> tuple[Sample, float, float, bool] | None:
-        """Surge and sway where they were measured, and whether the sensor itself told them."""
-        if "surge_mps" in group and "sway_mps" in group:
-            return group["surge_mps"], group["surge_mps"].value, group["sway_mps"].value, True
-        over_ground = self._over_ground(group)
-        if over_ground is None:
-            return None
-        sample, north, east = over_ground
-        heading_deg = self._heading_deg(sample)
-        return None if heading_deg is None else (sample, *to_body(north, east, heading_deg), False)
 
     def _over_ground(self, group: Quantities) -> tuple[Sample, float, float] | None:
         """Velocity to north and east, as told or from course and speed."""
@@ -176,10 +203,8 @@ class Derivation:
         latitude, longitude = group.get("latitude_deg"), group.get("longitude_deg")
         if latitude is None or longitude is None:
             return
-        if not (BY_NAME["latitude_deg"].holds(latitude.value) and BY_NAME["longitude_deg"].holds(longitude.value)):
-            return
         if self._plane is None:
-            if _line(latitude) not in self._positions_from:
+            if _line(latitude) not in self._positions_from or not _may_be_origin(latitude, longitude):
                 return
             self._plane = TangentPlane(latitude.value, longitude.value)
         north, east = self._plane.north_east_m(latitude.value, longitude.value)
@@ -227,12 +252,30 @@ class Derivation:
         return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
-def _wrapped(sample: Sample) -> Sample:
-    """An angle within its turn; a value beyond a whole turn is no rounding but a fault, and stays as it is."""
-    if sample.quantity not in CIRCULAR or not abs(sample.value) <= _WHOLE_TURN_DEG:
-        return sample
-    channel = BY_NAME[sample.quantity]
-    return sample if channel.holds(sample.value) else sample._replace(value=channel.wrapped(sample.value))
+def _possible(samples: Group) -> tuple[Group, int]:
+    """The samples that can be true, angles within their turn, and how many cannot.
+
+    Where one of a pair is impossible the other is not believed either: what comes of both, and the direction of
+    a wind of 999 m/s, would be false.
+    """
+    possible = []
+    for sample in samples:
+        channel = _LIMITS.get(sample.quantity)
+        if channel is None or channel.holds(sample.value):
+            possible.append(sample)
+        elif channel.circular and abs(sample.value) <= _WHOLE_TURN_DEG:
+            possible.append(sample._replace(value=channel.wrapped(sample.value)))
+    if len(possible) < len(samples):
+        kept = {sample.quantity for sample in possible}
+        lost = {sample.quantity for sample in samples} - kept
+        possible = [sample for sample in possible if lost.isdisjoint(_PARTNERS.get(sample.quantity, ()))]
+    return possible, len(samples) - len(possible)
+
+
+def _may_be_origin(latitude: Sample, longitude: Sample) -> bool:
+    """A simulator's fix, or one by dead reckoning, is no origin; nor is 0, 0, which receivers tell before a fix."""
+    sound = latitude.quality in (Quality.GOOD, Quality.NOT_EVALUATED)
+    return sound and (latitude.value, longitude.value) != (0.0, 0.0)
 
 
 def _derived(sample: Sample, quantity: str, value: float) -> Sample:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -27,15 +27,26 @@ class SourceHealth:
     state: str = "open"
     frames: int = 0
     dropped: int = 0
-    refused: int = 0  # by the decoders, which keep the sum
+    refusals: list[Counter[str]] = field(default_factory=list)  # of the source's decoders, by reason
     impossible: int = 0  # decoded, but no value that its channel can hold
     last_ns: int | None = None
     failed_ns: int | None = None
 
     @property
+    def refused(self) -> int:
+        """Frames and values that the decoders refused."""
+        return sum(sum(list(each.values())) for each in self.refusals)  # a list, as another thread counts on
+
+    @property
     def rejected(self) -> int:
         """Frames and values that came and were not believed."""
         return self.refused + self.impossible
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Why frames and values were not believed, and how many."""
+        reasons = {reason: count for each in self.refusals for reason, count in list(each.items()) if count}
+        return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
 
     def saw(self, frames: int, monotonic_ns: int) -> None:
         """That many frames came."""
@@ -53,6 +64,7 @@ class SourceHealth:
             "state": "silent" if self.is_silent(now_ns) else self.state,
             "frames": self.frames,
             "rejected": self.rejected,
+            "reasons": self.reasons,
             "dropped": self.dropped,
             "age_s": None if self.last_ns is None else (now_ns - self.last_ns) / 1e9,
         }

@@ -46,6 +46,8 @@ class Processing:
         self._writer = writer
         self._health = health
         self._decoders: dict[str, list[Decoder]] = {each.name: make_decoders(each) for each in config.sources}
+        for name, decoders in self._decoders.items():
+            health.sources[name].refusals = [each.refused for each in decoders]
         self._derivation = Derivation(
             config.trial,
             frozenset(each.name for each in config.sources if _POSITION & set(each.channels)),
@@ -53,6 +55,7 @@ class Processing:
             config.magnetic_variation_deg,
         )
         self._selector = Selector(config.sources)
+        self._seeks_origin = config.trial.origin is None
         self._in_storm: set[str] = set()
         self._allowances = {each.name: _Allowance() for each in config.sources}
 
@@ -61,8 +64,8 @@ class Processing:
         self._writer.write_raw(frame)
         if self._in_storm:
             self._end_storm(frame)
-        decoders, health = self._decoders[frame.origin], self._health.sources[frame.origin]
-        for decoder in decoders:
+        health = self._health.sources[frame.origin]
+        for decoder in self._decoders[frame.origin]:
             for group in self._decoded(decoder, frame):
                 samples, impossible = self._derivation.channels(group)
                 health.impossible += impossible
@@ -70,7 +73,6 @@ class Processing:
             while decoder.notices:
                 level, text = decoder.notices.popleft()
                 self._tell(frame, f"{frame.origin}: {text}", level)
-        health.refused = sum(each.refused.total() for each in decoders)
 
     def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
         """The frame's groups. What a decoder trips over is kept raw and must not end the recording."""
@@ -84,7 +86,7 @@ class Processing:
             return []
 
     def _record(self, samples: list[Sample], frame: Frame) -> None:
-        admitted = []
+        has_position = False
         for sample in samples:
             accepted, change = self._selector.admit(sample)
             if change:
@@ -93,11 +95,11 @@ class Processing:
                 self._writer.write_sample(sample)
                 self._health.saw(sample)
                 self._derivation.admitted(sample)
-                admitted.append(sample.quantity)
-        if not _POSITION.isdisjoint(admitted):
+                has_position = has_position or sample.quantity in _POSITION
+        if has_position:
             self._record_position({each.quantity: each for each in samples})
-        if self._derivation.origin != self._trial.origin:
-            self._keep_origin(frame.received_ns)
+        if self._seeks_origin and self._derivation.origin is not None:
+            self._keep_origin(*self._derivation.origin, frame.received_ns)
 
     def _record_position(self, samples: dict[str, Sample]) -> None:
         """The fix for the map, from the source that the position channels come from."""
@@ -105,11 +107,9 @@ class Processing:
         if latitude is not None and longitude is not None:
             self._writer.write_position(latitude.value, longitude.value, latitude.received_ns, latitude.measured_ns)
 
-    def _keep_origin(self, received_ns: int) -> None:
+    def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:
         """The first fix became the origin: the recording must say so."""
-        if self._derivation.origin is None:
-            return
-        latitude_deg, longitude_deg = self._derivation.origin
+        self._seeks_origin = False
         self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
         self._writer.write_trial(self._trial)
         text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"

@@ -7,12 +7,12 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from types import FrameType
 
 from acquisition.config import TrialConfig
-from acquisition.errors import ConfigurationError, SourceError, StorageError
+from acquisition.errors import ConfigurationError, SeatrialError, SourceError
 from acquisition.health import Health
 from acquisition.housekeeping import clock_metadata
 from acquisition.live import keys, terminal
@@ -70,11 +70,12 @@ def _record_live(
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
+        _with(stack, MarkServer(recorder.mark), recorder)
         if live or config.live is not None:
-            view = stack.enter_context(LiveView(config.live or LiveSection(), config.trial.name))
-            parts.listeners.append(view.hear)
-            LOG.info("live view at %s", view.address)
-        stack.enter_context(_marks(recorder))
+            view = LiveView(config.live or LiveSection(), config.trial.name)
+            if _with(stack, view, recorder):
+                parts.listeners.append(view.hear)
+                LOG.info("live view at %s", view.address)
         stack.enter_context(_display(config, recorder))
         LOG.info("recording to %s", parts.path)
         notify("READY=1")
@@ -112,20 +113,14 @@ def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -
             return
 
 
-@contextmanager
-def _marks(recorder: Recorder) -> Iterator[None]:
-    """Hear `seatrial mark`; a recorder that cannot must record all the same."""
-    server = MarkServer(recorder.mark)
+def _with(stack: ExitStack, extra: AbstractContextManager[object], recorder: Recorder) -> bool:
+    """Enter what a recording can do without; where it cannot be had, say so and record all the same."""
     try:
-        server.__enter__()
-    except StorageError as error:
+        stack.enter_context(extra)
+    except SeatrialError as error:
         recorder.tell("warning", str(error))
-        yield
-        return
-    try:
-        yield
-    finally:
-        server.__exit__()
+        return False
+    return True
 
 
 @contextmanager

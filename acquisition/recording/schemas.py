@@ -118,7 +118,12 @@ _HEALTH = _object(
         "source": {"type": "string"},
         "state": {"type": "string", "description": "open, silent, failed or ended"},
         "frames": {"type": "integer", "description": "Received since the start"},
-        "rejected": {"type": "integer", "description": "Frames that a guard refused"},
+        "rejected": {"type": "integer", "description": "Frames and values that came and were not believed"},
+        "reasons": {
+            "type": "object",
+            "additionalProperties": {"type": "integer"},
+            "description": "How many of them, by reason",
+        },
         "dropped": {"type": "integer", "description": "Frames lost because the queue was full"},
         "age_s": {"type": ["number", "null"], "description": "Since the last frame [s]"},
     },

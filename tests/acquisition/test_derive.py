@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import cmath
-from math import degrees, hypot, pi, radians
+from math import cos, degrees, hypot, pi, radians
 
 import pymap3d
 import pytest
@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from acquisition.angles import difference
 from acquisition.derive import Derivation
-from acquisition.frames import Group, Sample
+from acquisition.frames import Group, Quality, Sample
 from acquisition.kinematics import (
     along,
     felt_wind,
@@ -278,3 +278,68 @@ def test_numbers_that_are_none_are_counted() -> None:
 def test_along_and_phase_agree() -> None:
     for turn in range(12):
         assert complex(*along(30.0 * turn, 2.0)) == pytest.approx(2.0 * cmath.exp(1j * pi * turn / 6))
+
+
+IMPOSSIBLE = [
+    {"heading_magnetic_deg": 100.0, "magnetic_variation_deg": 400.0},
+    {"heading_magnetic_deg": 720.5},
+    {"course_over_ground_deg": 1080.0, "speed_over_ground_mps": 2.5},
+    {"course_over_ground_deg": 80.0, "speed_over_ground_mps": -2.5},
+    {"course_over_ground_deg": 80.0, "speed_over_ground_mps": 655.0},
+    {"wind_angle_apparent_deg": 999.0, "wind_speed_apparent_mps": 5.0},
+    {"wind_angle_theoretical_deg": 45.0, "wind_speed_theoretical_mps": -10.0},
+    {"wind_direction_magnetic_deg": 700.0, "wind_speed_mps": 5.0},
+    {"wind_direction_deg": 10.0, "wind_speed_mps": 999.0},
+    {"latitude_deg": 99.0, "longitude_deg": 10.0},
+    {"surge_mps": 40.0, "sway_mps": 1.0},
+    {"velocity_north_mps": 3.0, "velocity_east_mps": 328.0},
+]
+
+
+@pytest.mark.parametrize("said", IMPOSSIBLE, ids=lambda said: next(iter(said)))
+def test_what_cannot_be_true_makes_nothing_that_looks_true(said: dict[str, float]) -> None:
+    """Neither by a sum that goes round the circle nor by half of a pair; and it is remembered by nobody."""
+    ship = moving_ship()
+    before = dict(ship.values)
+    allowed = {"heading_deg", "heading_magnetic_deg"} if "magnetic_variation_deg" in said else set()
+    samples, impossible = ship.derivation.channels(group("line/w:x", **said))
+    assert {sample.quantity for sample in samples} <= allowed
+    assert impossible >= 1
+    assert all(
+        sample.value == 104.0 for sample in samples if sample.quantity == "heading_deg"
+    )  # by the good variation
+    ship.says("line/g:VTG", 0.1, course_over_ground_deg=90.0, speed_over_ground_mps=5.0)
+    assert ship.values["heading_deg"] == before["heading_deg"]
+    assert ship.values["surge_mps"] == pytest.approx(5.0 if not allowed else 5.0 * cos(radians(14.0)))
+
+
+def test_a_heading_that_is_refused_turns_no_velocity() -> None:
+    ship = Ship().says("line/HE:HDT", heading_deg=720.0)
+    ship.says("line/GP:VTG", 0.1, course_over_ground_deg=90.0, speed_over_ground_mps=5.0)
+    assert "surge_mps" not in ship.values
+
+
+def test_a_mounting_turns_through_north() -> None:
+    ship = Ship(Mounting(heading_deg=5.0, wind_angle_deg=-5.0)).says("line/HE:HDT", heading_deg=359.0)
+    assert ship.values["heading_deg"] == pytest.approx(4.0)
+
+
+def test_one_speed_alone_is_moved_to_the_reference_point_too() -> None:
+    ship = Ship(Mounting(forward_m=10.0, starboard_m=2.0)).says("line/x:1", yaw_rate_dps=6.0)
+    ship.says("line/x:4", surge_mps=5.0)
+    assert ship.values["surge_mps"] == pytest.approx(5.0 + radians(6.0) * 2.0)
+    assert "sway_mps" not in ship.values
+
+
+def test_without_a_rate_of_turn_what_is_moved_is_suspect() -> None:
+    samples, _ = Ship(Mounting(forward_m=10.0)).derivation.channels(group("line/x:4", surge_mps=5.0, sway_mps=1.0))
+    assert {sample.quality for sample in samples} == {Quality.SUSPECT}
+
+
+@pytest.mark.parametrize("quality", [Quality.SUSPECT, Quality.NOT_EVALUATED])
+def test_a_simulators_fix_is_no_origin(quality: Quality) -> None:
+    derivation = Derivation(Trial(name="x"), frozenset({"line"}))
+    fix = [each._replace(quality=quality) for each in group("line/x:1", latitude_deg=63.0, longitude_deg=10.0)]
+    derivation.channels(group("line/x:1", latitude_deg=0.0, longitude_deg=0.0))
+    derivation.channels(fix)
+    assert derivation.origin == (None if quality is Quality.SUSPECT else (63.0, 10.0))

@@ -131,6 +131,8 @@ def fits(value: Any, schema: dict[str, Any]) -> bool:
     names = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
     if not any(isinstance(value, kinds[name]) for name in names):  # type: ignore[arg-type]
         return False
+    if isinstance(value, dict) and "additionalProperties" in schema:
+        return all(fits(each, schema["additionalProperties"]) for each in value.values())
     if isinstance(value, dict):
         return all(
             key in schema["properties"] and fits(each, schema["properties"][key]) for key, each in value.items()
