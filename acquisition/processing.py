@@ -59,6 +59,12 @@ class Processing:
         self._in_storm: set[str] = set()
         self._allowances = {each.name: _Allowance() for each in config.sources}
 
+    def mute_clocks(self, origin: str) -> None:
+        """Tell nothing of this source's clocks: its frames have no times that they could be compared with."""
+        for decoder in self._decoders[origin]:
+            if (clock := getattr(decoder, "clock", None)) is not None:
+                clock.muted = True
+
     def process(self, frame: Frame) -> None:
         """Record the frame raw and every channel sample that is in it."""
         self._writer.write_raw(frame)

@@ -88,7 +88,8 @@ def _record_files(
     config: TrialConfig, folder: Path, duration_s: float | None, stop: threading.Event
 ) -> tuple[list[Path], Health]:
     health = health_of(config)
-    parts = RecordingParts(folder, config.trial, config.attachments, config.recording)
+    clock = {"times": "of the log files"}
+    parts = RecordingParts(folder, config.trial, config.attachments, config.recording, clock)
     with ExitStack() as stack:
         stack.callback(parts.close)
         try:

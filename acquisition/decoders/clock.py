@@ -53,12 +53,13 @@ class SourceClock:
 
     With ``stamps`` "source" it decides the measured time of the source's samples; with "receiver" what the
     source says is only kept beside the time of reception. A clock that is far from ours, or that is set, is told
-    in ``notices``.
+    in ``notices``, unless it is ``muted``: ours may be no clock to compare with.
     """
 
     def __init__(self, stamps: Clock, name: str, notices: Notices | None = None) -> None:
         self.stamps = stamps
         self.name = name
+        self.muted = False
         self._notices: Notices = deque() if notices is None else notices
         self._announced: tuple[int, int] | None = None
         self._offset_ns: int | None = None  # its UTC less our monotonic clock, when it was last told
@@ -67,7 +68,8 @@ class SourceClock:
         """The source said that it is ``source_ns`` UTC."""
         if is_possible(source_ns):
             self._announced = (source_ns, frame.monotonic_ns)
-            self._compare(source_ns, frame)
+            if not self.muted:
+                self._compare(source_ns, frame)
 
     def _compare(self, source_ns: int, frame: Frame) -> None:
         """Tell at first how far the clock is from ours, and whenever it has been set since."""

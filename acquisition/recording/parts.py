@@ -39,6 +39,13 @@ def free_bytes(folder: Path) -> tuple[int, int]:
     return disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
 
 
+def reserve_bytes(settings: RecordingSection, disk_bytes: int) -> float:
+    """How much of a disk of that size stays free [bytes]."""
+    if settings.reserve_mb is not None:
+        return settings.reserve_mb * _MEGA
+    return min(_RESERVE_SHARE * disk_bytes, _LARGEST_RESERVE_BYTES)
+
+
 class RecordingParts(MessageSink):
     """One recording as one or more files in ``folder``. For one thread only.
 
@@ -58,6 +65,7 @@ class RecordingParts(MessageSink):
         self.paths: list[Path] = []
         self.trouble = ""
         self.listeners: list[Listener] = []
+        self._told_deleted = False
         self.lost = 0  # messages that no disk and no memory could hold
         self._folder, self._trial, self._attachments, self._settings = folder, trial, dict(attachments), settings
         self._clock = dict(clock or {})
@@ -65,6 +73,7 @@ class RecordingParts(MessageSink):
         self._stem = _stem(trial.name, datetime.now(UTC))
         self._unsure: list[Message] = []
         self._unkept = 0  # as unsure, but too many to be kept
+        self._asked = 0, 0  # of both, how many the disk was asked to keep
         self._closed_bytes = 0  # in the parts before
         self._looked_s = self._began_s = time.monotonic()
         self._part: RecordingWriter | None = None
@@ -123,9 +132,22 @@ class RecordingParts(MessageSink):
             self._attempt(self._part.flush)
 
     def sync(self) -> None:
-        """Make the disk keep what there is, then see whether a new part or a pause is due."""
+        """Make the disk keep what there is."""
         if self._part is not None and self._attempt(self._part.sync):
             self._confirmed()
+
+    def sync_soon(self) -> None:
+        """Let the disk keep what there is while the recording goes on; it may take its time over it."""
+        if self._part is not None:
+            self._attempt(self._begin_sync)
+
+    def _begin_sync(self) -> None:
+        unsure = len(self._unsure), self._unkept
+        if self._part is not None and self._part.begin_sync():
+            kept, unkept = self._asked  # what was asked for the last time is on the disk
+            del self._unsure[:kept]
+            self._unkept -= unkept
+            self._asked = unsure[0] - kept, unsure[1] - unkept
 
     def look_after(self, now_s: float) -> None:
         """Once a second: the size and age of the part, room on the disk, and whether a pause can end."""
@@ -134,7 +156,7 @@ class RecordingParts(MessageSink):
         self._looked_s = now_s
         if self._part is None:
             self.resume()
-        elif self._part.vanished:
+        elif self._has_vanished():
             self._put_back()
         elif (reason := self._shortage(1.0)) and self._close_part():
             self._pause(reason, "the file is closed well")
@@ -167,6 +189,10 @@ class RecordingParts(MessageSink):
         """Close the last part. Raises :class:`StorageError` when messages could not be written."""
         if self._part is None and (self._unsure or self.lost):
             self.resume()
+        if self._part is not None and self._has_vanished():
+            self._put_back()
+            if self._part is not None and self._part.vanished:
+                self.lost += self._part.messages
         if self._part is not None:
             self._close_part()
         if unwritten := len(self._unsure) + self._unkept + self.lost:
@@ -221,7 +247,7 @@ class RecordingParts(MessageSink):
             action()
         except StorageError as error:
             ended = self._part is not None and self._part.abandon()
-            self._part = None
+            self._part, self._asked = None, (0, 0)
             how = "the file is ended well" if ended else "the file is readable as far as it goes"
             self._pause(str(error), how)
             return False
@@ -238,18 +264,41 @@ class RecordingParts(MessageSink):
     def _confirmed(self) -> None:
         """The disk has everything that was written."""
         self._unsure.clear()
-        self._unkept = 0
+        self._unkept, self._asked = 0, (0, 0)
+
+    def _has_vanished(self) -> bool:
+        found = False
+
+        def look() -> None:
+            nonlocal found
+            found = self._part is not None and self._part.vanished
+
+        return self._attempt(look) and found
 
     def _put_back(self) -> None:
-        """Somebody has deleted the file: its content is still there, and is written once more."""
+        """Somebody has deleted the file: its content is still there, and is written once more.
+
+        Where there is no room for that, the deleted file goes on being written, and it is tried again.
+        """
         if self._part is None:
             return
-        path = self._part.path
-        if self._attempt(self._part.close_deleted):
-            self._confirmed()
-            self._part = None
-            self.tell("error", f"{path.name} was deleted while it was written; it is put back")
-            self._try_to_open("the part before was deleted")
+        name = self._part.path.stem
+        path = self._folder / f"{_free_stem(self._folder, name)}.mcap"
+        try:
+            self._part.put_back(path)
+        except StorageError as error:
+            if not self._told_deleted:
+                self.tell(
+                    "error", f"{name}.mcap was deleted while it was written and cannot be put back yet: {error}"
+                )
+            self._told_deleted = True
+            return
+        self.tell("error", f"{name}.mcap was deleted while it was written; it is put back as {path.name}")
+        self.paths[-1] = path
+        self._closed_bytes += self._part.size_bytes
+        self._told_deleted, self._part = False, None
+        self._confirmed()
+        self._try_to_open("the part before was deleted")
 
     def _pause(self, why: str, how: str) -> None:
         self.trouble = why
@@ -274,9 +323,7 @@ class RecordingParts(MessageSink):
         return f"{self._folder}: {free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
 
     def _reserve_bytes(self, size: int) -> float:
-        if self._settings.reserve_mb is not None:
-            return self._settings.reserve_mb * _MEGA
-        return min(_RESERVE_SHARE * size, _LARGEST_RESERVE_BYTES)
+        return reserve_bytes(self._settings, size)
 
     def _require_room(self) -> None:
         existing = next(each for each in (self._folder, *self._folder.absolute().parents) if each.exists())
