@@ -46,12 +46,12 @@ class Housekeeping:
         self._parts.look_after(now_s)
         if now_s - self._reported_s >= _HEALTH_EVERY_S:
             self._report(now_s)
-        if now_s - self._synced_s >= self._settings.sync_s - TICK_S:
-            self._parts.sync()
-            self._synced_s = self._flushed_s = now_s
-        elif now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
+        if now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
             self._parts.flush()
             self._flushed_s = now_s
+        if now_s - self._synced_s >= self._settings.sync_s - TICK_S:
+            self._parts.sync_soon()
+            self._synced_s = now_s
 
     def _look_at_the_clock(self) -> None:
         step_ns = self._scale.follow(*now_ns())

@@ -12,7 +12,7 @@ from operator import attrgetter
 
 from acquisition.frames import Frame
 
-_MOST_AT_ONCE = 500  # of one source, so that the recorder's clock work is never kept waiting for long
+_MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
 
 
 class Inbox:

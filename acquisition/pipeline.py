@@ -13,6 +13,7 @@ import threading
 import time
 
 from acquisition.config import TrialConfig
+from acquisition.errors import SourceError
 from acquisition.frames import Frame
 from acquisition.health import ChannelHealth, Health, SourceHealth
 from acquisition.housekeeping import TICK_S, Housekeeping
@@ -23,6 +24,7 @@ from acquisition.recording.parts import RecordingParts
 from acquisition.sources import make_source
 from acquisition.timescale import Timescale
 
+_LOOK_S = 0.01
 _LONGEST_CHORE_S = 20.0  # a memory card may take its time
 _LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from being closed
 
@@ -34,6 +36,15 @@ def health_of(config: TrialConfig) -> Health:
         for name, rate_hz in source.rates_hz.items():
             health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz
     return health
+
+
+def _none_opened(receivers: list[Receiver]) -> SourceError | None:
+    """Wait until one source is open, or all have tried: the first one's error then."""
+    while not all(receiver.tried.is_set() for receiver in receivers):
+        if any(receiver.opened for receiver in receivers):
+            return None
+        time.sleep(_LOOK_S)
+    return None if any(receiver.opened for receiver in receivers) else receivers[0].open_error
 
 
 class Recorder:
@@ -67,14 +78,15 @@ class Recorder:
             Receiver(make_source(each), self.health.sources[each.name], self._inbox, self._stopping, self.tell)
             for each in self._config.sources
         ]
-        opened = [each.open() for each in receivers]
-        if not any(opened) and receivers[0].open_error is not None:
-            raise receivers[0].open_error
-        self._worker.start()
         for receiver in receivers:
             thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
             self._threads.append(thread)
             thread.start()
+        error = _none_opened(receivers)
+        if error is not None:
+            self._stopping.set()
+            raise error
+        self._worker.start()
 
     @property
     def ended(self) -> bool:

@@ -15,6 +15,7 @@ from acquisition.sources import Source
 POLL_S = 0.1
 _LONGEST_BACK_OFF_S = 10.0
 _TELL_EVERY_S = 10.0
+_SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
 
 Tell = Callable[[str, str], None]
 """Somebody who puts (level, text) into the recording's event log; called from any thread."""
@@ -30,25 +31,15 @@ class Receiver:
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = self._lost_untold = 0
         self._told_lost_s = float("-inf")
+        self._opened_s = 0.0
+        self.tried = threading.Event()
+        self.opened = False
         self.open_error: SourceError | None = None
-
-    def open(self) -> bool:
-        """Try to open the source; whether it is open now. The first of a row of failures is told."""
-        try:
-            self.source.open()
-        except Exception as error:  # drivers raise what they like
-            self.open_error = as_source_error(self.source, error)
-            self._failed(self.open_error)
-            return False
-        if self._health.failed_ns is not None:
-            gap_s = (time.monotonic_ns() - self._health.failed_ns) / 1e9
-            self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
-        self._health.state, self._health.failed_ns = "open", None
-        self._back_off_s = POLL_S
-        return True
 
     def run(self) -> None:
         """Receive until told to stop, or until the source says that nothing more will come."""
+        self._open()
+        self.tried.set()
         while not self._stopping.is_set():
             if self._health.state == "failed":
                 self._open_later()
@@ -64,9 +55,28 @@ class Receiver:
                 break
             if frames:
                 self._pass_on(frames)
+            if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
+                self._back(self._health.failed_ns)
             if self.source.lost > self._lost_before:
                 self._tell_lost(self.source.lost - self._lost_before)
         self.close()
+
+    def _open(self) -> None:
+        try:
+            self.source.open()
+        except Exception as error:  # drivers raise what they like
+            self.open_error = as_source_error(self.source, error)
+            self._failed(self.open_error)
+            return
+        self._health.state, self._opened_s = "open", time.monotonic()
+        self.opened = True
+
+    def _back(self, failed_ns: int) -> None:
+        """The source works again: it says something, or stays open; some can be opened and fail at once."""
+        gap_s = (time.monotonic_ns() - failed_ns) / 1e9
+        self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
+        self._health.failed_ns = None
+        self._back_off_s = POLL_S
 
     def close(self) -> None:
         """Let go of the source."""
@@ -106,8 +116,10 @@ class Receiver:
 
     def _open_later(self) -> None:
         """Wait and try again; the next wait is twice as long."""
-        if not self._stopping.wait(self._back_off_s) and not self.open():
-            self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
+        if self._stopping.wait(self._back_off_s):
+            return
+        self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
+        self._open()
 
 
 def as_source_error(source: Source, error: Exception) -> SourceError:

@@ -101,8 +101,9 @@ class McapFile:
     def add_message(self, channel_id: int, log_ns: int, data: bytes, publish_ns: int, sequence: int) -> None:
         """Add a message to the chunk in progress, which ends when it is large enough."""
         chunk = self._chunk
+        head = _MESSAGE.pack(_MESSAGE_CODE, _FIXED_BYTES + len(data), channel_id, sequence, log_ns, publish_ns)
         self._index[channel_id] += log_ns, len(chunk)
-        chunk += _MESSAGE.pack(_MESSAGE_CODE, _FIXED_BYTES + len(data), channel_id, sequence, log_ns, publish_ns)
+        chunk += head
         chunk += data
         if len(chunk) > self._chunk_bytes:
             self.end_chunk()

@@ -7,9 +7,36 @@ file always ends with a complete record; a write that fails halfway is cut off a
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
 
 _COPY_BYTES = 1024 * 1024
+
+
+class BackgroundSync:
+    """One fdatasync in a thread of its own: a slow disk takes seconds over it, which the recorder has not got."""
+
+    def __init__(self, descriptor: int, covers: int) -> None:
+        self.covers = covers
+        self.error: OSError | None = None
+        self._descriptor = descriptor
+        self._thread = threading.Thread(target=self._run, name="sync", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            os.fdatasync(self._descriptor)
+        except OSError as error:
+            self.error = error
+
+    @property
+    def done(self) -> bool:
+        """Whether the disk has answered."""
+        return not self._thread.is_alive()
+
+    def wait(self) -> None:
+        """Wait until it has."""
+        self._thread.join()
 
 
 class CommittedFile:
@@ -24,6 +51,7 @@ class CommittedFile:
         self.committed = 0
         self.synced = 0
         self._gathered = bytearray()
+        self._syncing: BackgroundSync | None = None
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
 
     @property
@@ -60,8 +88,35 @@ class CommittedFile:
     def sync(self) -> None:
         """Flush, and make the disk keep it."""
         self.flush()
+        error = self._wait_for_the_disk()
+        if error is not None:  # the system tells it once only: asked again, it would say that all is well
+            raise error
         os.fdatasync(self._descriptor)
         self.synced = self.committed
+
+    def begin_sync(self) -> bool:
+        """Flush, and let the disk keep it while others go on; False if it is still busy with the last time.
+
+        Raises what went wrong the last time.
+        """
+        self.flush()
+        if self._syncing is not None:
+            if not self._syncing.done:
+                return False
+            last, self._syncing = self._syncing, None
+            if last.error is not None:
+                raise last.error
+            self.synced = last.covers
+        self._syncing = BackgroundSync(self._descriptor, self.committed)
+        return True
+
+    def _wait_for_the_disk(self) -> OSError | None:
+        """Let a sync in the background come to its end; what went wrong with it."""
+        if self._syncing is None:
+            return None
+        last, self._syncing = self._syncing, None
+        last.wait()
+        return last.error
 
     def cut_to(self, length: int) -> None:
         """Forget everything after ``length`` bytes; a disk that is gone cannot even do that, and need not."""
@@ -76,6 +131,7 @@ class CommittedFile:
 
         Returns whether the ending was written.
         """
+        self._wait_for_the_disk()
         self._gathered.clear()
         self.cut_to(self.synced)
         self._gathered += ending
@@ -87,18 +143,29 @@ class CommittedFile:
             self.close()
         return True
 
-    def rescue(self) -> None:
-        """Write a deleted file's content to its path once more: as long as it is open, the system keeps it."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with self.path.open("xb") as copy:
-            for offset in range(0, self.committed, _COPY_BYTES):
-                copy.write(os.pread(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
-            copy.flush()
-            os.fsync(copy.fileno())
+    def rescue(self, path: Path, ending: bytes) -> None:
+        """Write a deleted file's content to ``path``: as long as the file is open, the system keeps it.
+
+        Leaves nothing at ``path`` if that fails.
+        """
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with path.open("xb") as copy:
+                for offset in range(0, self.committed, _COPY_BYTES):
+                    copy.write(os.pread(self._descriptor, min(_COPY_BYTES, self.committed - offset), offset))
+                copy.write(ending)
+                copy.flush()
+                os.fsync(copy.fileno())
+        except FileExistsError:
+            raise
+        except OSError:
+            path.unlink(missing_ok=True)
+            raise
 
     def close(self) -> None:
         """Let go of the file; a second call does nothing."""
         if not self.closed:
+            self._wait_for_the_disk()
             descriptor, self._descriptor = self._descriptor, -1
             os.close(descriptor)
 

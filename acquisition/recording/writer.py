@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from acquisition.errors import storage_error
+from acquisition.errors import StorageError, storage_error
 from acquisition.recording.mcap_file import McapFile, ending_without_index
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.schemas import schema_of
@@ -19,6 +19,7 @@ from acquisition.recording.storage import CommittedFile, sync_folder
 from acquisition.trial import Trial, software_version
 
 _CHUNK_BYTES = 64 * 1024
+_LATEST_NS = 2**63 - 1
 _MEDIA_TYPES = {".toml": "application/toml"}
 
 
@@ -49,7 +50,11 @@ class RecordingWriter(MessageSink):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        try:
+            self.close()
+        except StorageError:
+            self.abandon()
+            raise
 
     @property
     def size_bytes(self) -> int:
@@ -58,14 +63,17 @@ class RecordingWriter(MessageSink):
 
     @property
     def vanished(self) -> bool:
-        """Whether somebody has deleted the file that is being written."""
-        return not self._file.closed and self._file.vanished
+        """Whether somebody has deleted the file that is being written. Raises :class:`StorageError`."""
+        try:
+            return not self._file.closed and self._file.vanished
+        except OSError as error:  # a network's disk may not even answer this
+            raise storage_error(self.path, error) from error
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         channel = self._topics.get(topic) or self._register(topic)
         channel[1] += 1
-        if log_ns < 0 or publish_ns < 0:  # a clock before 1970; the format has no such times
-            log_ns, publish_ns = max(log_ns, 0), max(publish_ns, 0)
+        if not (0 <= log_ns <= _LATEST_NS and 0 <= publish_ns <= _LATEST_NS):  # the format has no such times
+            log_ns, publish_ns = min(max(log_ns, 0), _LATEST_NS), min(max(publish_ns, 0), _LATEST_NS)
         self._mcap.add_message(channel[0], log_ns, data, publish_ns, channel[1] & 0xFFFFFFFF)
         self.messages += 1
 
@@ -85,16 +93,25 @@ class RecordingWriter(MessageSink):
         self._guarded(self._flush)
         self._guarded(self._file.sync)
 
+    def begin_sync(self) -> bool:
+        """As :meth:`sync`, without waiting for the disk; False if it is still busy with the last time.
+
+        Trouble of the last time is raised now.
+        """
+        self._guarded(self._mcap.end_chunk)
+        try:
+            return self._file.begin_sync()
+        except OSError as error:
+            raise storage_error(self.path, error) from error
+
     def close(self) -> None:
         """Write the index and close the file; a second call does nothing."""
         if self._file.closed:
             return
-        try:
-            self._guarded(self._flush)
-            self._guarded(self._mcap.finish)
-            self._guarded(self._file.sync)
-        finally:
-            self._guarded(self._file.close)
+        self._guarded(self._flush)
+        self._guarded(self._mcap.finish)
+        self._guarded(self._file.sync)
+        self._guarded(self._file.close)
 
     def abandon(self) -> bool:
         """Give up on a file that can no longer be written: keep what was synced, ended well if there is room.
@@ -103,15 +120,14 @@ class RecordingWriter(MessageSink):
         """
         return self._file.abandon(ending_without_index())
 
-    def close_deleted(self) -> None:
-        """Close a file that was deleted while it was written, and put its content back to where it was."""
-        try:
-            self._guarded(self._flush)
-            self._guarded(self._mcap.finish)
-            self._guarded(self._file.flush)
-            self._guarded(self._file.rescue)
-        finally:
-            self._guarded(self._file.close)
+    def put_back(self, path: Path) -> None:
+        """Write the content of a file that was deleted to ``path``, ended without an index, and let go of it.
+
+        Where that fails, the deleted file goes on being written.
+        """
+        self._guarded(self._flush)
+        self._guarded(lambda: self._file.rescue(path, ending_without_index()))
+        self._guarded(self._file.close)
 
     def _flush(self) -> None:
         self._mcap.end_chunk()

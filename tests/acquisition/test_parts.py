@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -319,6 +320,7 @@ def test_whatever_happens_in_whatever_order_nothing_is_lost_or_changed(
             "write": lambda: recorded.write(7),
             "flush": recorded.parts.flush,
             "sync": recorded.parts.sync,
+            "sync_soon": recorded.parts.sync_soon,
             "full": lambda: setattr(disk, "room", 20),
             "gone": lambda: setattr(disk, "error", errno.EIO),
             "room": lambda: (setattr(disk, "room", float("inf")), setattr(disk, "error", None)),
@@ -333,3 +335,131 @@ def test_whatever_happens_in_whatever_order_nothing_is_lost_or_changed(
         assert set(found) == set(recorded.expected())
         if "gone" not in steps:
             assert found == recorded.expected()
+
+
+def test_a_deleted_file_that_cannot_be_put_back_yet_is_not_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """There is no room for a copy: the deleted file goes on being written, and comes back when there is."""
+    real = storage.CommittedFile.rescue
+    room = [False]
+
+    def rescue(self: storage.CommittedFile, path: Path, ending: bytes) -> None:
+        if not room[0]:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(self, path, ending)
+
+    monkeypatch.setattr(storage.CommittedFile, "rescue", rescue)
+    recorded = Recorded(tmp_path)
+    recorded.write(100)
+    recorded.parts.path.unlink()
+    for later in (1e9, 2e9):
+        recorded.parts.look_after(later)
+        recorded.write(100)
+    room[0] = True
+    recorded.parts.look_after(3e9)
+    recorded.write(100)
+    recorded.parts.close()
+    assert recorded.values() == recorded.expected()
+    assert sum("cannot be put back yet" in text for text in recorded.told) == 1
+
+
+def test_a_deleted_file_that_cannot_be_put_back_at_all_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def rescue(self: storage.CommittedFile, path: Path, ending: bytes) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(storage.CommittedFile, "rescue", rescue)
+    recorded = Recorded(tmp_path)
+    recorded.write(100)
+    recorded.parts.path.unlink()
+    with pytest.raises(StorageError, match="100 messages could not be written"):
+        recorded.parts.close()
+
+
+def test_a_deleted_file_whose_name_is_taken_comes_back_under_another(tmp_path: Path) -> None:
+    recorded = Recorded(tmp_path)
+    recorded.write(100)
+    path = recorded.parts.path
+    path.unlink()
+    path.write_text("somebody's")
+    recorded.parts.look_after(1e9)
+    recorded.parts.close()
+    assert path.read_text() == "somebody's"
+    assert recorded.values() == recorded.expected()
+
+
+def test_a_disk_that_does_not_even_answer_pauses_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded = Recorded(tmp_path)
+    recorded.write(10)
+    recorded.parts.sync()
+    with monkeypatch.context() as patched:
+        patched.setattr(
+            storage.os, "fstat", lambda descriptor: (_ for _ in ()).throw(OSError(errno.ESTALE, "stale"))
+        )
+        recorded.parts.look_after(1e9)
+    assert recorded.parts.paused
+    recorded.parts.resume()
+    recorded.parts.close()
+    assert recorded.values() == recorded.expected()
+
+
+def test_trouble_while_a_part_is_closed_ends_it_well_and_writes_nothing_twice(
+    tmp_path: Path, disk: FailingDisk
+) -> None:
+    recorded = Recorded(tmp_path, reserve_mb=0.0)
+    recorded.write(100)
+    recorded.parts.sync()
+    recorded.write(100)
+    disk.room = 60
+    recorded.parts.next_part("asked for")
+    disk.room = float("inf")
+    recorded.parts.resume()
+    recorded.parts.close()
+    assert recorded.values() == recorded.expected()
+    assert all(read_recording(path).closed for path in recorded.parts.paths)
+
+
+def test_a_slow_disk_does_not_hold_up_what_is_handed_to_the_system(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the disk takes its time, more is flushed, and is there should the recorder be killed."""
+    asked, answer = threading.Event(), threading.Event()
+    real = os.fdatasync
+
+    def fdatasync(descriptor: int) -> None:
+        asked.set()
+        assert answer.wait(20)
+        real(descriptor)
+
+    recorded = Recorded(tmp_path)
+    monkeypatch.setattr(storage.os, "fdatasync", fdatasync)
+    recorded.write(100)
+    recorded.parts.sync_soon()
+    assert asked.wait(20)
+    for _ in range(3):
+        recorded.write(100)
+        recorded.parts.flush()
+        recorded.parts.sync_soon()  # still busy
+    assert len(values_in(recorded.parts.path)) == 400
+    answer.set()
+    recorded.parts.close()
+    assert recorded.values() == recorded.expected()
+
+
+def test_trouble_of_a_sync_in_the_background_is_noticed(tmp_path: Path, disk: FailingDisk) -> None:
+    recorded = Recorded(tmp_path, reserve_mb=0.0)
+    recorded.write(100)
+    recorded.parts.sync_soon()
+    recorded.parts.sync()
+    recorded.write(100)
+    disk.error = errno.EIO
+    recorded.parts.sync_soon()  # the flush fails at once
+    assert recorded.parts.paused
+    disk.error = None
+    recorded.parts.resume()
+    recorded.parts.close()
+    assert recorded.values() == recorded.expected()

@@ -141,6 +141,41 @@ def test_whatever_a_driver_raises_the_source_is_opened_again(run: Run, error: Ex
     assert "'line' is back" in texts(recording)
 
 
+def test_a_source_that_can_be_opened_and_fails_at_once_is_tried_ever_more_seldom(run: Run) -> None:
+    """A gateway that accepts and closes: one event, not ten a second, and no claim that it is back."""
+
+    def read() -> list[Frame] | None:
+        raise SourceError("the other end closed the connection")
+
+    source = FakeSource("line", read)
+    recording = run(source, lambda recorder: time.sleep(1.7))
+    assert 3 <= source.opened <= 6  # at 0, 0.1, 0.3, 0.7 and 1.5 s
+    assert texts(recording).count("closed the connection") == 1
+    assert "is back" not in texts(recording)
+
+
+def test_a_source_that_takes_long_to_open_keeps_no_other_from_being_heard(
+    config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    release = threading.Event()
+
+    class Slow(FakeSource):
+        def open(self) -> None:
+            release.wait(20)
+
+    both = replace(config, sources=(*config.sources, replace(config.sources[0], name="slow", channels=())))
+    made = {"line": FakeSource("line", reads([frame()])), "slow": Slow("slow", idle)}
+    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: made[section.name])
+    parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
+    recorder = Recorder(both, parts)
+    recorder.start()
+    wait_for(lambda: recorder.health.sources["line"].frames == 1)
+    release.set()
+    recorder.stop()
+    parts.close()
+    assert read_recording(parts.path).raw == {"/raw/nmea0183/line": 1}
+
+
 def test_a_source_that_hangs_is_left_behind(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("acquisition.pipeline._LONGEST_JOIN_S", 0.2)
     release = threading.Event()
