@@ -95,8 +95,8 @@ def _check_departure(
         typer.echo(json.dumps(found.as_json()))
     else:
         Console().print(departure_table(found))
-    if found.missing:
-        typer.echo(f"not ready: {', '.join(found.missing)} would be missing", err=True)
+    if found.obstacles:
+        typer.echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
         raise typer.Exit(1)
     typer.echo("ready: all 13 channels come", err=True)
 

@@ -1,14 +1,16 @@
 """``seatrial record --check``: before departure, which channels will be missing, and why.
 
-The check is a short recording, made exactly as a real one and thrown away: what works here works at sea.
+The check is a short recording, made exactly as a real one and thrown away: what works here works at sea. It lies
+in the folder for temporary files; where the real one will go is looked at, and nothing is written there.
 """
 
 from __future__ import annotations
 
+import os
 import tempfile
 import threading
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,8 @@ from acquisition.channels import NAMES
 from acquisition.config import TrialConfig
 from acquisition.health import Health
 from acquisition.pipeline import Recorder
-from acquisition.recording.parts import RecordingParts, free_bytes
+from acquisition.recording.parts import RecordingParts, free_bytes, reserve_bytes
+from acquisition.sections import RecordingSection
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,21 +35,31 @@ class ChannelReport:
 
 @dataclass(frozen=True, slots=True)
 class DepartureCheck:
-    """What a check found: every channel, every source, and what was told on the way."""
+    """What a check found: every channel, every source, what was told on the way, and where a recording would go.
+
+    ``disk_problem`` says why nothing could be recorded there; it is empty where all is well.
+    """
 
     channels: list[ChannelReport]
     sources: list[dict[str, Any]]
     events: list[str]
     free_bytes: int | None
+    disk_problem: str = ""
 
     @property
     def missing(self) -> list[str]:
         """The channels that would be missing."""
         return [each.name for each in self.channels if each.problem]
 
+    @property
+    def obstacles(self) -> list[str]:
+        """Why the trial is not ready; nothing if it is."""
+        missing = [f"{', '.join(self.missing)} would be missing"] if self.missing else []
+        return missing + ([self.disk_problem] if self.disk_problem else [])
+
     def as_json(self) -> dict[str, Any]:
         """The check as an object of JSON's kinds."""
-        return {"ready": not self.missing, "missing": self.missing, **asdict(self)}
+        return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
 
 
 def check_departure(
@@ -56,8 +69,9 @@ def check_departure(
 
     Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written.
     """
+    scratch_settings = replace(config.recording, reserve_mb=0.0)  # the reserve is for the trial's disk
     with tempfile.TemporaryDirectory(prefix="seatrial-check-") as scratch:
-        parts = RecordingParts(Path(scratch), config.trial, config.attachments, config.recording)
+        parts = RecordingParts(Path(scratch), config.trial, config.attachments, scratch_settings)
         recorder = Recorder(config, parts)
         try:
             recorder.start()
@@ -72,14 +86,26 @@ def check_departure(
         finally:
             parts.discard()
     events = [text for _, level, text in recorder.health.events if level != "info"]
-    return DepartureCheck(channels, sources, events, _room(folder))
+    free, problem = (None, "") if folder is None else examine_folder(folder, config.recording)
+    return DepartureCheck(channels, sources, events, free, problem)
 
 
-def _room(folder: Path | None) -> int | None:
-    if folder is None:
-        return None
-    existing = next(each for each in (folder, *folder.absolute().parents) if each.exists())
-    return free_bytes(existing)[0]
+def examine_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
+    """What is free where a recording would go [bytes], and why it could not; nothing is written there."""
+    existing = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+    if not existing.is_dir():
+        return None, f"{folder}: {existing} is no folder"
+    if not os.access(existing, os.W_OK | os.X_OK):
+        what = "written to" if existing == folder else f"made: {existing} cannot be written to"
+        return None, f"{folder} cannot be {what}"
+    try:
+        free, size = free_bytes(existing)
+    except OSError as error:
+        return None, f"{folder}: its disk cannot be asked for room: {error.strerror}"
+    reserve = reserve_bytes(settings, size)
+    if free < reserve:
+        return free, f"{folder}: {free / 1e6:.1f} MB free, less than the reserve of {reserve / 1e6:.1f} MB"
+    return free, ""
 
 
 def _report(name: str, config: TrialConfig, health: Health, now_ns: int) -> ChannelReport:

@@ -19,7 +19,9 @@ def departure_table(found: DepartureCheck) -> Group:
     for each in found.channels:
         table.add_row(*_row(each))
     lines = [Text(text, "yellow") for text in found.events]
-    if found.free_bytes is not None:
+    if found.disk_problem:
+        lines.append(Text(f"✗ {found.disk_problem}", "bold red"))
+    elif found.free_bytes is not None:
         lines.append(Text(f"{found.free_bytes / 1e9:.1f} GB free where the recording goes", "dim"))
     return Group(table, *lines)
 

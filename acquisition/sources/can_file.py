@@ -19,6 +19,7 @@ import can
 
 from acquisition.errors import SourceError
 from acquisition.frames import Frame, FrameFlag, now_ns
+from acquisition.info import iso
 from acquisition.sections import CanFileSource
 from acquisition.sources.can_text import LineReader, Logged
 
@@ -28,10 +29,13 @@ _LONGEST_LINE = 4_096
 _HIGHEST_IDENTIFIER = 0x1FFFFFFF
 _LIBRARY_LOGGERS = tuple(logging.getLogger(f"can.io.{kind}") for kind in ("asc", "blf", "trc"))
 _EARLIEST_UTC_NS = 1_000_000_000 * 10**9
+_LATEST_NS = 2**63
 
 
 class _Log(Protocol):
-    """One kind of log: its frames, and how much of it was none."""
+    """One kind of log: its frames, how much of it was none, and what broke it off, if anything did."""
+
+    damage: str
 
     @property
     def unreadable(self) -> int: ...
@@ -40,7 +44,7 @@ class _Log(Protocol):
 
 
 class CanFile:
-    """One log, read once; ``unreadable`` counts lines, or remains of a broken log, that held no frame."""
+    """One log, read once; ``unreadable`` counts its lines (of BLF: objects) that held no frame."""
 
     lost = 0
 
@@ -50,11 +54,23 @@ class CanFile:
         self._file: BinaryIO | None = None
         self._log: _Log | None = None
         self._frames: Iterator[Logged] = iter(())
-        self._opened_ns = self._last_ns = 0
+        self._opened_ns = self._last_ns = self._count = 0
+        self._newest_ns: int | None = None  # as the log tells it
+        self.timed = True  # whether the last frame had a time, of whatever kind
 
     @property
     def unreadable(self) -> int:
         return 0 if self._log is None else self._log.unreadable
+
+    @property
+    def damage(self) -> str:
+        """What is broken in the log and where its reading ended; empty for a log that was read to its end."""
+        if self._log is None or not self._log.damage:
+            return ""
+        where = f"reading ended after {self._count:,} frames"
+        if self._newest_ns is not None:
+            where += f", the last of {_told_time(self._newest_ns)}"
+        return f"the log is damaged ({self._log.damage}); {where}"
 
     def open(self) -> None:
         try:
@@ -69,7 +85,7 @@ class CanFile:
                 fix="correct `path`",
             ) from error
         self._frames = iter(self._log)
-        self._opened_ns, self._last_ns = now_ns()[0], 0
+        self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 
     def read(self, timeout_s: float) -> list[Frame] | None:
         if self._file is None:
@@ -87,6 +103,7 @@ class CanFile:
             self._file = None
 
     def _frame(self, logged: Logged) -> Frame:
+        self._count, self._newest_ns, self.timed = self._count + 1, logged.time_ns, logged.time_ns is not None
         stamped_ns, (received_ns, monotonic_ns) = None, now_ns()
         if logged.time_ns is not None and logged.time_ns >= _EARLIEST_UTC_NS:
             stamped_ns = received_ns = monotonic_ns = logged.time_ns
@@ -103,6 +120,13 @@ class CanFile:
             logged.flags,
             stamped_ns,
         )
+
+
+def _told_time(time_ns: int) -> str:
+    """A log's time for a person: UTC, or since it began; broken ones can lie beyond all dates."""
+    if time_ns < _EARLIEST_UTC_NS:
+        return f"{time_ns / 1e9:.3f} s after its beginning"
+    return iso(time_ns) if time_ns < _LATEST_NS else f"{time_ns / 1e9:.3f} s since 1970"
 
 
 def _log(file: BinaryIO, path: Path) -> _Log:
@@ -141,6 +165,8 @@ def _are_differences(times_ns: list[int | None]) -> bool:
 class _TextLog:
     """Lines; one that is too long to be a frame is read in pieces, which are none either."""
 
+    damage = ""  # whatever is broken in a text is broken lines
+
     def __init__(self, file: BinaryIO, differences: bool) -> None:
         self._file = file
         self._differences = differences
@@ -162,7 +188,7 @@ class _TextLog:
 
 
 class _LibraryLog(logging.Filter):
-    """A log by one of python-can's readers; what it trips over ends the log.
+    """A log by one of python-can's readers; what it trips over ends the log, and is its ``damage``.
 
     What a reader passes over it tells its logger only: that is counted, and not printed.
     """
@@ -170,33 +196,51 @@ class _LibraryLog(logging.Filter):
     def __init__(self, make_reader: Callable[[], Iterable[can.Message]], size_bytes: int = 0) -> None:
         super().__init__()
         self.unreadable = 0
+        self.damage = ""
+        self._size_bytes = size_bytes  # of BLF; 0 for text
         try:
             self._reader = make_reader()
         except Exception as error:  # the library promises no set of errors for a broken log
             raise ValueError(f"its beginning is broken: {error}") from error
-        if getattr(self._reader, "file_size", 0) > size_bytes:  # BLF: how long it once was
-            self.unreadable = 1
 
     def filter(self, record: logging.LogRecord) -> bool:
         self.unreadable += 1
         return False
 
     def __iter__(self) -> Iterator[Logged]:
+        cut = False
         for logger in _LIBRARY_LOGGERS:
             logger.addFilter(self)
         try:
             for message in self._reader:
-                if message.arbitration_id <= _HIGHEST_IDENTIFIER:
+                cut = not self._size_bytes and _is_cut(message)
+                if message.arbitration_id <= _HIGHEST_IDENTIFIER and not cut:
                     yield _logged(message)
                 else:
                     self.unreadable += 1
+            self.damage = self._cut() or ("its last line is cut off" if cut else "")
         except OSError:
             raise
-        except Exception:
-            self.unreadable += 1
+        except Exception as error:
+            self.damage = self._cut() or f"{type(error).__name__}: {error}".rstrip(": ")
         finally:
             for logger in _LIBRARY_LOGGERS:
                 logger.removeFilter(self)
+
+    def _cut(self) -> str:
+        """What is missing at the end of a BLF log, as far as it can tell."""
+        once_bytes = getattr(self._reader, "file_size", 0)
+        if once_bytes > self._size_bytes:
+            return f"it was {once_bytes:,} bytes long, {self._size_bytes:,} are left"
+        if bytes(getattr(self._reader, "_tail", b"")).strip(b"\0"):
+            return "its last object is cut off"
+        return ""
+
+
+def _is_cut(message: can.Message) -> bool:
+    """Whether bytes are missing: the library fills nothing up where a line of ASC ends before its data."""
+    whole = min(message.dlc, 64 if message.is_fd else 8)
+    return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < whole
 
 
 def _logged(message: can.Message) -> Logged:

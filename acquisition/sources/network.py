@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ipaddress
 import socket
+import struct
 import sys
 from contextlib import suppress
 
@@ -19,22 +21,63 @@ _CONNECT_TIMEOUT_S = 3.0
 
 
 def bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
-    """A UDP socket bound to the section's address, with as large a buffer as the system allows."""
+    """A UDP socket bound to the section's address, with as large a buffer as the system allows.
+
+    A multicast group, such as those of IEC 61162-450, is joined, and other programs may listen to it too.
+    """
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         with suppress(OSError):
             opened.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
-        opened.bind((config.address, config.port))
+        shared = is_multicast(config.address)
+        if shared:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        opened.bind((config.address, config.port))  # to a group's own address: nothing else comes
+        if shared:
+            _join(opened, config.address)
     except OSError as error:
         opened.close()
+        unresolved = isinstance(error, socket.gaierror)
         raise SourceError(
             f"UDP {config.address}:{config.port} cannot be listened on",
             where=f"source {config.name!r}",
             why=str(error.strerror),
-            fix="end the program that uses it, or correct `address` and `port`",
+            fix="correct `address`"
+            if unresolved
+            else "end the program that uses it, or correct `address` and `port`",
         ) from error
     return opened
+
+
+def is_multicast(address: str) -> bool:
+    """Whether it is the address of an IPv4 group.
+
+    >>> is_multicast("239.192.0.1"), is_multicast("127.0.0.1"), is_multicast("localhost")
+    (True, False, False)
+    """
+    try:
+        return ipaddress.IPv4Address(address).is_multicast
+    except ValueError:
+        return False
+
+
+def _join(opened: socket.socket, address: str) -> None:
+    """Join a group on every interface, as the one with the instruments need not be the one that is routed to.
+
+    Raises :class:`OSError` if not one of them can join.
+    """
+    failure: OSError | None = None
+    joined = 0
+    for index, _ in socket.if_nameindex():
+        membership = struct.pack("4s4si", socket.inet_aton(address), socket.inet_aton("0.0.0.0"), index)
+        try:
+            opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+            joined += 1
+        except OSError as error:  # one that knows no multicast, or is down
+            failure = error
+    if failure is not None and not joined:
+        raise failure
 
 
 class DatagramSource:
@@ -113,11 +156,12 @@ class TcpStream:
         try:
             self._socket = socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
         except OSError as error:
+            unresolved = isinstance(error, socket.gaierror)
             raise SourceError(
                 f"TCP {address[0]}:{address[1]} does not answer",
                 where=f"source {self.name!r}",
-                why=str(error),
-                fix="start the gateway, or correct `address` and `port`",
+                why=str(error.strerror) if unresolved else str(error),
+                fix="correct `address`" if unresolved else "start the gateway, or correct `address` and `port`",
             ) from error
 
     def receive(self, timeout_s: float) -> bytes:

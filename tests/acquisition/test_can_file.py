@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from pathlib import Path
 
@@ -34,7 +35,7 @@ def read_all(path: Path) -> list[Frame]:
     frames: list[Frame] = []
     while (some := source.read(0.0)) is not None:
         frames += some
-    assert source.unreadable == 0
+    assert (source.unreadable, source.damage) == (0, "")
     source.close()
     return frames
 
@@ -204,14 +205,75 @@ def test_a_log_that_was_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
         for message in messages() * 40:
             write(message)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    source, count = damaged(path)
+    assert 0 < count < 32_000
+    assert re.fullmatch(
+        rf"the log is damaged \(it was [\d,]+ bytes long, [\d,]+ are left\); reading ended after {count:,} frames, "
+        r"the last of 2026-05-1[\dT:.]+\+00:00",
+        source.damage,
+    )
+    assert source.unreadable == 0
+
+
+def damaged(path: Path) -> tuple[CanFile, int]:
+    """A log that was read as far as it can be, and how many frames it gave."""
     source = can_file(path)
     source.open()
     count = 0
     while (frames := source.read(0.0)) is not None:
         count += len(frames)
-    assert 0 < count < 32_000
-    assert source.unreadable == 1
     source.close()
+    return source, count
+
+
+def test_a_log_that_nobody_closed_says_when_its_end_is_missing(tmp_path: Path) -> None:
+    """Its header tells no length then, but its last object has no end."""
+    path = tmp_path / "frames.blf"
+    with can.BLFWriter(path, compression_level=0) as write:
+        for message in messages():
+            write(message)
+    written = bytearray(path.read_bytes()[:-1000])
+    written[16:24] = bytes(8)  # the length, in the header
+    path.write_bytes(written)
+    source, count = damaged(path)
+    assert 0 < count < 800
+    assert source.damage.startswith("the log is damaged (its last object is cut off); reading ended after")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "where", "what", "left"),
+    [(".asc", 400, "0.5 1 18EEFF01x Rx d zz 05\n", 396), (".trc", 400, "9 9.0 DT 1 zz Rx - 2 00 00\n", 384)],
+)
+def test_a_broken_line_that_ends_the_reading_says_so(
+    tmp_path: Path, suffix: str, where: int, what: str, left: int
+) -> None:
+    path = tmp_path / f"frames{suffix}"
+    with can.Logger(path) as write:
+        for message in messages():
+            if not message.is_remote_frame:
+                write(message)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines[:where], what, *lines[where:]]))
+    source, count = damaged(path)
+    assert count == pytest.approx(left, abs=20)
+    assert source.damage.startswith("the log is damaged (ValueError: ")
+    assert f"reading ended after {count:,} frames, the last of " in source.damage
+    assert source.unreadable == 0
+
+
+def test_a_line_that_is_cut_off_is_no_frame(tmp_path: Path) -> None:
+    path = tmp_path / "frames.asc"
+    with can.ASCWriter(path) as write:
+        for message in messages()[:9]:
+            write(message)
+    lines = [line for line in path.read_text().splitlines() if " Rx " in line or not line.startswith("End")]
+    while " 06 " not in lines[-1]:
+        lines.pop()
+    path.write_text("\n".join(lines)[: -len(lines[-1])] + lines[-1].split(" 03 ")[0])
+    source, count = damaged(path)
+    assert count == 8
+    assert "its last line is cut off" in source.damage
+    assert source.unreadable == 1
 
 
 def test_broken_lines_of_a_trace_are_counted(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import time
 from math import radians
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -182,6 +183,69 @@ def test_a_long_file_is_one_part_and_complete(tmp_path: Path) -> None:
     assert recording.series["heading_deg"].value.tolist() == [number % 360 for number in range(count)]
     assert recording.end_ns - recording.start_ns == (count - 1) * 100_000_000
     assert health.sources["source0"].rejected == health.sources["source0"].dropped == 0
+
+
+def test_the_recording_says_whose_times_it_has(tmp_path: Path) -> None:
+    write_logs(tmp_path)
+    (path,), _ = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
+    assert read_recording(path).metadata["clock"] == {"times": "of the log files"}
+
+
+@pytest.mark.parametrize("clock", ["receiver", "source"])
+def test_a_log_without_times_is_told_once_and_its_clock_is_not_compared(tmp_path: Path, clock: str) -> None:
+    """Hours of a log pass in a second, so that its clock would be "set" with every ZDA."""
+    bodies = ("GPZDA,{hour:02d}{minute:02d}00.00,17,05,2026,00,00", "HEHDT,{minute}.0,T")
+    lines = (
+        sentence(body.format(hour=hour, minute=minute))
+        for hour in range(20)
+        for minute in range(60)
+        for body in bodies
+    )
+    (tmp_path / "bridge.log").write_bytes(b"".join(lines))
+    (tmp_path / "bus.log").write_text("".join(["  can0  123   [1]  05\n"] * 5))
+    write_logs_of_a_third(tmp_path / "timed.log")
+    timed = 'type = "file"\npath = "timed.log"\n'
+    config = config_of(tmp_path, f'{TAGGED}clock = "{clock}"\n', CANDUMP, timed)
+    (path,), _ = record(config, tmp_path / "out")
+    texts = [text for _, text in read_recording(path).events]
+    without = "the log has no times of its own; its samples are stamped with the time of reading, unless it tells "
+    without += 'the time and clock = "source"'
+    assert [text for text in texts if "no times" in text] == [f"source0: {without}", f"source1: {without}"]
+    assert texts.index("recording started, from log files") < texts.index(f"source0: {without}")
+    assert not any("source0: clock" in text for text in texts)
+
+
+def write_logs_of_a_third(path: Path) -> None:
+    path.write_bytes(b"".join(tagged(START_NS + number * SECOND, "HEHDT,5.0,T") for number in range(3)))
+
+
+def test_a_log_with_times_of_its_own_is_told_nothing(tmp_path: Path) -> None:
+    """Nor one whose times count from its beginning."""
+    write_logs(tmp_path)
+    (tmp_path / "bus.log").write_text("(0.1) can0 123#05\n(0.2) can0 123#05\n")
+    (path,), _ = record(config_of(tmp_path, TAGGED, CANDUMP), tmp_path / "out")
+    assert not any("no times" in text for _, text in read_recording(path).events)
+
+
+def test_damage_of_a_log_is_an_error_that_says_where_reading_ended(tmp_path: Path) -> None:
+    with can.BLFWriter(tmp_path / "bus.log", compression_level=0) as write:
+        for number in range(500):
+            write(can.Message(timestamp=START_NS / SECOND + number, arbitration_id=0x123, data=bytes(8)))
+    (tmp_path / "bus.log").write_bytes((tmp_path / "bus.log").read_bytes()[:-5000])
+    (path,), health = record(config_of(tmp_path, CANDUMP), tmp_path / "out")
+    (level, text), *_ = [(level, text) for _, level, text in health.events if "damaged" in text]
+    assert level == "error"
+    count = health.sources["source0"].frames
+    assert "source0: the log is damaged (it was " in text
+    assert f"reading ended after {count:,} frames, the last of 2026-05-17T" in text
+    assert read_recording(path).closed
+
+
+def test_lines_that_hold_no_frame_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "bus.log").write_text(f"{candump(START_NS, 1.0)}rubbish\n" * 3)
+    _, health = record(config_of(tmp_path, CANDUMP), tmp_path / "out")
+    told = [(level, text) for _, level, text in health.events if "could not be read" in text]
+    assert told == [("warning", "source0: 3 lines of the log could not be read")]
 
 
 def test_an_empty_file_makes_a_recording_of_today(tmp_path: Path) -> None:
