@@ -3,32 +3,65 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
+from functools import cache
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import typer
-
-from acquisition import cli as acquisition_cli
 from acquisition.errors import SeatrialError
-from analysis import cli as analysis_cli
-from hybrid import cli as hybrid_cli
+from acquisition.signals import stopped_by_signals
+from acquisition.streams import guard_streams
 
-app = typer.Typer(
-    name="seatrial",
-    help="Sea-trial data logger and offline analysis: from a bus to a validated manoeuvring model.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-for package_cli in (acquisition_cli, analysis_cli, hybrid_cli):
-    package_cli.mount(app)
+if TYPE_CHECKING:
+    import typer
+
+_INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+
+@cache
+def _app() -> typer.Typer:
+    """All commands. It is built late, so that signals are heard while it is loaded."""
+    import typer
+
+    from acquisition import cli as acquisition_cli
+    from analysis import cli as analysis_cli
+    from hybrid import cli as hybrid_cli
+
+    app = typer.Typer(
+        name="seatrial",
+        help="Sea-trial data logger and offline analysis: from a bus to a validated manoeuvring model.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    for package_cli in (acquisition_cli, analysis_cli, hybrid_cli):
+        package_cli.mount(app)
+    return app
+
+
+def __getattr__(name: str) -> Any:
+    if name == "app":
+        return _app()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def main() -> None:
     """Run one command; an error that we raised on purpose is one line on stderr and exit code 1."""
+    guard_streams()
     try:
-        app()
+        with stopped_by_signals() if sys.argv[1:2] == ["record"] else nullcontext():
+            _app()()
     except SeatrialError as error:
-        print(f"seatrial: {error}", file=sys.stderr)  # noqa: T201 - this is the terminal
-        sys.exit(1)
+        _fail(error)
+    except OSError as error:
+        where = str(error.filename or "")
+        _fail(SeatrialError("the system refused", where=where, why=error.strerror or str(error)))
+    except KeyboardInterrupt:
+        sys.exit(_INTERRUPTED)
+
+
+def _fail(error: SeatrialError) -> NoReturn:
+    print(f"seatrial: {error}", file=sys.stderr)  # noqa: T201 - this is the terminal
+    sys.exit(1)
 
 
 if __name__ == "__main__":

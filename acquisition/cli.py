@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from acquisition.signals import stopped_by_signals
+
 if TYPE_CHECKING:
     import threading
 
@@ -49,24 +51,36 @@ def record(
     as_json: AsJson = False,
 ) -> None:
     """Record a trial."""
-    from acquisition.config import load_config
-    from acquisition.record import record as run
-    from acquisition.record import stopped_by_signals
-
     if log not in ("text", "json"):
         raise typer.BadParameter("is neither text nor json", param_hint="--log")
     if output is None and not check:
         raise typer.BadParameter("is missing: the folder that the recording goes into", param_hint="-o")
-    trial = load_config(config)
-    with stopped_by_signals() as stop:
+    with stopped_by_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
+        from acquisition.config import load_config
+        from acquisition.record import record as run
+
+        trial = load_config(config)
         if check or output is None:
             _check_departure(trial, output, 10.0 if duration is None else duration, stop, as_json)
             return
         paths, health = run(trial, output, duration, stop, log_format=log, live=live)  # type: ignore[arg-type]
     if log == "text":
         _sum_up(trial, health, paths)
-    for path in paths:
-        typer.echo(path)
+    try:
+        typer.echo(json.dumps(_as_json(health, paths)) if as_json else "\n".join(map(str, paths)))
+    except OSError as error:  # the recording is there all the same
+        typer.echo(f"warning: {error}", err=True)
+
+
+def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
+    sources = health.sources.values()
+    return {
+        "parts": [str(path) for path in paths],
+        "frames": sum(source.frames for source in sources),
+        "samples": health.samples,
+        "dropped": sum(source.dropped for source in sources),
+        "channels": [name for name, channel in health.channels.items() if channel.count],
+    }
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:

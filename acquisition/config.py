@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
@@ -19,8 +20,12 @@ from acquisition.sections import (
     LiveSection,
     MarkKeys,
     MavlinkLinks,
+    MavlinkSerialSource,
+    MavlinkSource,
     RecordingSection,
+    SerialSource,
     TrialSection,
+    UdpSource,
 )
 from acquisition.toml_file import line_of, parse_toml, read_text
 from acquisition.trial import Trial
@@ -89,6 +94,7 @@ def parse_config(text: str, path: Path | str, dbc_files: Mapping[str, Path] | No
     _check_units(file.source, text, path)
     _check_channels(file.source, text, path)
     _check_kinds(file.source, path)
+    _check_inputs(file.source, text, path)
     folder = Path(path).resolve().parent
     return TrialConfig(
         trial=file.trial.as_trial(),
@@ -157,6 +163,35 @@ def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
         )
 
 
+def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    """What comes in by a port or a serial line can be read by one source only."""
+    for number, source in enumerate(sources):
+        for earlier in sources[:number]:
+            key = _shared_input(source, earlier)
+            if key is not None:
+                raise ConfigurationError(
+                    f"source {source.name!r} has the same {key} as {earlier.name!r}",
+                    where=f"{path}, line {line_of(text, ['source', number, key])}",
+                    why="one source only can read it",
+                    fix=f"correct `{key}`, or make the two one source",
+                )
+
+
+def _shared_input(one: AnySource, other: AnySource) -> str | None:
+    """The key of what two sources would both open; None if there is none."""
+    if isinstance(one, _LISTENING) and isinstance(other, _LISTENING) and one.port == other.port:
+        first, second = (_LOCAL.get(each.address, each.address) for each in (one, other))
+        return "port" if first == second or "" in (first, second) else None
+    if isinstance(one, _SERIAL) and isinstance(other, _SERIAL):
+        first, second = (os.path.realpath(each.device) for each in (one, other))  # it may have several names
+        return "device" if first == second else None
+    return None
+
+
+_LISTENING = (UdpSource, MavlinkSource)
+_SERIAL = (SerialSource, MavlinkSerialSource)
+_LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
+"""Addresses by another name; the empty one stands for all of this computer's."""
 _MAPPING_HINT = {
     "can": "say which DBC signal does in [source.signals], or take it off the source's channels",
     "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",

@@ -16,7 +16,9 @@ from pathlib import Path
 
 from acquisition.errors import SourceError, StorageError
 
-_MOST_BYTES = 4096
+_MOST_BYTES = 65_536
+_MOST_LETTERS = 500
+_MOST_APART_NS = 60_000_000_000
 _ANSWER_S = 3.0
 
 Mark = Callable[[str, int], None]
@@ -70,13 +72,42 @@ class MarkServer:
 
     def _serve(self) -> None:
         while not self._stopping.is_set():
-            with suppress(OSError, ValueError, KeyError, TypeError):  # whoever sends rubbish gets no answer
+            # whoever sends rubbish gets no answer; what is nested too deeply is a RecursionError
+            with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
                 client, _ = self._socket.accept()
                 with client:
+                    self._mark(*_understood(_read_all(client)))
                     client.settimeout(_ANSWER_S)
-                    said = json.loads(client.recv(_MOST_BYTES))
-                    self._mark(str(said["text"])[:500], int(said["monotonic_ns"]))
                     client.sendall(b"ok")
+
+
+def _read_all(client: socket.socket) -> bytes:
+    """What a client says until it has said all; whoever takes too long is a TimeoutError."""
+    until_s, said = time.monotonic() + _ANSWER_S, b""
+    while len(said) <= _MOST_BYTES:
+        left_s = until_s - time.monotonic()
+        if left_s <= 0:
+            raise TimeoutError("too slow")
+        client.settimeout(left_s)
+        more = client.recv(_MOST_BYTES)
+        if not more:
+            return said
+        said += more
+    raise ValueError("too long")
+
+
+def _understood(said: bytes) -> tuple[str, int]:
+    """A mark's text and moment; one that cannot be true is replaced by now. Raises for what is no mark."""
+    message = json.loads(said)
+    text, at_ns, now_ns = message["text"], message["monotonic_ns"], time.monotonic_ns()
+    if not isinstance(text, str) or type(at_ns) is not int:
+        raise TypeError("no mark")
+    return _writable(text), at_ns if abs(at_ns - now_ns) <= _MOST_APART_NS else now_ns
+
+
+def _writable(text: str) -> str:
+    """As much of a text as a mark holds; halves of letters, which no file takes, become question marks."""
+    return text[:_MOST_LETTERS].encode(errors="replace").decode()
 
 
 def send_mark(text: str, folder: Path | None = None) -> int:
@@ -84,7 +115,8 @@ def send_mark(text: str, folder: Path | None = None) -> int:
 
     Raises :class:`SourceError` when none does.
     """
-    message = json.dumps({"text": text[:500], "monotonic_ns": time.monotonic_ns()}).encode()
+    mark = {"text": _writable(text), "monotonic_ns": time.monotonic_ns()}
+    message = json.dumps(mark, ensure_ascii=False).encode()
     folder = folder or runtime_folder()
     heard = sum(_send(path, message) for path in sorted(folder.glob("*.sock")))
     if not heard:
@@ -102,6 +134,7 @@ def _send(path: Path, message: bytes) -> bool:
         try:
             client.connect(str(path))
             client.sendall(message)
+            client.shutdown(socket.SHUT_WR)
             return client.recv(16) == b"ok"
         except ConnectionRefusedError:  # left behind by a recorder that was killed
             with suppress(OSError):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from types import FrameType
 
 from acquisition.config import TrialConfig
 from acquisition.errors import ConfigurationError, SeatrialError, SourceError
@@ -145,25 +143,3 @@ def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
         ),
     ):
         yield
-
-
-@contextmanager
-def stopped_by_signals() -> Iterator[threading.Event]:
-    """An event that SIGINT, SIGTERM and the loss of the terminal set, so that all end a recording cleanly.
-
-    Under ``nohup``, which ignores the loss of the terminal, the recording goes on.
-    """
-    stop = threading.Event()
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    ends = [signal.SIGINT, signal.SIGTERM]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        ends.append(signal.SIGHUP)
-    previous = {number: signal.signal(number, handle) for number in ends}
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

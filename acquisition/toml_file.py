@@ -14,6 +14,8 @@ from acquisition.errors import ConfigurationError
 
 Model = TypeVar("Model")
 _TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
+_UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
+"""These are named first: a key that is misspelt is why another is missing."""
 _KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
 
 
@@ -49,7 +51,7 @@ def validate(raw: dict[str, Any], text: str, path: Path | str, model: type[Model
     try:
         return TypeAdapter(model).validate_python(raw)
     except ValidationError as error:
-        first = error.errors()[0]
+        first = min(error.errors(), key=lambda each: each["type"] not in _UNKNOWN_KEY)
         keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]
         if first["type"].startswith("union_tag"):
             keys.append("type")
@@ -116,7 +118,7 @@ def _is_union_tag(key: str | int, raw: dict[str, Any], location: tuple[str | int
 
 
 def _explain(error: Any) -> str:
-    if error["type"] in ("unexpected_keyword_argument", "extra_forbidden"):
+    if error["type"] in _UNKNOWN_KEY:
         return "is not a known key here"
     if error["type"] in ("missing", "missing_argument"):
         return "is missing"

@@ -86,6 +86,15 @@ def as_process(*arguments: str | Path) -> Done:
     return Done(found.returncode, found.stdout, found.stderr)
 
 
+def in_shell(line: str, argument: Path) -> Done:
+    """``seatrial`` in bash, with ``line`` after it, redirections and all."""
+    found = subprocess.run(
+        ["bash", "-c", f'set -o pipefail; "$0" {ROOT / "seatrial.py"} {line}', sys.executable, str(argument)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    return Done(found.returncode, found.stdout, found.stderr)
+
+
 def test_help_lists_the_commands() -> None:
     done = as_process("--help")
     assert done.code == 0
@@ -382,6 +391,49 @@ def test_a_fault_is_one_line_that_helps(name: str, scene: Scene, command: Comman
 def test_a_fault_in_a_process_of_its_own(scene: Scene) -> None:
     line = one_line(as_process("info", scene.folder / "text.mcap"))
     assert "is not an MCAP recording" in line
+
+
+@pytest.mark.parametrize("redirection", ["| head -c 1", "2>&1 | head -c 1", "2>&-", ">&-", "2>/dev/full"])
+def test_whoever_stops_reading_does_not_make_it_a_failure(scene: Scene, redirection: str) -> None:
+    done = in_shell(f'info "$1" {redirection}', scene.good)
+    assert (done.code, done.err) == (0, "")
+
+
+def test_a_full_disk_behind_stdout_is_one_line(scene: Scene) -> None:
+    line = one_line(in_shell('info "$1" --json >/dev/full', scene.good))
+    assert line == "seatrial: standard output: cannot be written: No space left on device; send it elsewhere"
+
+
+@pytest.mark.parametrize(
+    ("raised", "code", "said"),
+    [
+        (
+            PermissionError(13, "Permission denied", "/x"),
+            1,
+            "seatrial: /x: the system refused: Permission denied\n",
+        ),
+        (OSError("what"), 1, "seatrial: the system refused: what\n"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_what_escapes_a_command_is_no_traceback(
+    raised: BaseException, code: int, said: str, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise raised
+
+    monkeypatch.setattr("acquisition.recording.reader.read_recording", broken)
+    done = command("info", "a.mcap")
+    assert (done.code, done.out, done.err) == (code, "", said)
+
+
+def test_an_interruption_while_the_commands_are_loaded(command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(seatrial, "_app", interrupted)
+    done = command("info")
+    assert (done.code, done.err) == (130, "")
 
 
 @pytest.mark.parametrize("channel", [NAMES[2], NAMES[7], NAMES[12]])

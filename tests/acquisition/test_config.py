@@ -18,6 +18,10 @@ SECOND_LINE = "\n[[source]]\nname = 'line'\nchannels = []\n"
 CAN = f'type = "can"\ninterface = "virtual"\nchannel = "x"\ndbc = "{DBC}"\n{SIGNALS}'
 
 
+def two_sources(one: str, other: str) -> str:
+    return config_text(one, ()) + '[[source]]\nname = "second"\nchannels = []\n' + other
+
+
 def written(tmp_path: Path, text: str) -> Path:
     path = tmp_path / "trial.toml"
     path.write_text(text)
@@ -47,6 +51,11 @@ def test_a_configuration_becomes_frozen_objects(tmp_path: Path) -> None:
         (config_text(SERIAL, ("heding_deg",)), 7, "did you mean heading_deg"),
         (config_text(SERIAL + "boud_rate = 9600\n"), 10, "boud_rate: is not a known key"),
         (config_text('type = "serial"\n'), 4, "device: is missing"),
+        (config_text('type = "udp"\nprot = 1\n'), 9, "prot: is not a known key here; 1 more"),
+        (two_sources('type = "udp"\nport = 9\n', 'type = "mavlink"\nport = 9\n'), 14, "same port as 'line'"),
+        (two_sources('type = "udp"\nport = 9\n', 'port = 9\ntype = "udp"\naddress = "0.0.0.0"\n'), 13, "same port"),
+        (two_sources(SERIAL, SERIAL.replace("serial", "mavlink_serial")), 14, "same device as 'line'"),
+        (two_sources(SERIAL, SERIAL.replace("/dev/", "/dev/../dev/")), 14, "same device as 'line'"),
         (config_text('type = "seriel"\n'), 8, "seriel"),
         (config_text(SERIAL, clock="sundial"), 6, "clock"),
         (config_text(SERIAL + 'baud_rate = "fast"\n'), 10, "baud_rate: 'fast'"),
@@ -98,6 +107,14 @@ def test_what_is_wrong_names_its_line(tmp_path: Path, text: str, line: int, mess
 def test_what_cannot_be_used_says_why(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         load_config(written(tmp_path, text))
+
+
+def test_sources_beside_each_other_are_accepted(tmp_path: Path) -> None:
+    """One port on two addresses, one port of two servers."""
+    for kind, address in (("udp", "127.0.0.2"), ("tcp", "127.0.0.1")):
+        section = f'type = "{kind}"\nport = 9\n'
+        text = two_sources(section, section + f'address = "{address}"\n')
+        assert len(load_config(written(tmp_path, text)).sources) == 2
 
 
 def test_missing_file() -> None:

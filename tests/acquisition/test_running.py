@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,8 @@ from acquisition.errors import SourceError
 from acquisition.marks import MarkServer, send_mark
 from acquisition.null_modem import NullModem
 from acquisition.recording.reader import read_recording
+from acquisition.sections import UdpSource
+from acquisition.sources.network import TcpLines, UdpLines
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port, wait_for
 
@@ -57,11 +60,11 @@ class Process:
     def log(self) -> str:
         return (self.folder / "stderr").read_text()
 
-    def end(self) -> tuple[int, list[str]]:
-        self.process.send_signal(signal.SIGTERM)
+    def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, list[str]]:
+        self.process.send_signal(number)
         stdout, _ = self.process.communicate(timeout=20)
         self.errors.close()
-        return self.process.returncode, stdout.split()
+        return self.process.returncode, stdout.splitlines()
 
 
 def test_marks_are_set_from_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,16 +104,113 @@ def test_a_socket_that_a_killed_recorder_left_is_no_recorder(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    "rubbish", [b"", b"{", b"[]", b'{"text": "x"}', b'{"text": "x", "monotonic_ns": "a"}', b"\xff" * 9000]
+    "rubbish",
+    [
+        b"",
+        b"{",
+        b"[]",
+        b'{"text": "x"}',
+        b'{"text": "x", "monotonic_ns": "a"}',
+        b"\xff" * 9000,
+        b"[" * 60_000,
+        b'{"text": "x", "monotonic_ns": Infinity}',
+        b'{"text": 5, "monotonic_ns": 5}',
+        b" " * 200_000,
+    ],
 )
 def test_rubbish_sent_as_a_mark_does_no_harm(tmp_path: Path, rubbish: bytes) -> None:
     heard: list[str] = []
     with MarkServer(lambda text, at_ns: heard.append(text), tmp_path) as server:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(server.path))
-            client.sendall(rubbish)
+            with suppress(OSError):  # what is too long is not read to its end
+                client.sendall(rubbish)
         assert send_mark("after", tmp_path) == 1
     assert heard == ["after"]
+
+
+@pytest.mark.parametrize(("text", "heard"), [("🚢" * 600, "🚢" * 500), ("a\udcff", "a?")])
+def test_a_mark_of_any_letters_is_heard(tmp_path: Path, text: str, heard: str) -> None:
+    marks: list[str] = []
+    with MarkServer(lambda text, at_ns: marks.append(text), tmp_path):
+        assert send_mark(text, tmp_path) == 1
+    assert marks == [heard]
+
+
+@pytest.mark.parametrize("apart_s", [-3600, 3600, 10**30])
+def test_a_mark_that_cannot_be_of_that_moment_is_of_now(tmp_path: Path, apart_s: int) -> None:
+    moments: list[int] = []
+    with MarkServer(lambda text, at_ns: moments.append(at_ns), tmp_path) as server:
+        message = {"text": "\ud800", "monotonic_ns": time.monotonic_ns() + apart_s * 10**9}
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+            client.connect(str(server.path))
+            client.sendall(json.dumps(message).encode())
+            client.shutdown(socket.SHUT_WR)
+            assert client.recv(16) == b"ok"
+    (moment,) = moments
+    assert abs(moment - time.monotonic_ns()) < 5e9
+
+
+def test_the_end_of_a_recording_as_json(tmp_path: Path) -> None:
+    running = Process(tmp_path, "--json")
+    wait_for(lambda: "recording to" in running.log(), 20.0)
+    for _ in range(3):
+        say(running.port)
+    time.sleep(0.3)
+    code, (line,) = running.end()
+    found = json.loads(line)
+    assert code == 0
+    assert [Path(part) for part in found.pop("parts")] == list((tmp_path / "out").iterdir())
+    assert found == {"frames": 3, "samples": 3, "dropped": 0, "channels": ["heading_deg"]}
+
+
+def catches(process: int, number: signal.Signals) -> bool:
+    """Whether a process has a handler of its own for a signal."""
+    status = Path(f"/proc/{process}/status").read_text()
+    caught = next(line for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught.split()[1], 16) >> (number - 1) & 1)
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.2, 0.8])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_the_program_is_loaded_ends_it_cleanly(
+    tmp_path: Path, after_s: float, number: signal.Signals
+) -> None:
+    """From the moment at which the interpreter itself is ready, long before the recorder is."""
+    running = Process(tmp_path)
+    wait_for(lambda: catches(running.process.pid, signal.SIGTERM))
+    time.sleep(after_s)
+    code, paths = running.end(number)
+    assert code == 0, running.log()
+    assert "Traceback" not in running.log()
+    assert all(read_recording(path).closed for path in paths)
+
+
+@pytest.mark.parametrize("redirection", ["2>/dev/full", ">/dev/full", "2>&-", ">&-", ">&- 2>&-", "2>&1 | head -1"])
+def test_a_broken_output_does_no_harm_to_a_recording(tmp_path: Path, redirection: str) -> None:
+    text = config_text(f'type = "udp"\nport = {free_port()}\n', ("heading_deg",), clock="receiver")
+    (tmp_path / "trial.toml").write_text(text)
+    line = f'set -o pipefail; "$0" seatrial.py record {tmp_path}/trial.toml -o {tmp_path}/out --duration 0.6'
+    done = subprocess.run(
+        ["bash", "-c", f"{line} {redirection}", sys.executable],
+        capture_output=True, text=True, cwd=ROOT, timeout=60, check=False,
+        env={**os.environ, "SEATRIAL_RUNTIME": str(tmp_path / "run")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "Exception" not in done.stderr
+    (path,) = (tmp_path / "out").iterdir()
+    assert read_recording(path).closed
+
+
+@pytest.mark.parametrize("section", ['type = "udp"', 'type = "tcp"'])
+def test_an_address_that_does_not_resolve_is_what_to_correct(tmp_path: Path, section: str) -> None:
+    text = config_text(f'{section}\nport = 9\naddress = "no.such.host.invalid"\n', ("heading_deg",))
+    (tmp_path / "trial.toml").write_text(text)
+    (config,) = load_config(tmp_path / "trial.toml").sources
+    source = UdpLines(config) if isinstance(config, UdpSource) else TcpLines(config)  # type: ignore[arg-type]
+    with pytest.raises(SourceError, match=r"; correct `address`$"):
+        source.open()
 
 
 def test_log_lines_are_json_from_the_first_to_the_last(tmp_path: Path) -> None:
