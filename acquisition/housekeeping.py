@@ -50,8 +50,8 @@ class Housekeeping:
             self._parts.flush()
             self._flushed_s = now_s
         if now_s - self._synced_s >= self._settings.sync_s - TICK_S:
-            self._parts.sync_soon()
-            self._synced_s = now_s
+            if self._parts.sync_soon():  # else the disk is still busy, and is asked again as soon as it is not
+                self._synced_s = now_s
 
     def _look_at_the_clock(self) -> None:
         step_ns = self._scale.follow(*now_ns())

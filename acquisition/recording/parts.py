@@ -136,10 +136,12 @@ class RecordingParts(MessageSink):
         if self._part is not None and self._attempt(self._part.sync):
             self._confirmed()
 
-    def sync_soon(self) -> None:
-        """Let the disk keep what there is while the recording goes on; it may take its time over it."""
+    def sync_soon(self) -> bool:
+        """Let the disk keep what there is while the recording goes on; False while it is busy with the last time."""
+        asked = self._asked
         if self._part is not None:
             self._attempt(self._begin_sync)
+        return self._asked is not asked
 
     def _begin_sync(self) -> None:
         unsure = len(self._unsure), self._unkept

@@ -244,21 +244,23 @@ def test_marks_from_many_threads_keep_their_times(run: Run) -> None:
 
 
 def test_the_disk_is_told_twice_a_second_even_when_nothing_comes(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also in a flood: no two syncs are further apart than 0.5 s and what a slow machine adds."""
+    """Also in a flood: no two syncs are further apart than 0.5 s and what the disk and a slow machine add."""
     synced_s: list[float] = []
+    took_s: list[float] = []
     real = os.fdatasync
 
     def fdatasync(descriptor: int) -> None:
         synced_s.append(time.monotonic())
         real(descriptor)
+        took_s.append(time.monotonic() - synced_s[-1])
 
     monkeypatch.setattr(os, "fdatasync", fdatasync)
     for read in (idle, lambda: [frame() for _ in range(20)]):
         synced_s.clear()
         run(FakeSource("line", read), lambda recorder: time.sleep(1.6))
         gaps_s = [later - earlier for earlier, later in pairwise(synced_s)]
-        assert len(synced_s) >= 4
-        assert max(gaps_s) < 0.6
+        assert len(synced_s) >= 3
+        assert max(gaps_s) < 0.6 + max(took_s)
 
 
 class Broken(FakeSource):

@@ -317,7 +317,7 @@ TALK = st.sampled_from([
 ])  # fmt: skip
 LINES = st.one_of(st.builds(lambda body, x: sentence(body.format(x)).strip(), TALK, st.floats(0, 59)), st.binary())
 TRAFFIC = st.lists(st.tuples(st.sampled_from(["line", "other"]), LINES, st.integers(0, 3 * SECOND)), min_size=1)
-TWO_LINES = '[trial]\nname = "x"\n' + LINE + LINE.replace('"line"', '"other"')
+TWO_LINES = '[trial]\nname = "x"\n' + LINE + LINE.replace('"line"', '"other"').replace("port = 1", "port = 7")
 
 
 @settings(max_examples=40)
