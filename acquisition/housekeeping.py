@@ -49,9 +49,9 @@ class Housekeeping:
         if now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
             self._parts.flush()
             self._flushed_s = now_s
-        if now_s - self._synced_s >= self._settings.sync_s - TICK_S:
-            if self._parts.sync_soon():  # else the disk is still busy, and is asked again as soon as it is not
-                self._synced_s = now_s
+        # A disk that is still busy with the last time is asked again as soon as it is not.
+        if now_s - self._synced_s >= self._settings.sync_s - TICK_S and self._parts.sync_soon():
+            self._synced_s = now_s
 
     def _look_at_the_clock(self) -> None:
         step_ns = self._scale.follow(*now_ns())

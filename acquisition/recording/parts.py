@@ -137,7 +137,7 @@ class RecordingParts(MessageSink):
             self._confirmed()
 
     def sync_soon(self) -> bool:
-        """Let the disk keep what there is while the recording goes on; False while it is busy with the last time."""
+        """Let the disk keep what there is while the recording goes on; False while it is still busy."""
         asked = self._asked
         if self._part is not None:
             self._attempt(self._begin_sync)
