@@ -16,7 +16,7 @@ from acquisition.config import TrialConfig
 from acquisition.errors import SourceError
 from acquisition.frames import Frame
 from acquisition.health import ChannelHealth, Health, SourceHealth
-from acquisition.housekeeping import TICK_S, Housekeeping
+from acquisition.housekeeping import Housekeeping
 from acquisition.inbox import Inbox
 from acquisition.processing import Processing
 from acquisition.receiver import Receiver
@@ -25,6 +25,7 @@ from acquisition.sources import make_source
 from acquisition.timescale import Timescale
 
 _LOOK_S = 0.01
+_COME_BY_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
 _LONGEST_CHORE_S = 20.0  # a memory card may take its time
 _LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from being closed
 
@@ -138,17 +139,19 @@ class Recorder:
             finished = self._all_received.is_set()
             if finished and self._parts.paused:
                 self._parts.resume()  # the last chance to keep what waits
-            frames = [] if self._parts.paused else self._inbox.take(TICK_S)
+            frames = (
+                [] if self._parts.paused else self._inbox.take()
+            )  # in a pause it waits, as long as there is room
             for frame in frames:
                 self._record(frame)
-            if self._parts.paused:  # what comes waits in the inbox, as long as there is room
-                time.sleep(TICK_S)
             self._note_texts()
             chores.due()
             self._chores_s = time.monotonic()
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
                 return
+            if self._parts.paused or not len(self._inbox):
+                time.sleep(_COME_BY_S)
 
     def _note(self, level: str, text: str) -> None:
         """Put an event into the part that is being written, at once; for the recorder's thread only."""
