@@ -28,6 +28,7 @@ class Receiver:
         self, source: Source, health: SourceHealth, inbox: Inbox, stopping: threading.Event, tell: Tell
     ) -> None:
         self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
+        health.state = "opening"
         self._back_off_s = POLL_S
         self._dropped_before = self._lost_before = self._lost_untold = 0
         self._told_lost_s = float("-inf")

@@ -16,7 +16,7 @@ from acquisition.channels import BY_NAME, NAMES
 from acquisition.health import ChannelHealth, Health
 
 _UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
-_STATE_STYLES = {"open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
+_STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
 _GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
 _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 _LITTLE_TIME_S = 3600.0

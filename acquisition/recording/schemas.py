@@ -116,7 +116,7 @@ _HEALTH = _object(
     "The state of one source",
     {
         "source": {"type": "string"},
-        "state": {"type": "string", "description": "open, silent, failed or ended"},
+        "state": {"type": "string", "description": "opening, open, silent, failed or ended"},
         "frames": {"type": "integer", "description": "Received since the start"},
         "rejected": {"type": "integer", "description": "Frames and values that came and were not believed"},
         "reasons": {

@@ -140,6 +140,7 @@ def pull_and_put_back(
     running: Running, cable: Cable, say_values: Callable[[range], bytes], port: int, cut: bytes = b""
 ) -> None:
     """Three values before, three after; the line beside it says ten in all, before, between and after."""
+    running.wait_for_state("pulled", "open")  # opening a line throws away what came before
     cable.send(say_values(range(3)) + cut)
     running.wait_for_frames("pulled", 3)
     say(port, "TIROT,0,A")
