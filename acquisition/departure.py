@@ -16,9 +16,9 @@ from typing import Any
 
 from acquisition.channels import NAMES
 from acquisition.config import TrialConfig
-from acquisition.health import Health
+from acquisition.health import ENOUGH_RATE, SILENT_NS, Health
 from acquisition.pipeline import Recorder
-from acquisition.recording.parts import RecordingParts, free_bytes, reserve_bytes
+from acquisition.recording.parts import RecordingParts, free_bytes, shortage
 from acquisition.sections import RecordingSection
 
 
@@ -102,10 +102,8 @@ def examine_folder(folder: Path, settings: RecordingSection) -> tuple[int | None
         free, size = free_bytes(existing)
     except OSError as error:
         return None, f"{folder}: its disk cannot be asked for room: {error.strerror}"
-    reserve = reserve_bytes(settings, size)
-    if free < reserve:
-        return free, f"{folder}: {free / 1e6:.1f} MB free, less than the reserve of {reserve / 1e6:.1f} MB"
-    return free, ""
+    why = shortage(settings, free, size)
+    return free, f"{folder}: {why}" if why else ""
 
 
 def _report(name: str, config: TrialConfig, health: Health, now_ns: int) -> ChannelReport:
@@ -122,16 +120,16 @@ def _problem(name: str, config: TrialConfig, health: Health, now_ns: int) -> str
         return "no source provides it"
     if channel.count == 0:
         return "; ".join(_why_silent(health, each) for each in providers)
-    if channel.age_s(now_ns) > 2.5:
+    if channel.age_s(now_ns) * 1e9 > SILENT_NS:
         return f"fell silent {channel.age_s(now_ns):.0f} s ago"
-    if channel.expected_hz is not None and channel.rate_hz(now_ns) < 0.8 * channel.expected_hz:
+    if channel.expected_hz is not None and channel.rate_hz(now_ns) < ENOUGH_RATE * channel.expected_hz:
         return f"comes {channel.rate_hz(now_ns):.1f} times a second instead of {channel.expected_hz:g}"
     return ""
 
 
 def _why_silent(health: Health, name: str) -> str:
     source = health.sources[name]
-    if source.state == "failed":
+    if source.state in ("opening", "failed"):
         return f"source {name!r} cannot be opened"
     if source.frames == 0:
         return f"nothing at all comes from {name!r}"

@@ -15,7 +15,7 @@ Grade = Literal["good", "slow", "silent", "none"]
 _RATE_OVER_NS = 5_000_000_000
 SILENT_NS = 2_500_000_000
 _QUIET_NS = 1_500_000_000
-_ENOUGH_RATE = 0.8  # of what is expected
+ENOUGH_RATE = 0.8  # of what is expected
 _PERIODS_TO_SILENCE = 5
 
 
@@ -115,7 +115,7 @@ class ChannelHealth:
         longest_s = max(SILENT_NS / 1e9, _PERIODS_TO_SILENCE / wanted_hz if wanted_hz else 0.0)
         if self.age_s(now_ns) > longest_s:
             return "silent"
-        return "slow" if self.rate_hz(now_ns) < _ENOUGH_RATE * wanted_hz else "good"
+        return "slow" if self.rate_hz(now_ns) < ENOUGH_RATE * wanted_hz else "good"
 
 
 @dataclass(slots=True)

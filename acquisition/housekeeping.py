@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from acquisition.frames import now_ns
-from acquisition.health import Health
+from acquisition.health import SILENT_NS, Health
 from acquisition.recording.parts import RecordingParts
 from acquisition.sections import RecordingSection
 from acquisition.timescale import Timescale, host_clock_state
@@ -81,7 +81,7 @@ class Housekeeping:
     def _listen(self, now: int) -> None:
         """Say when a source falls silent and when it is heard again."""
         for source in self._health.sources.values():
-            silent = source.is_silent(now) and now - self._health.started_ns > 2.5e9
+            silent = source.is_silent(now) and now - self._health.started_ns > SILENT_NS
             if silent and source.name not in self._silent:
                 self._silent[source.name] = source.last_ns or self._health.started_ns
                 what = "has fallen silent" if source.frames else "has said nothing yet"

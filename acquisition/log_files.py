@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import logging
 import threading
 import time
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from acquisition.info import iso
 from acquisition.processing import Processing
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source
+from acquisition.supervision import LOG
 
 _CHORES_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
 _TELL_EVERY_S = 5.0
@@ -26,7 +26,6 @@ _WITHOUT_TIMES = (
     "the log has no times of its own; its samples are stamped with the time of reading, unless it tells the time "
     'and clock = "source"'
 )
-LOG = logging.getLogger("seatrial")
 
 
 def record_log_files(

@@ -139,9 +139,8 @@ class Recorder:
             finished = self._all_received.is_set()
             if finished and self._parts.paused:
                 self._parts.resume()  # the last chance to keep what waits
-            frames = (
-                [] if self._parts.paused else self._inbox.take()
-            )  # in a pause it waits, as long as there is room
+            # In a pause frames wait in the inbox, as long as there is room.
+            frames = [] if self._parts.paused else self._inbox.take()
             for frame in frames:
                 self._record(frame)
             self._note_texts()

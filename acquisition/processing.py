@@ -12,11 +12,11 @@ from acquisition.frames import Frame, Group, Sample
 from acquisition.health import Health
 from acquisition.recording.messages import MessageSink
 from acquisition.select import Selector
+from acquisition.supervision import LOG
 
 _EVENTS_A_MINUTE = 30
 DECODED = "decoding"
 """The name of events that decoding brings forth, and would bring forth again."""
-LOG = logging.getLogger("seatrial")
 _LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 _POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
 

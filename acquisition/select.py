@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from acquisition.frames import Sample
+from acquisition.health import SILENT_NS
 from acquisition.sections import AnySource, CanFrames
 
-SILENT_NS = 2_500_000_000
 _MOST_RANKS = 10_000
 
 # What a device says in two messages, and which of them is the slower or coarser one: 129025 comes ten times as

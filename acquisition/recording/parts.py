@@ -46,6 +46,14 @@ def reserve_bytes(settings: RecordingSection, disk_bytes: int) -> float:
     return min(_RESERVE_SHARE * disk_bytes, _LARGEST_RESERVE_BYTES)
 
 
+def shortage(settings: RecordingSection, free: float, size: int, ratio: float = 1.0) -> str:
+    """In what a disk is too full, with so much free of its size [bytes]; nothing if it is not."""
+    reserve = reserve_bytes(settings, size)
+    if free >= reserve * ratio:
+        return ""
+    return f"{free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
+
+
 class RecordingParts(MessageSink):
     """One recording as one or more files in ``folder``. For one thread only.
 
@@ -102,7 +110,7 @@ class RecordingParts(MessageSink):
             free, size = free_bytes(self._folder)
         except OSError:
             return None
-        return max(int(free - self._reserve_bytes(size)), 0)
+        return max(int(free - reserve_bytes(self._settings, size)), 0)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         """Record a message; while the recording is paused it waits in memory, as long as there is room."""
@@ -319,22 +327,16 @@ class RecordingParts(MessageSink):
             free, size = free_bytes(self._folder)
         except OSError:
             return ""  # opening or writing will say what is wrong, and better
-        reserve = self._reserve_bytes(size)
-        if free >= reserve * ratio:
-            return ""
-        return f"{self._folder}: {free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
-
-    def _reserve_bytes(self, size: int) -> float:
-        return reserve_bytes(self._settings, size)
+        why = shortage(self._settings, free, size, ratio)
+        return f"{self._folder}: {why}" if why else ""
 
     def _require_room(self) -> None:
         existing = next(each for each in (self._folder, *self._folder.absolute().parents) if each.exists())
-        free, size = free_bytes(existing)
-        if free < (reserve := self._reserve_bytes(size)):
+        if why := shortage(self._settings, *free_bytes(existing)):
             raise StorageError(
                 "cannot be recorded to",
                 where=str(self._folder),
-                why=f"{free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB",
+                why=why,
                 fix="make room, or lower `reserve_mb` in [recording]",
             )
 

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.frames import Sample
+from acquisition.health import SILENT_NS
 from acquisition.sections import CanSource, Device, UdpSource
-from acquisition.select import SILENT_NS, Selector
+from acquisition.select import Selector
 
 SECOND = 1_000_000_000
 HEADING = ("heading_deg",)

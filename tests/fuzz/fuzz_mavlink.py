@@ -9,7 +9,6 @@ hold, and no more than two packets may be kept waiting.
 
 from __future__ import annotations
 
-import math
 import sys
 import tempfile
 from pathlib import Path
@@ -18,13 +17,13 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.channels import BY_NAME
     from acquisition.decoders.mavlink import MavlinkDecoder, dialect
     from acquisition.decoders.mavlink_packets import LONGEST_BYTES, checksum
     from acquisition.derive import Derivation
     from acquisition.frames import Frame
     from acquisition.sections import MavlinkSource
     from acquisition.trial import Trial
+    from tests.fuzz.decoding import check_frame
 
 SECOND = 1_000_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -60,12 +59,7 @@ def packets(data: bytes) -> list[bytes]:
 
 
 def check(decoder: MavlinkDecoder, derivation: Derivation, payload: bytes, at_ns: int) -> None:
-    for group in decoder.decode(Frame("link", "mavlink", payload, at_ns, at_ns)):
-        assert group, "an empty group"
-        assert all(math.isfinite(sample.value) for sample in group), group
-        for sample in derivation.channels(group)[0]:
-            assert BY_NAME[sample.quantity].holds(sample.value), sample
-            derivation.admitted(sample)
+    check_frame(decoder, derivation, Frame("link", "mavlink", payload, at_ns, at_ns))
     assert len(decoder._cutter._pending) <= 2 * LONGEST_BYTES
 
 

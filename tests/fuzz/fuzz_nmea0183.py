@@ -8,7 +8,6 @@ raise, every value must be finite, and every channel sample must be one that its
 
 from __future__ import annotations
 
-import math
 import sys
 import tempfile
 from itertools import pairwise
@@ -18,7 +17,6 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.channels import BY_NAME
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
     from acquisition.decoders.tag_block import checksum
     from acquisition.derive import Derivation
@@ -26,6 +24,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.sections import Thrusters
     from acquisition.sources.lines import LineAssembler
     from acquisition.trial import Trial
+    from tests.fuzz.decoding import check_frame
 
 SECOND = 1_000_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -53,19 +52,6 @@ def sound(text: bytes) -> bytes:
     return text + b"*%02X" % checksum(text[1:])
 
 
-def check(decoder: Nmea0183Decoder, derivation: Derivation, frame: Frame) -> None:
-    refused = decoder.refused.total()
-    for group in decoder.decode(frame):
-        assert group, "an empty group"
-        assert all(math.isfinite(sample.value) for sample in group), group
-        samples, impossible = derivation.channels(group)
-        assert impossible >= 0
-        for sample in samples:
-            assert BY_NAME[sample.quantity].holds(sample.value), sample
-            derivation.admitted(sample)
-    assert decoder.refused.total() >= refused
-
-
 def one_input(data: bytes) -> None:
     """The first byte chooses the settings; the rest are lines."""
     settings, stream = data[0] if data else 0, data[1:]
@@ -78,7 +64,7 @@ def one_input(data: bytes) -> None:
     for number, frame in enumerate(frames):
         for payload in (frame.payload, with_checksum(frame.payload)):
             at_ns = number * SECOND // 10
-            check(decoder, derivation, Frame("line", "nmea0183", payload, at_ns, at_ns))
+            check_frame(decoder, derivation, Frame("line", "nmea0183", payload, at_ns, at_ns))
 
 
 def corpus() -> Path:

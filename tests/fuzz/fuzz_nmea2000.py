@@ -9,7 +9,6 @@ finite, and every channel sample must be one that its channel can hold.
 
 from __future__ import annotations
 
-import math
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -19,7 +18,6 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
-    from acquisition.channels import BY_NAME
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
     from acquisition.decoders.parameter_fields import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
     from acquisition.derive import Derivation
@@ -27,6 +25,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.sections import Device
     from acquisition.trial import Trial
     from tests.acquisition.can_frames import fast_parts, identifier_of
+    from tests.fuzz.decoding import check_frame
 
 MILLISECOND = 1_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -55,27 +54,13 @@ def records(data: bytes) -> Iterator[tuple[int, bytes, int, FrameFlag]]:
             yield identifier_of(group, address), part, gap_ns, flags
 
 
-def check(decoder: Nmea2000Decoder, derivation: Derivation, frame: Frame) -> None:
-    refused = decoder.refused.total()
-    for group in decoder.decode(frame):
-        assert group, "an empty group"
-        assert all(math.isfinite(sample.value) for sample in group), group
-        samples, impossible = derivation.channels(group)
-        assert impossible >= 0
-        for sample in samples:
-            assert BY_NAME[sample.quantity].holds(sample.value), sample
-            derivation.admitted(sample)
-    assert decoder.refused.total() >= refused
-    decoder.notices.clear()
-
-
 def one_input(data: bytes) -> None:
     decoder = Nmea2000Decoder("source", DEVICES)
     derivation = Derivation(TRIAL, frozenset({"bus"}))
     at_ns = 0
     for identifier, payload, gap_ns, flags in records(data):
         at_ns += gap_ns
-        check(decoder, derivation, Frame("bus", "can", payload, at_ns, at_ns, identifier, flags))
+        check_frame(decoder, derivation, Frame("bus", "can", payload, at_ns, at_ns, identifier, flags))
 
 
 def seeds() -> list[bytes]:

@@ -1,0 +1,25 @@
+"""What must hold of every frame that any decoder is given, whatever is in it."""
+
+from __future__ import annotations
+
+import math
+
+from acquisition.channels import BY_NAME
+from acquisition.decoders import Decoder
+from acquisition.derive import Derivation
+from acquisition.frames import Frame
+
+
+def check_frame(decoder: Decoder, derivation: Derivation, frame: Frame) -> None:
+    """Decode a frame: no empty group, finite values, channel samples that their channels hold, counts that grow."""
+    refused = decoder.refused.total()
+    for group in decoder.decode(frame):
+        assert group, "an empty group"
+        assert all(math.isfinite(sample.value) for sample in group), group
+        samples, impossible = derivation.channels(group)
+        assert impossible >= 0
+        for sample in samples:
+            assert BY_NAME[sample.quantity].holds(sample.value), sample
+            derivation.admitted(sample)
+    assert decoder.refused.total() >= refused
+    decoder.notices.clear()
