@@ -91,7 +91,8 @@ class Running:
 def recording(folder: Path, sources: str) -> Iterator[Running]:
     running = Running(folder, sources)
     running.recorder.start()
-    try:
+    try:  # a line that is still being opened throws away what comes before
+        wait_for(lambda: all(each.state != "opening" for each in running.sources.values()))
         yield running
     finally:
         running.recorder.stop()
@@ -140,7 +141,6 @@ def pull_and_put_back(
     running: Running, cable: Cable, say_values: Callable[[range], bytes], port: int, cut: bytes = b""
 ) -> None:
     """Three values before, three after; the line beside it says ten in all, before, between and after."""
-    running.wait_for_state("pulled", "open")  # opening a line throws away what came before
     cable.send(say_values(range(3)) + cut)
     running.wait_for_frames("pulled", 3)
     say(port, "TIROT,0,A")
