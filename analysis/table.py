@@ -26,8 +26,8 @@ def read_table(path: Path | str) -> pd.DataFrame:
     """The raw samples of all channels joined on their measured time.
 
     The index is UTC in ns, named ``time`` and sorted; a time that one channel has twice stands in two rows.
-    Values flagged bad are NaN. ``attrs`` holds the trial's metadata. Raises :class:`InputError` for what is
-    no recording and :class:`DataShortageError` for one without channels.
+    Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the sources by channel. Raises
+    :class:`InputError` for what is no recording and :class:`DataShortageError` for one without channels.
     """
     return table_of(read_recording(path))
 
@@ -49,6 +49,7 @@ def table_of(recording: Recording) -> pd.DataFrame:
     table = pd.DataFrame(columns, index=index_of(np.ascontiguousarray(rows["time"])))
     table.attrs["trial"] = asdict(recording.trial)
     table.attrs["recording"] = str(recording.path)
+    table.attrs["sources"] = {name: list(recording.series[name].sources) for name in names}
     return table
 
 
