@@ -26,11 +26,12 @@ from acquisition.null_modem import NullModem
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from analysis.page import Page, add_recording, add_run_sheet
 from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
 from hybrid.artefact import Trained, save
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import gather
-from hybrid.report import Page, add_recording, add_run_sheet, add_validation, headline_of
+from hybrid.report import add_validation, headline_of
 from hybrid.train import train
 from hybrid.truth.trial import simulate_trial
 from hybrid.validate import Validation, refuse_seen, validate

@@ -1,124 +1,14 @@
-"""A validation as one HTML page that needs no network: the run sheet, the table, the pictures."""
+"""A validation on a page: the table of methods, the pictures of their errors."""
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from html import escape
-from io import BytesIO
-from pathlib import Path
-
-import matplotlib as mpl
 import numpy as np
-import pandas as pd
 from matplotlib.figure import Figure
 
-from acquisition.errors import storage_error
-from acquisition.trial import software_version
-from analysis import plots as analysis_plots
-from analysis.plots import STYLE
+from analysis.page import Page
 from hybrid import plots
 from hybrid.scores import distances
 from hybrid.validate import Validation
-
-_CSS = """
-body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:980px;margin:2em auto;padding:0 1em}
-h1{font-size:1.6em;margin-bottom:.2em} h2{font-size:1.15em;margin-top:2em;border-bottom:1px solid #ddd}
-table{border-collapse:collapse;margin:.8em 0}
-td,th{padding:.25em .9em;text-align:right;border-bottom:1px solid #eee}
-td:first-child,th:first-child{text-align:left} tr.best{font-weight:600}
-img{max-width:100%} figure{margin:1em 0} figcaption{color:#555;font-size:.92em} .sub{color:#666}
-.headline{display:flex;flex-wrap:wrap;gap:1em;margin:1em 0}
-.headline div{background:#f3f6f8;border-radius:6px;padding:.6em 1em}
-.headline b{display:block;font-size:1.5em;color:#0072B2} @media print{body{max-width:none}}
-"""
-
-
-@dataclass(slots=True)
-class Page:
-    """A page being put together, in order."""
-
-    title: str
-    subtitle: str
-    parts: list[str] = field(default_factory=list)
-
-    def heading(self, text: str) -> None:
-        """A section's heading."""
-        self.parts.append(f"<h2>{escape(text)}</h2>")
-
-    def text(self, text: str) -> None:
-        """A paragraph."""
-        self.parts.append(f"<p>{escape(text)}</p>")
-
-    def headline(self, figures: Mapping[str, str]) -> None:
-        """The few numbers that matter, large."""
-        cells = (f"<div><b>{escape(value)}</b>{escape(name)}</div>" for name, value in figures.items())
-        self.parts.append(f'<div class="headline">{"".join(cells)}</div>')
-
-    def table(self, header: list[str], rows: list[list[str]], best: int | None = None) -> None:
-        """A table; ``best`` is the row that is set in bold."""
-        head = "".join(f"<th>{escape(each)}</th>" for each in header)
-        body = ""
-        for number, row in enumerate(rows):
-            cells = "".join(f"<td>{escape(each)}</td>" for each in row)
-            body += f"<tr{' class=best' if number == best else ''}>{cells}</tr>"
-        self.parts.append(f"<table><tr>{head}</tr>{body}</table>")
-
-    def figure(self, draw: Callable[[Figure], None], size_inch: tuple[float, float], caption: str) -> None:
-        """A figure that ``draw`` fills, embedded as a picture."""
-        with mpl.rc_context(STYLE):  # type: ignore[arg-type]
-            figure = Figure(figsize=size_inch)
-            draw(figure)
-            stream = BytesIO()
-            figure.savefig(stream, format="png", dpi=130)
-        picture = base64.b64encode(stream.getvalue()).decode("ascii")
-        self.parts.append(
-            f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{picture}">'
-            f"<figcaption>{escape(caption)}</figcaption></figure>"
-        )
-
-    def write(self, path: Path) -> Path:
-        """Write the page. Raises :class:`StorageError`."""
-        html = (
-            f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{escape(self.title)}</title>'
-            f"<style>{_CSS}</style><h1>{escape(self.title)}</h1><p class=sub>{escape(self.subtitle)}</p>"
-            f"{''.join(self.parts)}<p class=sub>{escape(software_version())}</p></html>\n"
-        )
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(html, encoding="utf-8")
-        except OSError as error:
-            raise storage_error(path, error) from error
-        return path
-
-
-def add_run_sheet(page: Page, trial: Mapping[str, str]) -> None:
-    """What the recording says of itself."""
-    page.heading("Run sheet")
-    page.table(["", ""], [[key.replace("_", " "), value] for key, value in trial.items()])
-
-
-def add_recording(page: Page, table: pd.DataFrame, windows: pd.DataFrame) -> None:
-    """The track and the channels of a 1 Hz table, held windows marked."""
-    page.heading("The trial")
-
-    def draw_track(figure: Figure) -> None:
-        analysis_plots.track(figure.subplots(), table, windows)
-
-    def draw_series(figure: Figure) -> None:
-        groups = (
-            ("heading_deg",), ("surge_mps", "sway_mps"), ("yaw_rate_dps",),
-            ("port_angle_deg", "starboard_angle_deg"), ("port_rpm", "starboard_rpm", "tunnel_rpm"),
-            ("wind_speed_mps",),
-        )  # fmt: skip
-        for axes, names in zip(figure.subplots(len(groups), 1, sharex=True), groups, strict=True):
-            analysis_plots.series(axes, table, names, windows)
-            axes.label_outer()
-
-    legs = windows["leg"].nunique()
-    page.figure(draw_track, (8, 5.5), f"The track, one colour a leg of held thrusters ({legs} legs), time in UTC.")
-    page.figure(draw_series, (9, 10), "The channels at 1 Hz; shaded where a window is held.")
 
 
 def add_validation(page: Page, validation: Validation) -> None:

@@ -15,11 +15,12 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from acquisition.errors import StorageError
+from analysis.page import Page, add_recording, add_run_sheet
 from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
 from hybrid import plots
 from hybrid.artefact import Trained
 from hybrid.gather import gather
-from hybrid.report import Page, add_recording, add_run_sheet, add_validation, headline_of
+from hybrid.report import add_validation, headline_of
 from hybrid.scores import distances
 from hybrid.validate import Validation, validate
 from hybrid.vessel.plant import Plant
