@@ -23,8 +23,9 @@ def export(
     rate: Annotated[float | None, typer.Option(help="Resample to so many rows a second; raw without it.")] = None,
 ) -> None:
     """Write a recording as a table."""
+    from analysis.export import export_table
     from analysis.resample import resample
-    from analysis.table import export_table, read_table
+    from analysis.table import read_table
 
     table = read_table(file)
     if rate is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,14 +12,16 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import DataShortageError, InputError, SeatrialError, storage_error
+from acquisition.errors import DataShortageError, InputError
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
-from acquisition.trial import software_version
-from analysis.frames import NANO, index_of, times_ns, utc_index
-from analysis.parquet import write_parquet
+from analysis.frames import NANO, index_of, times_ns
+from analysis.history import with_step
 
-WRITERS = ("parquet", "csv", "mat")
+Floats = NDArray[np.float64]
+Times = NDArray[np.int64]
+
+_LONGEST_DELAY_S = 3600.0
 
 
 def read_table(path: Path | str) -> pd.DataFrame:
@@ -34,40 +36,91 @@ def read_table(path: Path | str) -> pd.DataFrame:
 
 def table_of(recording: Recording) -> pd.DataFrame:
     """As :func:`read_table`, of a recording that is already read."""
-    if not recording.series:
+    series = {name: recording.series[name] for name in channels_of(recording)}
+    table = joined({name: (each.measured_ns, believed(each)) for name, each in series.items()})
+    table.attrs.update(attributes_of(recording))
+    return table
+
+
+def channels_of(recording: Recording) -> list[str]:
+    """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
+    names = [name for name in BY_NAME if name in recording.series]
+    if not names:
         raise DataShortageError(
             "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
         )
-    names = [name for name in BY_NAME if name in recording.series]
-    keys = {name: _keys(recording.series[name]) for name in names}
-    rows = np.unique(np.concatenate(list(keys.values())))
-    columns = {}
-    for name in names:
-        column = np.full(rows.size, np.nan)
-        column[np.searchsorted(rows, keys[name])] = _believed(recording.series[name])
-        columns[name] = column
-    table = pd.DataFrame(columns, index=index_of(np.ascontiguousarray(rows["time"])))
-    table.attrs["trial"] = asdict(recording.trial)
-    table.attrs["recording"] = str(recording.path)
-    table.attrs["sources"] = {name: list(recording.series[name].sources) for name in names}
-    return table
+    return names
+
+
+def attributes_of(recording: Recording) -> dict[str, Any]:
+    """What a table of a recording carries in its ``attrs``: the trial, the file, the sources by channel."""
+    return {
+        "trial": asdict(recording.trial),
+        "recording": str(recording.path),
+        "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
+    }
+
+
+def believed(series: Series) -> Floats:
+    """The values of a series, NaN where they are flagged bad."""
+    return np.where(series.quality >= Quality.BAD, np.nan, series.value)
 
 
 _KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
 
 
-def _keys(series: Series) -> NDArray[np.void]:
+def joined(channels: Mapping[str, tuple[Times, Floats]]) -> pd.DataFrame:
+    """Channels as times [ns] and values in one table, a row for each time; NaN where a channel has no sample.
+
+    The rows are in the order of time; a time that one channel has twice stands in two rows, in its order.
+    """
+    keys = {name: _keys(time_ns) for name, (time_ns, _) in channels.items()}
+    rows = np.unique(np.concatenate(list(keys.values())))
+    columns = {}
+    for name, (_, values) in channels.items():
+        column = np.full(rows.size, np.nan)
+        column[np.searchsorted(rows, keys[name])] = values
+        columns[name] = column
+    return pd.DataFrame(columns, index=index_of(np.ascontiguousarray(rows["time"])))
+
+
+def _keys(time_ns: Times) -> NDArray[np.void]:
     """Measured time and how often it came before: what makes a row."""
-    order = np.argsort(series.measured_ns, kind="stable")
-    times = series.measured_ns[order]
+    order = np.argsort(time_ns, kind="stable")
+    times = time_ns[order]
     first = np.searchsorted(times, times, side="left")
     keys = np.empty(times.size, dtype=_KEY)
     keys["time"][order], keys["repeat"][order] = times, np.arange(times.size) - first
     return keys
 
 
-def _believed(series: Series) -> NDArray[np.float64]:
-    return np.where(series.quality >= Quality.BAD, np.nan, series.value)
+def without_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
+    """The raw samples joined anew after each channel's delay [s] is taken off its times.
+
+    A positive delay means stamped that much too late. Cells that are NaN are no samples here: a row that would
+    hold nothing else is not made. The history gains a step. Raises :class:`InputError` for a name that is no
+    channel or a delay that is no number.
+    """
+    delay_ns = checked_delays_ns(delays)
+    time_ns = times_ns(table)
+    channels = {}
+    for name in map(str, table.columns):
+        values = table[name].to_numpy(dtype=float)
+        there = np.isfinite(values)
+        channels[name] = time_ns[there] - delay_ns.get(name, 0), values[there]
+    result = joined(channels)
+    result.attrs.update(table.attrs)
+    return with_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+
+
+def checked_delays_ns(delays: Mapping[str, float]) -> dict[str, int]:
+    """Delays by channel [s] in ns. Raises :class:`InputError` for what is no channel or no possible delay."""
+    for name, delay_s in delays.items():
+        if name not in BY_NAME:
+            raise InputError(f"a delay of {name} is asked for, which is no channel", fix="name one of the channels")
+        if not abs(delay_s) <= _LONGEST_DELAY_S:
+            raise InputError(f"a delay of {delay_s} s of {name} is not possible", fix="give at most an hour")
+    return {name: round(delay_s * NANO) for name, delay_s in delays.items()}
 
 
 def require(table: pd.DataFrame, names: tuple[str, ...] = NAMES, where: str = "") -> None:
@@ -86,16 +139,26 @@ def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.D
 
     Parts that meet share no row. Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    low, high = percent_of(part_percent) if isinstance(part_percent, str) else part_percent
+    part = percent_of(part_percent) if isinstance(part_percent, str) else part_percent
+    times = times_ns(table)
+    first_ns, last_ns = bounds_ns([times], part)
+    chosen: pd.DataFrame = table[(times >= first_ns) & (times <= last_ns)]
+    return chosen
+
+
+def bounds_ns(times: Iterable[Times], part_percent: tuple[float, float]) -> tuple[int, int]:
+    """The first and the last time [ns] of a part of the span of all ``times``, in percent; both belong to it.
+
+    Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
+    """
+    low, high = part_percent
     if not 0.0 <= low < high <= 100.0:
         raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
-    times = times_ns(table)
-    if not times.size:
-        return table
-    start, span = int(times.min()), int(times.max() - times.min())
-    first, last = (start + round(span * share / 100.0) for share in (low, high))
-    chosen: pd.DataFrame = table[(times >= first) & ((times < last) if high < 100.0 else (times <= last))]
-    return chosen
+    ends = [(int(each.min()), int(each.max())) for each in times if each.size]
+    start = min((first for first, _ in ends), default=0)
+    span = max((last for _, last in ends), default=0) - start
+    first, last = (start + round(span * share / 100.0) for share in part_percent)
+    return first, last if high == 100.0 else last - 1
 
 
 def percent_of(part: str) -> tuple[float, float]:
@@ -104,52 +167,3 @@ def percent_of(part: str) -> tuple[float, float]:
     except ValueError as error:
         raise InputError(f"{part!r} is no part of a recording", fix="write it like 0..70") from error
     return low, high
-
-
-def export_table(table: pd.DataFrame, path: Path, rate_hz: float | None = None) -> None:
-    """Write a table as Parquet, CSV or .mat by the suffix of ``path``, units and origin in its metadata.
-
-    Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
-    """
-    kind = path.suffix.removeprefix(".").lower()
-    if kind not in WRITERS:
-        raise InputError(f"cannot write {path.suffix or 'a file without suffix'}", where=str(path),
-                         fix="name it .parquet, .csv or .mat")  # fmt: skip
-    metadata = _metadata(table, rate_hz)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        {"parquet": _write_parquet, "csv": _write_csv, "mat": _write_mat}[kind](table, path, metadata)
-    except SeatrialError:
-        raise
-    except OSError as error:
-        raise storage_error(path, error) from error
-
-
-def _metadata(table: pd.DataFrame, rate_hz: float | None) -> dict[str, Any]:
-    known = {str(name): BY_NAME[str(name)].unit for name in table.columns if name in BY_NAME}
-    trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
-    return {"units": known, "trial": trial, "recording": table.attrs.get("recording", ""), "rate_hz": rate_hz}
-
-
-def _write_parquet(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
-    """Units on the columns; trial, recording and rate as JSON in the file's metadata."""
-    texts = {key: json.dumps(value) for key, value in metadata.items()}
-    write_parquet(table.set_axis(utc_index(table), axis=0), path, metadata["units"], texts)
-
-
-def _write_csv(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
-    """ISO 8601 times to the nanosecond; the names carry the units, and CSV has no place for more."""
-    times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
-    table.set_axis(pd.Index([f"{time}Z" for time in times]), axis=0).to_csv(path, index_label="time")
-
-
-def _write_mat(table: pd.DataFrame, path: Path, metadata: dict[str, Any]) -> None:
-    """One vector a channel, ``time`` in seconds since 1970 (to 0.3 microseconds), structs ``units``, ``trial``."""
-    from scipy.io import savemat
-
-    vectors = {str(name): table[name].to_numpy() for name in table.columns}
-    about = {
-        "units": {"time": "s since 1970 UTC", **metadata["units"]},
-        "trial": {**metadata["trial"], "software_version": software_version()},
-    }
-    savemat(path, {"time": times_ns(table) / NANO, **vectors, **about}, oned_as="column")

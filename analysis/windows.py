@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from acquisition.angles import difference
 from acquisition.channels import BY_NAME, CIRCULAR, COMMAND, NAMES
 from acquisition.errors import DataShortageError, InputError
+from acquisition.recording.reader import read_recording
 from analysis.frames import NANO, index_of, times_ns
 from analysis.holding import Tolerances, held, tolerance_of
 from analysis.parquet import read_parquet, write_parquet
-from analysis.resample import resample
-from analysis.table import read_table, select
+from analysis.resample import resample_recording
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -197,7 +197,7 @@ def tables_of_recordings(
     """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's."""
     tables = {}
     for number, (path, trial) in enumerate(zip(paths, _trial_names(paths), strict=True)):
-        tables[trial] = resample(select(read_table(path), part_percent), 1.0)
+        tables[trial] = resample_recording(read_recording(path), 1.0, part_percent=part_percent)
         progress((number + 1) / len(paths))
     return tables
 

@@ -257,7 +257,8 @@ def scene(
     tmp_path_factory: pytest.TempPathFactory, simulated: Simulated, earlier: list[Path], small_folder: Path
 ) -> Scene:
     """A good table and its damaged likes, and what else a user may give by mistake."""
-    from analysis.table import export_table, read_table
+    from analysis.export import export_table
+    from analysis.table import read_table
 
     folder, good = tmp_path_factory.mktemp("faults"), simulated("calm", 1, 60.0)
     export_table(read_table(good), folder / "good.csv")

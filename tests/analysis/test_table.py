@@ -18,8 +18,9 @@ from acquisition.recording.reader import Recording, Series
 from acquisition.recording.tables import write_table
 from acquisition.tabular import import_table
 from acquisition.trial import Trial
+from analysis.export import export_table
 from analysis.resample import resample
-from analysis.table import export_table, read_table, select, table_of
+from analysis.table import read_table, select, table_of
 from tests.analysis.conftest import START_S, steady_table, table_at
 
 TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)

@@ -1,0 +1,197 @@
+"""A table as Parquet, CSV or .mat, with the units and where it all comes from in or beside the file.
+
+Parquet carries both in its metadata and .mat in structs. CSV has no place for them and has to open anywhere
+without options, so that they stand in a second file beside it, the name with ``.json`` after it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.channels import BY_NAME
+from acquisition.errors import InputError, SeatrialError, storage_error
+from acquisition.frames import Quality
+from acquisition.trial import software_version
+from analysis.frames import NANO, times_ns, utc_index
+from analysis.history import history_of
+from analysis.parquet import write_parquet
+from analysis.table import checked_delays_ns
+
+WRITERS = ("parquet", "csv", "mat")
+FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
+FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
+_LONGEST_MATLAB_NAME = 63
+_RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+
+
+def export_table(
+    table: pd.DataFrame, path: Path, rate_hz: float | None = None, options: Mapping[str, Any] | None = None
+) -> list[Path]:
+    """Write a table as Parquet, CSV or .mat by the suffix of ``path`` and return the files that were written.
+
+    Units, trial and :func:`provenance_of` go with it. A file appears under its name only when it is complete.
+    Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
+    """
+    path = Path(path)
+    kind = path.suffix.removeprefix(".").lower()
+    if kind not in WRITERS:
+        raise InputError(f"cannot write {path.suffix or 'a file without suffix'}", where=str(path),
+                         fix="name it .parquet, .csv or .mat")  # fmt: skip
+    about = _about(table, rate_hz if rate_hz is not None else table.attrs.get("rate_hz"), options or {})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return {"parquet": _write_parquet, "csv": _write_csv, "mat": _write_mat}[kind](table, path, about)
+    except SeatrialError:
+        raise
+    except OSError as error:
+        raise storage_error(path, error) from error
+
+
+def provenance_of(table: pd.DataFrame, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """How a table came about: software, recording with its SHA-256, options, and the history step by step.
+
+    A recording that is no longer there has no hash (None).
+    """
+    recording = str(table.attrs.get("recording", ""))
+    return {
+        "software_version": software_version(),
+        "recording": Path(recording).name,
+        "recording_sha256": sha256_of(Path(recording)) if recording else None,
+        "options": dict(options or {}),
+        "history": history_of(table),
+    }
+
+
+def sha256_of(path: Path) -> str | None:
+    """The SHA-256 of a file in hexadecimal; None where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+def unit_of(column: str) -> str:
+    """The unit of an exported column; a standard deviation has its channel's, and an unknown column none."""
+    if column.endswith(FLAG_SUFFIX):
+        return FLAG_MEANING
+    channel = BY_NAME.get(column.removesuffix(SIGMA_SUFFIX))
+    return channel.unit if channel else ""
+
+
+def with_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
+    """The table with a column ``<name>_flag`` (uint8) beside all others for each of its channels that was judged.
+
+    ``flags`` belong to the raw samples, of which the delays [s by channel] were not taken off yet. A row of a
+    resampled table gets the gravest flag among the samples that are nearer to it than to any other row; where
+    the table has no value it says missing.
+    """
+    delay_ns = checked_delays_ns(delays or {})
+    result = table.copy(deep=False)
+    same = not delays and flags.index.equals(table.index)
+    for name in [str(name) for name in table.columns if name in flags.columns]:
+        column = flags[name].to_numpy(dtype=np.uint8)
+        if not same:
+            rows = _nearest_rows(times_ns(table), times_ns(flags) - delay_ns.get(name, 0))
+            column = _gravest(rows, column, len(table))
+            column[table[name].isna().to_numpy()] = Quality.MISSING
+        result[name + FLAG_SUFFIX] = column
+    return result
+
+
+def _nearest_rows(row_ns: NDArray[np.int64], time_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """For each time the row that is nearest to it, the first of several; rows are in the order of time."""
+    middle = row_ns[:-1] + np.diff(row_ns) // 2
+    return np.searchsorted(middle, time_ns, side="left")
+
+
+def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+    """The gravest flag that falls on each of ``count`` rows, missing where none does."""
+    result = np.full(count, Quality.MISSING, dtype=np.uint8)
+    for flag in _RISING:
+        result[rows[flags == flag]] = flag
+    return result
+
+
+def _about(table: pd.DataFrame, rate_hz: float | None, options: Mapping[str, Any]) -> dict[str, Any]:
+    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name)))}
+    trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
+    return {
+        "units": units,
+        "trial": trial,
+        "recording": Path(str(table.attrs.get("recording", ""))).name,
+        "rate_hz": rate_hz,
+        "provenance": provenance_of(table, options),
+    }
+
+
+def _write_parquet(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """Units on the columns; trial, recording, rate and provenance as JSON in the file's metadata."""
+    texts = {key: json.dumps(value) for key, value in about.items()}
+    write_parquet(table.set_axis(utc_index(table), axis=0), path, about["units"], texts)
+    return [path]
+
+
+def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file beside it."""
+    times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
+    index = pd.Index([f"{time}Z" for time in times])
+    beside = path.with_name(f"{path.name}.json")
+    with _in_place_of(path) as partial:
+        table.set_axis(index, axis=0).to_csv(partial, index_label="time")
+    with _in_place_of(beside) as partial:
+        partial.write_text(json.dumps({"file": path.name, **about}, indent=2) + "\n", encoding="utf-8")
+    return [path, beside]
+
+
+def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """One vector a column, ``time`` in seconds since 1970 (to 0.3 microseconds).
+
+    The structs ``units``, ``trial`` and ``provenance`` say the rest; the history and the options are JSON text
+    there, for ``jsondecode``.
+    """
+    from scipy.io import savemat
+
+    vectors = {matlab_name(str(name)): table[name].to_numpy() for name in table.columns}
+    provenance = {
+        key: value if isinstance(value, str) else json.dumps(value) for key, value in about["provenance"].items()
+    }
+    rate = {} if about["rate_hz"] is None else {"rate_hz": about["rate_hz"]}
+    structs = {
+        "units": {"time": "s since 1970 UTC", **about["units"]},
+        "trial": {**about["trial"], "software_version": software_version()},
+        "provenance": {**provenance, **rate},
+    }
+    named = {key: {matlab_name(name): value for name, value in each.items()} for key, each in structs.items()}
+    content = {"time": times_ns(table) / NANO, **vectors, **named}
+    with _in_place_of(path) as partial, partial.open("wb") as stream:
+        savemat(stream, content, oned_as="column", long_field_names=True)
+    return [path]
+
+
+def matlab_name(name: str) -> str:
+    """A name that MATLAB takes: letters, digits and underscores, a letter first, at most 63 characters."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return (plain if plain[:1].isalpha() else f"x{plain}")[:_LONGEST_MATLAB_NAME]
+
+
+@contextmanager
+def _in_place_of(path: Path) -> Iterator[Path]:
+    """A file to write that takes the place of ``path`` once it is complete."""
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
