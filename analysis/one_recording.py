@@ -1,0 +1,269 @@
+"""What is made of one recording: read once, and everything a season's index needs written into one folder.
+
+A result is written under another name and renamed when it is complete, so an interruption leaves no half of
+one. Its bytes depend on the recording, the options and the versions alone: there is no time of day and no
+place of the working folder in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.channels import BY_NAME, NAMES
+from acquisition.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
+from acquisition.recording.reader import Recording, read_recording
+from acquisition.trial import software_version
+from analysis.frames import NANO, times_ns
+from analysis.history import history_of
+from analysis.parquet import write_parquet
+from analysis.resample import resample
+from analysis.table import require, table_of
+from analysis.windows import HeldWindows, held_windows, write_windows
+
+Row = dict[str, Any]
+"""One recording in the index: plain values by name, see :func:`process`."""
+
+SUMMARY = "summary.json"
+_LONGEST_DAYS = 31  # of one recording; whoever claims more had his clock set while he recorded
+_COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
+_THUMBNAIL_POINTS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a result depends on besides its recording.
+
+    ``repair`` applies the repairs that are certain; windows cover ``horizon_s`` [s] and are tried every
+    ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths.
+    """
+
+    repair: bool = True
+    horizon_s: int = 15
+    stride_s: int = 5
+    length_m: float | None = None
+
+
+@dataclass(slots=True)
+class Products:
+    """All that came of one recording. ``shortfalls`` says in one line each what could not be made, and why."""
+
+    recording: Recording
+    table: pd.DataFrame
+    one_hz: pd.DataFrame
+    windows: HeldWindows | None = None
+    shortfalls: list[str] = field(default_factory=list)
+
+
+def provenance_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
+    """Where a result comes from: the recording's ``name``, size [bytes] and SHA-256, the options, the versions.
+
+    Two results of equal provenance are equal. Raises :class:`InputError` for what cannot be read.
+    """
+    if path.is_dir():
+        raise InputError("is a folder, not a recording", where=str(path), fix="rename the folder")
+    try:
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256").hexdigest()
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError("cannot be read", where=str(path), why=error.strerror or str(error)) from error
+    packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
+    software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
+    return {
+        "recording": name or path.stem,
+        "bytes": size,
+        "sha256": digest,
+        "options": asdict(options),
+        "software": software,
+    }
+
+
+def process(path: Path | str, folder: Path | str, options: Options | None = None, name: str = "") -> Row:
+    """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
+
+    ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are
+    to be joined need different ones. Written are ``table.parquet`` (1 Hz), ``windows.parquet``, ``page.html``
+    and ``summary.json``, which is the row that is returned: what the recording is, counts, ``status`` and
+    ``cause``. What can be made of an incomplete recording is made; its status is ``failed`` and its cause
+    says what is missing. Raises :class:`InputError` for what is no recording, :class:`DataShortageError` for one
+    without samples, :class:`StorageError` when a result cannot be written.
+    """
+    path, folder, options = Path(path), Path(folder), options or Options()
+    provenance = provenance_of(path, options, name)
+    products = analysed(path, options, name)
+    row = summary_of(products, provenance)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".part-", dir=folder.parent) as place:
+            partial = Path(place) / folder.name
+            partial.mkdir()
+            _write(products, row, provenance, partial)
+            _put(partial, folder)
+    except OSError as error:
+        raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
+    return row
+
+
+def _put(partial: Path, folder: Path) -> None:
+    """Give a complete result its name; the older one goes, and one that came in between is as good as ours."""
+    if folder.exists() and not (folder / SUMMARY).is_file():
+        raise StorageError("is there and is no result of an earlier batch", where=str(folder),
+                           fix="name another output folder")  # fmt: skip
+    with suppress(FileNotFoundError):
+        folder.rename(partial.with_name("older"))
+    try:
+        partial.rename(folder)
+    except OSError:
+        if not (folder / SUMMARY).is_file():
+            raise
+
+
+def reusable(path: Path, folder: Path, options: Options, name: str = "") -> Row | None:
+    """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
+    try:
+        row: Row = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return row if row.get("provenance") == json.loads(json.dumps(provenance_of(path, options, name))) else None
+
+
+def analysed(path: Path, options: Options, name: str = "") -> Products:
+    """The analysis of one recording, step by step; a step that cannot be done is a shortfall, not an end."""
+    recording = read_recording(path)
+    table = table_of(recording)
+    name = name or path.stem
+    table.attrs["recording"] = name  # not its path, which differs from place to place
+    _refuse_endless(table, path)
+    products = Products(recording, table, resample(table, 1.0))
+    try:
+        require(products.one_hz, where=str(path))
+        products.windows = held_windows(products.one_hz, options.horizon_s, options.stride_s, trial=name)
+    except SeatrialError as error:
+        products.shortfalls.append(cause_of(error))
+    return products
+
+
+def _refuse_endless(table: pd.DataFrame, path: Path) -> None:
+    """A clock that jumped by years makes a table that no memory holds."""
+    time_ns = times_ns(table)
+    days = (int(time_ns.max()) - int(time_ns.min())) / NANO / 86400 if time_ns.size else 0.0
+    if days > _LONGEST_DAYS:
+        raise DataShortageError(
+            f"its samples lie within {days:,.0f} days, more than the {_LONGEST_DAYS} of one recording",
+            where=str(path), why="its clock was probably set while it recorded", fix="see `seatrial info`",
+        )  # fmt: skip
+
+
+def cause_of(error: BaseException) -> str:
+    """What failed in one line that is the same for all recordings of one fault: without the file's path."""
+    if isinstance(error, SeatrialError):
+        return str(type(error)(error.what, why=error.why, fix=error.fix))
+    trace, where = error.__traceback__, ""
+    while trace is not None:
+        where = f"{Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
+        trace = trace.tb_next
+    return " ".join(f"{type(error).__name__}: {error} ({where})".split())
+
+
+def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
+    """The row of a recording: plain values only, NaN as ``None``."""
+    recording, one_hz, windows = products.recording, products.one_hz, products.windows
+    trial = recording.trial
+    row: Row = {
+        "status": "failed" if products.shortfalls else "done",
+        "cause": "; ".join(products.shortfalls),
+        "vessel": trial.vessel,
+        "trial": trial.name,
+        "place": trial.place,
+        "start": one_hz.index[0].isoformat(),
+        "duration_s": float(len(one_hz) - 1),
+        "distance_m": distance_m(one_hz),
+        "samples": sum(int(series.value.size) for series in recording.series.values()),
+        "channels": sum(name in recording.series for name in NAMES),
+        "closed": recording.closed,
+        "windows_kept": windows.kept if windows else None,
+        "windows_candidates": windows.candidates if windows else None,
+        "windows_dropped": windows.dropped if windows else {},
+        "legs": windows.legs if windows else None,
+        "track": thumbnail(one_hz),
+        "provenance": dict(provenance),
+    }
+    return dict(plain(row))
+
+
+def distance_m(one_hz: pd.DataFrame) -> float | None:
+    """The distance sailed over ground [m]: between means of its position over 5 s, straight across holes."""
+    if not {"north_m", "east_m"} <= set(one_hz.columns):
+        return None
+    position = one_hz[["north_m", "east_m"]].to_numpy()
+    steps = position[: len(position) // _COURSE_STEP_S * _COURSE_STEP_S].reshape(-1, _COURSE_STEP_S, 2)
+    means = steps.mean(axis=1)
+    means = means[np.isfinite(means).all(axis=1)]
+    return float(np.hypot(*np.diff(means, axis=0).T).sum())
+
+
+def thumbnail(one_hz: pd.DataFrame) -> str:
+    """The track as points of a polyline in a square of 100 by 100, north up and to scale; empty without one."""
+    if not {"north_m", "east_m"} <= set(one_hz.columns):
+        return ""
+    track = one_hz[["east_m", "north_m"]].dropna().to_numpy() * [1.0, -1.0]
+    if len(track) < 2:
+        return ""
+    chosen = track[np.unique(np.linspace(0, len(track) - 1, _THUMBNAIL_POINTS).astype(int))]
+    middle, size = (chosen.max(axis=0) + chosen.min(axis=0)) / 2.0, max(np.ptp(chosen, axis=0).max(), 1.0)
+    return " ".join(f"{x:.0f},{y:.0f}" for x, y in 50.0 + 92.0 * (chosen - middle) / size)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: numbers of Python, no NaN, times as ISO 8601."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [plain(each) for each in value]
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, pd.Timestamp):
+        return value.isoformat()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write values as JSON for people and programs."""
+    path.write_text(json.dumps(plain(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
+    from analysis.recording_page import recording_page
+
+    about = {"provenance": json.dumps(plain(provenance)), "history": _texts(history_of(products.one_hz))}
+    trial = json.dumps(plain(products.recording.trial.as_metadata()))
+    units = {str(name): BY_NAME[name].unit for name in products.one_hz.columns if name in BY_NAME}
+    write_parquet(products.one_hz, folder / "table.parquet", units, {**about, "trial": trial, "rate_hz": "1.0"})
+    if products.windows is not None:
+        write_windows(products.windows, folder / "windows.parquet")
+    recording_page(products, row).write(folder / "page.html")
+    write_json(folder / SUMMARY, row)
+
+
+def _texts(steps: Iterable[Mapping[str, Any]]) -> str:
+    return json.dumps([plain(step) for step in steps])
+
+
+def clear_partials(out: Path) -> None:
+    """Remove what interrupted runs left below ``out``; nobody else may be writing there."""
+    for partial in out.rglob(".part-*"):
+        shutil.rmtree(partial, ignore_errors=True)
