@@ -1,71 +1,275 @@
-"""Waves and noise taken off the ship's motion: where she is and how she moves, without the sea's swing.
+"""The ship's motion from raw samples at any rate, with how sure it is: a Kalman smoother over all six channels.
 
-A prediction over half a minute starts from a speed and a heading. In waves of five seconds the measured ones
-swing by decimetres a second and tenths of a degree, which is no course to predict from. Here each motion
-channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
-weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
-curvature come out exactly, waves of 4 to 8 s are taken down by a factor of ten and more.
+Every sample counts at its own time, channels may come at different rates, irregularly and with gaps, and any of
+the velocities may be absent. Noise and jerk are estimated from the data (:mod:`analysis.noise_levels`); a sample
+far off is refused and flagged (:mod:`analysis.kalman`); what the states are is in :mod:`analysis.motion_model`.
 
-The fit looks ahead as well as back, as a smoother does. For every method the same start state results, so that
-methods compare fairly; a prediction aboard, which cannot look ahead, starts from a less certain state.
+Systematic errors are no noise: a speed that is 2 % low, or a position that comes late, is not found here. It
+shows in :attr:`Smoothed.consistency`; check and repair a recording first.
 """
 
 from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap, wrap_360
-from acquisition.channels import CIRCULAR, POSE, VELOCITY
+from acquisition.angles import wrap_360
+from acquisition.channels import POSE
+from acquisition.errors import InputError
+from analysis.frames import NANO, index_of, times_ns
+from analysis.history import with_step
+from analysis.kalman import Engine, Flags, Floats, Gate, Start, Track, smooth_steps
+from analysis.motion_model import (
+    BODY,
+    CHANNELS,
+    HEADING,
+    PSI,
+    YAW_RATE,
+    Binned,
+    Counts,
+    binned,
+    body_states,
+    first_heading,
+    first_state,
+    heading_steps,
+    motion_steps,
+    motion_values,
+)
+from analysis.noise_levels import NoiseLevels, estimate_levels
+from analysis.slow_motion import local_quadratic, smooth_motion
+from analysis.smoothing_consistency import Consistency, consistency_of
+from analysis.table import require
 
-Floats = NDArray[np.float64]
+__all__ = ["Smoothed", "local_quadratic", "smooth", "smooth_motion"]
 
-MOTION = (*POSE, *VELOCITY)
-HALF_WIDTH_S = 10.0
-_LEAST_SAMPLES = 5
+COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
+"""The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
+
+_RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this nothing is left to carry on
+_BLOCK_STEPS, _OVERLAP_STEPS = 20_000, 400
+_GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
+_IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
 
 
-def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
-    """The motion channels of a table with evenly spaced rows, smoothed; a NaN stays a NaN.
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """The motion on whole multiples of 1 / rate in UTC.
 
-    Near gaps and ends the fit is one-sided; where fewer than five samples are near, values stay as they are.
+    ``states`` [rows] has the columns :data:`analysis.motion_model.BODY`: pose and velocity in the units of the
+    channels, and the rates of change of surge, sway [m/s2] and yaw rate [deg/s2]. ``covariance`` [rows, 9, 9] is
+    theirs in the same order in SI, angles in radians. Rows inside long gaps are NaN in both. ``rejected`` has the
+    index of the table it was made from and a column for each motion channel, true where a sample was refused.
     """
-    times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
-    step_s = float(np.median(np.diff(times_ns))) / 1e9 if len(table) > 1 else 1.0
-    columns = {}
-    for name in MOTION:
-        values = table[name].to_numpy(dtype=float)
-        smooth = local_quadratic(unwrap(values) if name in CIRCULAR else values, half_width_s / step_s)
-        columns[name] = wrap_360(smooth) if name in CIRCULAR else smooth
-    return pd.DataFrame(columns, index=table.index)
+
+    states: pd.DataFrame
+    covariance: Floats
+    noise: NoiseLevels
+    rejected: pd.DataFrame
+    consistency: Consistency
+
+    def standard_deviations(self) -> pd.DataFrame:
+        """The standard deviation of each state, in the unit of its column."""
+        deviation = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        factor = np.where(_IN_DEGREES, 180.0 / np.pi, 1.0)
+        return pd.DataFrame(deviation * factor, index=self.states.index, columns=list(BODY))
+
+    def covariance_columns(self) -> pd.DataFrame:
+        """The 21 distinct elements of the covariance of pose and velocity [rows], SI and radians."""
+        upper = np.triu_indices(6)
+        return pd.DataFrame(
+            self.covariance[:, upper[0], upper[1]], index=self.states.index, columns=list(COVARIANCE_NAMES)
+        )
 
 
-def local_quadratic(values: Floats, half_width: float) -> Floats:
-    """A weighted second-degree fit around each sample [rows], evaluated there; ``half_width`` in samples.
+def smooth(
+    table: pd.DataFrame,
+    rate_hz: float = 1.0,
+    *,
+    longest_gap_s: float | None = None,
+    levels: NoiseLevels | None = None,
+    gate: Gate | None = None,
+    engine: Engine = "auto",
+) -> Smoothed:
+    """Smooth the raw samples of a table and give the motion ``rate_hz`` times a second.
 
-    The normal equations of all fits are nine convolutions; each is then a 3 by 3 system.
+    Rows may be unsorted and hold NaN where a channel has no sample. Rows further inside a gap in which neither
+    heading nor yaw rate, or neither position nor speed, has a sample for longer than ``longest_gap_s`` are NaN;
+    without it the limit is that of :func:`analysis.resample.resample`. With a long limit they hold the prediction
+    with its grown covariance, up to 300 s, beyond which the filter starts anew. ``levels`` gives noise levels
+    that are known; else they are estimated. Raises :class:`InputError` for a table without position or heading.
     """
-    reach = int(np.ceil(half_width))
-    offset = np.arange(-reach, reach + 1) / max(half_width, 1.0)
-    weight = 0.5 + 0.5 * np.cos(np.pi * np.clip(offset, -1.0, 1.0))
-    present = np.isfinite(values)
-    if not present.any() or reach < 1:
-        return values.copy()
-    centre = float(values[present].mean())
-    filled = np.where(present, values - centre, 0.0)
-    moments = [_around(present.astype(float), weight * offset**k) for k in range(5)]
-    products = [_around(filled, weight * offset**k) for k in range(3)]
-    near = _around(present.astype(float), (weight > 0).astype(float))
-    normal = np.stack([np.stack([moments[i + j] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
-    right = np.stack(products, axis=-1)[..., None]
-    fitted = values.copy()
-    enough = present & (near >= _LEAST_SAMPLES)
-    fitted[enough] = np.linalg.solve(normal[enough], right[enough])[:, 0, 0] + centre
-    return fitted
+    require(table, POSE)
+    rules = gate or Gate()
+    data = binned(table)
+    noise = levels or estimate_levels(data, rules)
+    grid_ns = _grid(data, rate_hz)
+    grid_s = (grid_ns - data.epoch_ns) / NANO
+    mean, covariance = np.full((grid_ns.size, 9), np.nan), np.full((grid_ns.size, 9, 9), np.nan)
+    innovations = _Innovations.empty(data)
+    for block in _blocks(data.time_s):
+        track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
+        innovations.keep(block, track)
+        since, until = np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)])
+        some = slice(int(since), int(until))
+        mean[some], covariance[some] = body_states(*track.at(grid_s[some]))
+    hidden = _in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
+    mean[hidden], covariance[hidden] = np.nan, np.nan
+    states = _as_table(mean, grid_ns, rate_hz, table)
+    return Smoothed(
+        states,
+        covariance,
+        noise,
+        _rejected(table, data, noise, rules, innovations),
+        consistency_of(data.time_s, innovations.innovation, innovations.spread, innovations.refused),
+    )
 
 
-def _around(values: Floats, kernel: Floats) -> Floats:
-    """The sum of ``values`` around each sample, weighted with a kernel of odd length."""
-    reach = kernel.size // 2
-    return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])
+def _as_table(mean: Floats, grid_ns: Counts, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
+    values = np.where(_IN_DEGREES, np.rad2deg(mean), mean)
+    states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(BODY))
+    states["heading_deg"] = wrap_360(states["heading_deg"])
+    states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
+    return with_step(states, "smooth", rate_hz=float(rate_hz))
+
+
+def _grid(data: Binned, rate_hz: float) -> Counts:
+    """Whole multiples of 1 / rate from the first to the last step [ns]."""
+    if not 0.0 < rate_hz <= 1000.0:
+        raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
+    rate = Fraction(rate_hz).limit_denominator(1000)
+    step = Fraction(NANO) / rate
+    first_ns = data.epoch_ns + round(float(data.time_s[0]) * NANO)
+    last_ns = data.epoch_ns + round(float(data.time_s[-1]) * NANO)
+    steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
+    whole, rest = np.divmod(steps, rate.numerator)
+    return np.asarray(whole * NANO + rest * NANO // rate.numerator, dtype=np.int64)
+
+
+def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
+    """Two passes: the heading by itself, then everything about it."""
+    begin = first_state(data, first_heading(data))
+    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps)
+    start = Start(begin.mean[:3], begin.covariance[:3, :3])
+    heading = smooth_steps(alone, start, noise.density[:1], gate, engine)
+    steps = motion_steps(data, heading.mean[:, PSI], noise.by_channel)
+    return smooth_steps(steps, begin, noise.density, gate, engine)
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Steps ``first`` to ``last`` are smoothed together; ``core_first`` to ``core_last`` count."""
+
+    first: int
+    last: int
+    core_first: int
+    core_last: int
+
+    def until_s(self, time_s: Floats) -> float:
+        """The end of the time this block speaks for: the next step's, or just past the last one's."""
+        if self.core_last < self.last:
+            return float(time_s[self.core_last])
+        return float(np.nextafter(time_s[self.last - 1] + 1e-6, np.inf))
+
+
+def _blocks(time_s: Floats) -> list[_Block]:
+    """Stretches between gaps that are too long to carry on over, in blocks that overlap: memory stays bounded."""
+    edges = [0, *(np.flatnonzero(np.diff(time_s) > _RESTART_S) + 1).tolist(), time_s.size]
+    return [
+        _Block(
+            max(core - _OVERLAP_STEPS, first), min(core + _BLOCK_STEPS + _OVERLAP_STEPS, last),
+            core, min(core + _BLOCK_STEPS, last),
+        )
+        for first, last in itertools.pairwise(edges)
+        for core in range(first, last, _BLOCK_STEPS)
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Innovations:
+    """What each step made of its values, gathered over the blocks; ``expected`` is the smoothed value."""
+
+    innovation: Floats
+    spread: Floats
+    refused: Flags
+    mean: Floats
+
+    @classmethod
+    def empty(cls, data: Binned) -> _Innovations:
+        shape = data.value.shape
+        return cls(
+            np.full(shape, np.nan),
+            np.full(shape, np.nan),
+            np.zeros(shape, dtype=bool),
+            np.full((shape[0], 9), np.nan),
+        )
+
+    def keep(self, block: _Block, track: Track) -> None:
+        core = slice(block.core_first, block.core_last)
+        local = slice(block.core_first - block.first, block.core_last - block.first)
+        self.innovation[core] = track.filtered.innovation[local]
+        self.spread[core] = track.filtered.spread[local]
+        self.refused[core] = track.filtered.refused[local]
+        self.mean[core] = track.mean[local]
+
+
+def _rejected(
+    table: pd.DataFrame, data: Binned, noise: NoiseLevels, gate: Gate, innovations: _Innovations
+) -> pd.DataFrame:
+    """Which samples were refused: those of a refused step that lie off themselves, or all where none does."""
+    values, there = motion_values(table), data.step_of >= 0
+    step = np.maximum(data.step_of, 0)
+    offset_s = (times_ns(table) - data.epoch_ns) / NANO - data.time_s[step]
+    state = innovations.mean[step]
+    moved = state.copy()
+    moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
+    moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
+    body, _ = body_states(moved, np.zeros((len(table), 9, 9)))
+    order = [BODY.index(name) for name in CHANNELS]
+    apart = values - body[:, order]
+    apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
+    off = np.abs(apart) > np.sqrt(gate.limit) * noise.by_channel
+    refused = innovations.refused[step] & there[:, None] & np.isfinite(values)
+    flags = {}
+    for number, name in enumerate(CHANNELS):
+        some = refused[:, number] & off[:, number]
+        explained = np.bincount(step[some], minlength=data.time_s.size) > 0
+        flags[name] = some | (refused[:, number] & ~explained[step])
+    return pd.DataFrame(flags, index=table.index)
+
+
+def _in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> NDArray[np.bool_]:
+    """Which grid points lie in a gap of the heading's channels or of the others, or outside them."""
+    there = np.isfinite(motion_values(table))
+    times_s = (times_ns(table) - epoch_ns) / NANO
+    hidden = np.zeros(grid_s.size, dtype=bool)
+    for channels in ([HEADING, YAW_RATE], [2, 3, 4, 5]):
+        hidden |= _beyond(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
+    return hidden
+
+
+def _beyond(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> NDArray[np.bool_]:
+    interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
+    own = min(max(_GAP_S, _GAP_INTERVALS * interval_s), _LONGEST_GAP_S)
+    limit_s = own if longest_gap_s is None else longest_gap_s
+    before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
+    after = np.minimum(before + 1, samples_s.size - 1)
+    on_sample = np.abs(grid_s - samples_s[np.maximum(before, 0)]) <= 1e-6
+    span = np.where((after > before) & (before >= 0), samples_s[after] - samples_s[np.maximum(before, 0)], np.inf)
+    return np.asarray(~on_sample & (span > limit_s))
+
+
+def summary_of(smoothed: Smoothed) -> dict[str, Any]:
+    """The figures of a result for a person or a program: rows, levels, refusals, consistency."""
+    return {
+        "rows": len(smoothed.states),
+        "missing": int(smoothed.states["north_m"].isna().sum()),
+        "noise": smoothed.noise.as_json(),
+        "rejected": {str(name): int(count) for name, count in smoothed.rejected.sum().items()},
+        "consistency": smoothed.consistency.as_json(),
+    }

@@ -1,0 +1,196 @@
+"""Kalman filter and Rauch-Tung-Striebel smoother over motion that is driven by white jerk.
+
+The state is blocks of three, a quantity with its first and second derivative (Bar-Shalom, Li and Kirubarajan
+2001, chapter 6: the Wiener process acceleration model). Steps come at any times; at each, every channel may
+have one value, which sees the state through a row of its own. Channels are taken one after another, which for
+noise that is independent between them is the same as taking them together, and lets each be judged by itself:
+one whose innovation lies beyond the gate is refused. When a channel has been refused for long, the truth may
+have jumped: the quantity that it sees is then set free by the size of the jump, and the channel is believed.
+
+Two engines give the same numbers: filterpy, and a compiled recursion that is some hundred times faster.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Engine = Literal["auto", "filterpy", "compiled"]
+
+LONGEST_FOR_FILTERPY = 2000
+"""Steps up to which the engine "auto" is filterpy: about a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """When a value is refused: beyond ``limit`` = innovation squared over its variance (chi-square, 1 degree of
+    freedom; 25 is five standard deviations), unless refused for ``patience_s`` and ``patience`` times."""
+
+    limit: float = 25.0
+    patience_s: float = 5.0
+    patience: int = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """What is measured, step by step: rising times, values and how they see the state.
+
+    ``time_s`` [steps]; ``value`` [steps, channels], NaN where there is none; ``row`` [steps, channels, states];
+    ``variance`` [steps, channels]; ``turn`` [channels], the period of a channel on the circle, else 0;
+    ``jumps`` [channels, states], which states are set free when a channel has jumped.
+    """
+
+    time_s: Floats
+    value: Floats
+    row: Floats
+    variance: Floats
+    turn: Floats
+    jumps: Flags
+
+    def part(self, first: int, last: int) -> Steps:
+        """The steps ``first`` to ``last``, the last one excluded."""
+        some = slice(first, last)
+        return Steps(
+            self.time_s[some], self.value[some], self.row[some], self.variance[some], self.turn, self.jumps
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What is known before the first step: ``mean`` [states] and ``covariance`` [states, states]."""
+
+    mean: Floats
+    covariance: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Filtered:
+    """The state at each step, before (``prior``) and after its values, and how they were received.
+
+    ``innovation`` and ``spread`` (its standard deviation) [steps, channels] are NaN where there was no value.
+    """
+
+    prior_mean: Floats
+    prior_covariance: Floats
+    mean: Floats
+    covariance: Floats
+    innovation: Floats
+    spread: Floats
+    refused: Flags
+
+    @property
+    def nis(self) -> Floats:
+        """Normalised innovation squared [steps, channels]; its mean is 1 for a filter that is right."""
+        return np.asarray((self.innovation / self.spread) ** 2)
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """A smoothed track of the state [steps, states], with its covariance and all that interpolation needs."""
+
+    time_s: Floats
+    mean: Floats
+    covariance: Floats
+    filtered: Filtered
+    density: Floats
+
+    def at(self, time_s: Floats) -> tuple[Floats, Floats]:
+        """Mean [times, states] and covariance at any times from the first step on, exact for the model.
+
+        From the filtered state before each time the motion is predicted, and one smoother step from the
+        smoothed state after it corrects the prediction. Beyond the last step it is the prediction.
+        """
+        before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
+        after = np.minimum(before + 1, self.time_s.size - 1)
+        mean, covariance = predicted(
+            self.filtered.mean[before], self.filtered.covariance[before], time_s - self.time_s[before], self.density
+        )
+        inside = after > before
+        forward = transition(np.where(inside, self.time_s[after] - time_s, 0.0), self.density.size)
+        prior = self.filtered.prior_covariance[after]
+        gain = _gain(covariance, forward, prior) * inside[:, None, None]
+        step = self.mean[after] - self.filtered.prior_mean[after]
+        mean = mean + np.einsum("kij,kj->ki", gain, step)
+        return mean, covariance + gain @ (self.covariance[after] - prior) @ gain.transpose(0, 2, 1)
+
+
+def transition(dt_s: Floats, blocks: int) -> Floats:
+    """The state's transition over each of ``dt_s`` [k]: [k, 3 blocks, 3 blocks]."""
+    block = np.zeros((dt_s.size, 3, 3))
+    block[:, [0, 1, 2], [0, 1, 2]] = 1.0
+    block[:, 0, 1] = block[:, 1, 2] = dt_s
+    block[:, 0, 2] = dt_s**2 / 2.0
+    return _diagonal(block, np.ones(blocks))
+
+
+def process_noise(dt_s: Floats, density: Floats) -> Floats:
+    """The covariance that white jerk adds over each of ``dt_s`` [k]: [k, states, states].
+
+    ``density`` [blocks] is the jerk's two-sided spectral density, in (unit/s3)2 per Hz.
+    """
+    powers = {(0, 0): (5, 20), (0, 1): (4, 8), (0, 2): (3, 6), (1, 1): (3, 3), (1, 2): (2, 2), (2, 2): (1, 1)}
+    block = np.zeros((dt_s.size, 3, 3))
+    for (i, j), (power, divisor) in powers.items():
+        block[:, i, j] = block[:, j, i] = dt_s**power / divisor
+    return _diagonal(block, density)
+
+
+def _diagonal(block: Floats, factors: Floats) -> Floats:
+    full = np.zeros((block.shape[0], 3 * factors.size, 3 * factors.size))
+    for number, factor in enumerate(factors):
+        some = slice(3 * number, 3 * number + 3)
+        full[:, some, some] = factor * block
+    return full
+
+
+def predicted(mean: Floats, covariance: Floats, dt_s: Floats, density: Floats) -> tuple[Floats, Floats]:
+    """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
+    forward = transition(dt_s, density.size)
+    spread = forward @ covariance @ forward.transpose(0, 2, 1) + process_noise(dt_s, density)
+    return np.einsum("kij,kj->ki", forward, mean), spread
+
+
+def smooth_steps(
+    steps: Steps, start: Start, density: Floats, gate: Gate | None = None, engine: Engine = "auto"
+) -> Track:
+    """Filter forwards, smooth backwards. ``start`` holds at the first step's time."""
+    rules = gate or Gate()
+    if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
+        from analysis.kalman_filterpy import filter_and_smooth
+
+        return filter_and_smooth(steps, start, density, rules)
+    return smooth_filtered(steps.time_s, filter_steps(steps, start, density, rules), density)
+
+
+def filter_steps(steps: Steps, start: Start, density: Floats, gate: Gate) -> Filtered:
+    """The forward pass of the compiled engine."""
+    from analysis.kalman_compiled import forward_pass
+
+    return Filtered(
+        *forward_pass(
+            steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps,
+            start.mean, start.covariance, density, gate.limit, gate.patience_s, gate.patience,
+        )
+    )  # fmt: skip
+
+
+def smooth_filtered(time_s: Floats, filtered: Filtered, density: Floats) -> Track:
+    """The backward pass (Rauch, Tung and Striebel 1965) of the compiled engine."""
+    from analysis.kalman_compiled import backward_pass
+
+    forward = transition(np.diff(time_s), density.size)
+    gain = _gain(filtered.covariance[:-1], forward, filtered.prior_covariance[1:])
+    mean, covariance = backward_pass(
+        filtered.mean, filtered.covariance, filtered.prior_mean, filtered.prior_covariance, gain
+    )
+    return Track(time_s, mean, covariance, filtered, density)
+
+
+def _gain(covariance: Floats, forward: Floats, prior: Floats) -> Floats:
+    """P F' inv(prior), for each step."""
+    return np.asarray(np.linalg.solve(prior, forward @ covariance).transpose(0, 2, 1))
