@@ -1,0 +1,163 @@
+"""Angles that were resampled as plain numbers: straight lines between 360 and 0, or between 180 and -180.
+
+A ship that passes north turns by a degree or two; her heading as a number falls by almost a whole turn. Whoever
+interpolates the numbers draws a line across the circle, and its samples point anywhere. Found from the rate of
+turn: the ends of such a line agree with it on the circle, and what lies between does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from acquisition.angles import difference, wrap_360
+from acquisition.channels import BY_NAME, COMMAND
+from analysis.frames import utc_index
+from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.runs import Bools, Floats, Ints, Samples, mark, median_step_s, runs, samples_of, scatter
+
+CODE = "heading_wrap_interpolated"
+JUDGED = ("heading_deg", "wind_direction_deg", *(name for name in COMMAND if BY_NAME[name].circular))
+_SMALLEST_DEG = 1.0
+"""Samples nearer than this to where they belong are left: they do no harm and noise looks like them."""
+_LARGEST_DEG = 45.0
+"""An angle whose steps scatter so widely (wind in a calm) that the limit would be larger is not judged."""
+_LONGEST_STEP = 5.0
+"""Steps longer than so many usual ones are holes: what happened there is not known."""
+_CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
+"""Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
+
+
+def heading_wrap(table: pd.DataFrame) -> Checked:
+    """Find angles that were interpolated straight through their seam (``heading_wrap_interpolated``).
+
+    Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
+    lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
+    """
+    names = tuple(name for name in JUDGED if name in table)
+    flags, index, findings = no_flags(table, names), utc_index(table), []
+    for name in names:
+        series = samples_of(table, name)
+        wrong, places = _found(table, name, series)
+        mark(flags, name, series.rows, series.rows[wrong])
+        if places:
+            rows = series.rows[wrong]
+            findings.append(_finding(name, index[rows[0]], index[rows[-1]], rows.size, places))
+    return Checked(flags, tuple(findings))
+
+
+def straight_through(table: pd.DataFrame, name: str) -> Bools:
+    """Whether each value of an angle lies on a straight line through its seam: [rows]."""
+    wrong = np.zeros(len(table), np.bool_)
+    series = samples_of(table, name)
+    wrong[series.rows[_found(table, name, series)[0]]] = True
+    return wrong
+
+
+def _finding(name: str, start: pd.Timestamp, end: pd.Timestamp, samples: int, places: int) -> Finding:
+    seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
+    text = f"{name} was interpolated as a plain number between {seam}: {samples} samples in {places} places"
+    remedy = "They are put back on the circle between their neighbours by --repair"
+    return Finding(CODE, name, start, end, text, remedy,
+                   {"samples": float(samples), "places": float(places)}, certain=True)  # fmt: skip
+
+
+def _found(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
+    """The wrong samples [n] and the number of places, none where chance would do as well.
+
+    A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
+    passes east, so the circle is turned, and what is found then is what chance brings. Angles
+    without a measured rate must show three places.
+    """
+    nothing = np.zeros(series.rows.size, np.bool_), 0
+    if series.rows.size < 4:
+        return nothing
+    expected_deg = _expected_steps(table, name, series)
+    scatter_deg = scatter(difference(np.diff(series.value), expected_deg))
+    if 10.0 * scatter_deg > _LARGEST_DEG:
+        return nothing
+    limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
+    from_seam = wrap_360(series.value - BY_NAME[name].low)
+    wrong, places = _lines(series.time_s, from_seam, expected_deg, limit_deg)
+    turned = [
+        _lines(series.time_s, wrap_360(from_seam + turn), expected_deg, limit_deg)[1]
+        for turn in (_CONTROL_TURNS_DEG if places else ())
+    ]
+    enough = 1 if name == "heading_deg" else 3
+    return (wrong, places) if places >= enough and places > 3 * max(turned, default=0) else nothing
+
+
+def _expected_steps(table: pd.DataFrame, name: str, series: Samples) -> Floats:
+    """How far the angle should turn from each sample to the next [n-1, deg]: by the yaw rate, else not at all."""
+    rate = samples_of(table, "yaw_rate_dps")
+    if name != "heading_deg" or rate.rows.size < 2:
+        return np.zeros(series.rows.size - 1)
+    rate_dps = np.interp(series.time_s, rate.time_s, rate.value)
+    return 0.5 * (rate_dps[1:] + rate_dps[:-1]) * np.diff(series.time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Consecutive steps that the rate of turn does not explain, samples ``first`` to ``last``."""
+
+    first: int
+    last: int
+    turns: int
+    off_deg: Floats
+    """How far the samples between the ends are from where they belong."""
+    closes: bool
+    """Whether the ends agree with the rate of turn on the circle."""
+    at_seam: bool
+
+
+def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> tuple[Bools, int]:
+    """The samples on lines across the circle, of angles counted from the seam, and the number of lines."""
+    step_deg = np.diff(from_seam_deg)
+    hole = np.diff(time_s) > _LONGEST_STEP * median_step_s(time_s)
+    wild = (np.abs(step_deg - expected_deg) > limit_deg) & ~hole
+    # Two stray samples may stand level, so that the step between them looks sound.
+    wild[1:-1] |= wild[:-2] & wild[2:] & ~hole[1:-1]
+    path_deg = np.concatenate([[0.0], np.cumsum(expected_deg)])
+    groups = [
+        _group(int(first), int(stop), from_seam_deg, path_deg, limit_deg)
+        for first, stop in zip(*runs(wild), strict=True)
+        if stop - first >= 2
+    ]
+    usable = [each for each in groups if each.closes and (np.abs(each.off_deg) > 2.0 * limit_deg).any()]
+    wrong = np.zeros(time_s.size, np.bool_)
+    whole_deg = 360.0 - 6.0 * limit_deg
+    sure = [
+        each for each in usable if abs(each.turns) == 1 or _crosses(step_deg[each.first : each.last], whole_deg)
+    ]
+    # Swinging about the seam, samples may go astray twice and come back on the side they left from: no turn
+    # is left over. Alone that is a spike near north; beside places that are sure it is one of them.
+    swings = [each for each in usable if each.turns == 0 and each.at_seam and len(sure) >= 3]
+    for each in (*sure, *swings):
+        wrong[each.first + 1 : each.last] |= np.abs(each.off_deg) > limit_deg
+    return wrong, int(runs(wrong)[0].size)
+
+
+def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit_deg: float) -> _Group:
+    turned = from_seam_deg[last] - from_seam_deg[first]
+    expected = path_deg[last] - path_deg[first]
+    turns = round((turned - expected) / 360.0)
+    left_deg = turned - expected - 360.0 * turns
+    inside = np.arange(first + 1, last)
+    share = (inside - first) / (last - first)
+    belongs = from_seam_deg[first] + path_deg[inside] - path_deg[first] + share * left_deg
+    off_deg = difference(from_seam_deg[inside], belongs)
+    # A rate of turn that is a few per cent wrong adds its share over a long group.
+    closes = abs(left_deg) < limit_deg * np.sqrt(last - first) + 0.1 * abs(expected)
+    ends = from_seam_deg[[first, last]]
+    at_seam = bool((np.minimum(ends, 360.0 - ends) < 3.0 * limit_deg).all())
+    return _Group(first, last, turns, off_deg, bool(closes), at_seam)
+
+
+def _crosses(step_deg: Floats, whole_deg: float) -> bool:
+    """Whether a stretch of one sign, of two steps or more, makes up a whole turn: there and back again."""
+    sign = np.sign(step_deg)
+    starts: Ints = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])
+    lengths = np.diff(np.concatenate([starts, [step_deg.size]]))
+    return bool(((np.abs(np.add.reduceat(step_deg, starts)) > whole_deg) & (lengths >= 2)).any())

@@ -1,0 +1,155 @@
+"""Feedback of shafts and azimuths that has stopped, or that holds per cent where it says rpm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from acquisition.channels import COMMAND
+from acquisition.frames import Quality
+from analysis.frames import utc_index
+from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.orders import order_ramps
+from analysis.quality.runs import Bools, Floats, Ints, Samples, mark, samples_of
+
+SHAFTS = tuple(name for name in COMMAND if name.endswith("_rpm"))
+_REPEATS = 0.3
+"""A feedback that repeats its value more often than this is too coarse, or an order: it may well stand still."""
+_SHORTEST_S = 5.0
+_SHORTEST_SAMPLES = 10
+_IDLE = 0.05
+_CHANCE = 1e-6
+_PER_CENT = 100.0
+_PIECES = 10
+
+
+def thruster_feedback(table: pd.DataFrame) -> Checked:
+    """Find feedback that has frozen (``feedback_frozen``) and shafts in per cent (``percent_scaled``).
+
+    Frozen samples are flagged bad, ``estimate`` holds the ``seconds`` of all stretches together; a channel in
+    per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft tells it.
+    """
+    names = tuple(name for name in COMMAND if name in table)
+    flags, findings = no_flags(table, names), []
+    scaled = {finding.channel: finding for finding in _percent_scaled(table)}
+    for name in names:
+        series = samples_of(table, name)
+        first, stop = frozen_stretches(table, name, series)
+        rows = _inside(series, first, stop)
+        mark(flags, name, series.rows, series.rows, Quality.SUSPECT if name in scaled else Quality.GOOD)
+        column = flags[name].to_numpy(copy=True)
+        column[rows] = Quality.BAD
+        flags[name] = column
+        if first.size:
+            findings.append(_frozen_finding(table, name, series, first, stop))
+    return Checked(flags, (*findings, *scaled.values()))
+
+
+def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[Ints, Ints]:
+    """First and one past the last sample of the stretches in which a noisy feedback repeats one value exactly.
+
+    A stretch counts if it is longer than chance makes by the share of repeats elsewhere, and three times
+    longer than the usual repeats; not where the thruster stands still, which needs no noise.
+    """
+    empty = np.zeros(0, np.int64)
+    if series.value.size < 3 * _SHORTEST_SAMPLES or order_ramps(name, series).first.size:
+        return empty, empty  # too short, or an order, which has no noise and rightly stands still
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(series.value) != 0.0) + 1])
+    lengths = np.diff(np.concatenate([starts, [series.value.size]]))
+    usual = lengths < max(_SHORTEST_SAMPLES, 3.0 * np.quantile(lengths, 0.999))
+    repeats = float((lengths[usual] - 1).sum() / max(lengths[usual].sum(), 1))
+    if repeats > _REPEATS or lengths[usual].sum() < 3 * _SHORTEST_SAMPLES:
+        return empty, empty
+    by_chance = np.log(_CHANCE / series.value.size) / np.log(max(repeats, 1e-3))
+    stops = starts + lengths
+    seconds = series.time_s[stops - 1] - series.time_s[starts]
+    long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
+    long &= ~_idle(table, name, series, starts)
+    return starts[long], stops[long]
+
+
+def _idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
+    """Whether the thruster stands still at the given samples: its shaft turns at less than 5 % of its fastest."""
+    shaft = name.replace("_angle_deg", "_rpm")
+    turning = samples_of(table, shaft)
+    if not turning.rows.size:
+        return np.zeros(starts.size, np.bool_)
+    rpm = np.abs(np.interp(series.time_s[starts], turning.time_s, turning.value))
+    return np.asarray(rpm <= _IDLE * np.abs(turning.value).max())
+
+
+def _inside(series: Samples, first: Ints, stop: Ints) -> Ints:
+    """The rows that repeat a frozen value: the first of a stretch was still measured."""
+    parts = [series.rows[a + 1 : b] for a, b in zip(first, stop, strict=True)]
+    return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+
+
+def _frozen_finding(table: pd.DataFrame, name: str, series: Samples, first: Ints, stop: Ints) -> Finding:
+    seconds = float((series.time_s[stop - 1] - series.time_s[first]).sum())
+    index = utc_index(table)
+    start, end = index[series.rows[first[0]]], index[series.rows[stop[-1] - 1]]
+    times = "once" if first.size == 1 else f"{first.size} times"
+    text = f"{name} stood exactly still {times}, {seconds:.0f} s in all, and has noise at other times"
+    remedy = "Do not use the channel there; look for a line or a converter that stopped"
+    return Finding("feedback_frozen", name, start, end, text, remedy, {"seconds": seconds})
+
+
+def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
+    """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
+    findings = []
+    for name in SHAFTS:
+        series = samples_of(table, name)
+        if series.rows.size < 3 * _PIECES or np.abs(series.value).max() > 1.02 * _PER_CENT:
+            continue
+        estimate = _factor_to_sister(table, name, series)
+        if estimate or _stops_at_100(series.value):
+            findings.append(_percent_finding(table, name, series, estimate))
+    return findings
+
+
+def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: dict[str, float]) -> Finding:
+    index = utc_index(table)
+    why = "it stops at 100 exactly"
+    if estimate:
+        why = f"the sister shaft turns {estimate['factor']:.3f} times as fast all the time"
+    text = f"{name} looks like per cent, not rpm: {why}"
+    remedy = "Give the shaft's rpm at 100 % in the map of columns and import again"
+    ends = index[series.rows[0]], index[series.rows[-1]]
+    return Finding("percent_scaled", name, *ends, text, remedy, estimate)
+
+
+def _factor_to_sister(table: pd.DataFrame, name: str, series: Samples) -> dict[str, float]:
+    """The constant ratio of the sister shaft to this one with its 95 % interval; empty if there is none.
+
+    The two follow each other within 2 % over several settings, and the ratio is too large for trim of shafts.
+    """
+    sister = {"port_rpm": "starboard_rpm", "starboard_rpm": "port_rpm"}.get(name, "")
+    other = samples_of(table, sister)
+    if other.rows.size < 3 * _PIECES or np.abs(other.value).max() <= 1.02 * _PER_CENT:
+        return {}
+    theirs = np.interp(series.time_s, other.time_s, other.value)
+    pieces = [each for each in np.array_split(np.arange(series.value.size), _PIECES) if each.size]
+    cross = np.array([series.value[each] @ theirs[each] for each in pieces])
+    own = np.array([series.value[each] @ series.value[each] for each in pieces])
+    factor = float(cross.sum() / max(own.sum(), 1e-12))
+    off = float(np.sqrt(np.mean((theirs - factor * series.value) ** 2)))
+    varied = float(np.std(np.abs(theirs)))
+    if not 1.25 < factor < 20.0 or off > 0.1 * varied or off > 0.05 * float(np.sqrt(np.mean(theirs**2))):
+        return {}
+    return {"factor": factor, **_interval(cross, own, factor)}
+
+
+def _interval(cross: Floats, own: Floats, factor: float) -> dict[str, float]:
+    """A jackknife over pieces of the recording."""
+    without = (cross.sum() - cross) / np.maximum(own.sum() - own, 1e-12)
+    error = float(np.sqrt((without.size - 1) / without.size * np.sum((without - without.mean()) ** 2)))
+    half = 2.26 * error  # Student's t with nine degrees of freedom
+    return {"low": factor - half, "high": factor + half}
+
+
+def _stops_at_100(value: Floats) -> bool:
+    """Whether the largest amount is 100 exactly and stands there for 1 % of the time on two occasions."""
+    at_limit = np.abs(value) == _PER_CENT
+    occasions = int(np.sum(np.diff(at_limit.astype(np.int8)) == 1)) + int(at_limit[0])
+    beyond = bool((np.abs(value) > _PER_CENT).any())
+    return not beyond and occasions >= 2 and float(at_limit.mean()) > 0.01

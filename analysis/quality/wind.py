@@ -1,0 +1,222 @@
+"""Wind that is not what it says: apparent wind recorded as true, and a vane that is not aligned with the bow.
+
+Winds and velocities are complex numbers here, north + i east, a wind being the vector towards where it comes
+from. Then felt wind = true wind + velocity of the ship, and a turn to starboard by an angle is a factor.
+The true wind knows nothing of the ship; whichever reading of the record makes it the steadiest is the right one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import stats
+
+from acquisition.angles import wrap_180, wrap_360
+from acquisition.frames import Quality
+from analysis.frames import NANO, times_ns, utc_index
+from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.runs import Floats
+
+JUDGED = ("wind_direction_deg", "wind_speed_mps")
+_NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")
+_BLOCK_S = 10.0
+"""Gusts last longer than this and manoeuvres too: means over it lose the sensors' noise and little else."""
+_PIECE_S = 100.0
+"""Pieces for the jackknife: longer than gusts are correlated for (20 to 100 s)."""
+_FEWEST_BLOCKS = 18
+_FEWEST_PIECES = 6
+_CHANCE = 1e-4
+_CLEARLY = 2.0
+_OVERWHELMING = 5.0
+_SMALLEST_OFFSET_DEG = 2.0
+_READINGS = ("relative to the bow", "relative to north")
+
+Complex = NDArray[np.complex128]
+
+
+def wind(table: pd.DataFrame) -> Checked:
+    """Find apparent wind that passes for true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
+
+    ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true
+    wind from the better reading, and ``relative_to_bow`` (1 or 0); certain where the ratio is beyond 5. Of the
+    latter: ``angle_deg`` by which the vane reads too much, with ``low`` and ``high``. A bias of the true wind's
+    direction that is the same on all headings cannot be told from a wind from there, and is not looked for.
+    Wind that was assumed, not measured, is passed over.
+    """
+    names = tuple(name for name in JUDGED if name in table)
+    flags = no_flags(table, names)
+    blocks = _blocks(table)
+    if blocks is None:
+        return Checked(flags)
+    finding = _apparent(table, blocks) or _offset(table, blocks)
+    for name in names:
+        column = flags[name].to_numpy(copy=True)
+        column[table[name].notna().to_numpy()] = Quality.SUSPECT if finding else Quality.GOOD
+        flags[name] = column
+    return Checked(flags, (finding,) if finding else ())
+
+
+def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:
+    """Direction [deg, from true north] and speed [m/s] of the true wind, the recorded one being apparent: [rows].
+
+    Vectorised form of :func:`acquisition.kinematics.wind_over_ground`; NaN where a channel is missing.
+    """
+    felt, velocity, bow = _vectors(table)
+    wind = felt * bow - velocity if relative_to_bow else felt - velocity
+    return wrap_360(np.rad2deg(np.angle(wind))), np.abs(wind)
+
+
+def _vectors(table: pd.DataFrame) -> tuple[Complex, Complex, Complex]:
+    """Recorded wind, velocity of the ship and her bow, as north + i east: each [rows]."""
+    bow = np.exp(1j * np.deg2rad(table["heading_deg"].to_numpy(dtype=float)))
+    velocity = (table["surge_mps"].to_numpy(dtype=float) + 1j * table["sway_mps"].to_numpy(dtype=float)) * bow
+    direction = np.exp(1j * np.deg2rad(table["wind_direction_deg"].to_numpy(dtype=float)))
+    return table["wind_speed_mps"].to_numpy(dtype=float) * direction, velocity, bow
+
+
+@dataclass(frozen=True, slots=True)
+class _Blocks:
+    """Means over 10 s, all [n]: recorded wind, that turned by the heading, the ship's velocity; their times."""
+
+    time_s: Floats
+    recorded: Complex
+    turned: Complex
+    velocity: Complex
+
+
+def _blocks(table: pd.DataFrame) -> _Blocks | None:
+    """Block means of what is needed, or None where wind or motion is missing, assumed, or there is too little."""
+    sources = table.attrs.get("sources", {})
+    if any(name not in table for name in _NEEDED) or any("assumed" in sources.get(name, ()) for name in JUDGED):
+        return None
+    since_s = (times_ns(table) - times_ns(table)[:1]) / NANO
+    recorded, velocity, bow = _vectors(_side_by_side(table))
+    sound = np.isfinite(recorded * velocity)
+    if not sound.any() or not np.ptp(np.abs(recorded[sound])) > 0.0:
+        return None
+    number, which = np.unique(np.floor(since_s[sound] / _BLOCK_S), return_inverse=True)
+    count = np.bincount(which)
+    full = count >= 0.5 * np.median(count)
+    if full.sum() < _FEWEST_BLOCKS:
+        return None
+    means = ((_sums(which, each[sound]) / count)[full] for each in (recorded, recorded * bow, velocity))
+    return _Blocks(number[full] * _BLOCK_S, *means)
+
+
+def _sums(which: NDArray[np.intp], vector: Complex) -> Complex:
+    """The sum of ``vector`` by group."""
+    total: Complex = np.bincount(which, vector.real) + 1j * np.bincount(which, vector.imag)
+    return total
+
+
+def _side_by_side(table: pd.DataFrame) -> pd.DataFrame:
+    """The needed channels in the rows of the wind; those that came at other times, from the last two seconds."""
+    needed = table[list(_NEEDED)]
+    if needed.notna().all(axis=1).mean() > 0.5 * needed["wind_direction_deg"].notna().mean():
+        return needed
+    times = utc_index(table)
+    latest = np.maximum.accumulate(np.where(needed.notna().to_numpy(), np.arange(len(table))[:, np.newaxis], -1))
+    age_ns = times.asi8[:, np.newaxis] - times.asi8[np.maximum(latest, 0)]
+    recent = (latest >= 0) & (age_ns <= 2 * NANO)
+    values = np.take_along_axis(needed.to_numpy(dtype=float), np.maximum(latest, 0), axis=0)
+    return pd.DataFrame(np.where(recent, values, np.nan), index=table.index, columns=needed.columns)
+
+
+def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+    """Whether the true wind is clearly steadier when the recorded one is taken for apparent.
+
+    The ratio of variances is held against that of an F distribution with the number of independent samples,
+    which the autocorrelation of the steadier wind gives; and it must be at least 2 whatever that says.
+    """
+    readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity
+    as_recorded = _variance(blocks.recorded)
+    best = int(np.argmin([_variance(each) for each in readings]))
+    ratio = as_recorded / max(_variance(readings[best]), 1e-12)
+    # Two components a sample; the same correlation in both winds is assumed, the longer of the two taken.
+    freedom = 2.0 * min(_independent(readings[best]), _independent(blocks.recorded)) - 2.0
+    beyond_chance = float(stats.f.isf(_CHANCE, max(freedom, 1.0), max(freedom, 1.0)))
+    if ratio < max(_CLEARLY, beyond_chance):
+        return None
+    text = (
+        f"wind is recorded as felt on board, {_READINGS[best]}: taken so, the true wind is steadier by a factor of "
+        f"{ratio:.1f} in variance"
+    )
+    remedy = "Take off the ship's velocity to get the true wind"
+    estimate = {"variance_ratio": ratio, "relative_to_bow": float(best == 0)}
+    certain = ratio > max(_OVERWHELMING, 2.0 * beyond_chance)
+    return _finding("wind_apparent", table, text, remedy, estimate, certain)
+
+
+def _offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
+    """The angle by which a vane is turned, from true wind that moves with the ship.
+
+    With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
+    velocity; the b that makes T steadiest is the argument of the covariance of recorded wind + V with V. Its
+    uncertainty is that of a jackknife over pieces of 100 s. A covariance whose modulus is not about that of V
+    with itself says that something else is wrong with the wind.
+    """
+    felt, velocity = _detrended(blocks, blocks.recorded + blocks.velocity), _detrended(blocks, blocks.velocity)
+    number = np.unique(np.floor(blocks.time_s / _PIECE_S), return_inverse=True)[1]
+    pieces = int(number.max()) + 1
+    if pieces < _FEWEST_PIECES:
+        return None
+    product = felt * velocity.conj()
+    by_piece = _sums(number, product)
+    own = np.bincount(number, np.abs(velocity) ** 2)
+    gain = by_piece.sum() / max(own.sum(), 1e-12)
+    without = (by_piece.sum() - by_piece) / np.maximum(own.sum() - own, 1e-12)
+    spread = _jackknife(without / gain)
+    angle_deg, error_deg = float(np.rad2deg(np.angle(gain))), float(np.rad2deg(spread.imag))
+    surely = float(stats.t.isf(_CHANCE / 2.0, pieces - 1)) * error_deg
+    if abs(angle_deg) < max(surely, _SMALLEST_OFFSET_DEG) or not 0.7 < abs(gain) < 1.4 or spread.real > 0.15:
+        return None
+    half = float(stats.t.isf(0.025, pieces - 1)) * error_deg
+    text = f"the vane reads {angle_deg:+.1f} deg too much ({angle_deg - half:.1f} to {angle_deg + half:.1f}): "
+    text += "the true wind shifts with the ship's heading and speed"
+    remedy = "Take the angle off the apparent wind and derive the true wind again"
+    low, high = wrap_180(angle_deg - half), wrap_180(angle_deg + half)
+    estimate = {"angle_deg": angle_deg, "low": float(low), "high": float(high)}
+    return _finding("wind_direction_offset", table, text, remedy, estimate, certain=False)
+
+
+def _jackknife(without: Complex) -> complex:
+    """Standard errors of the real and the imaginary part, from estimates that leave one piece out each."""
+    off = without - without.mean()
+    share = (without.size - 1) / without.size
+    return complex(np.sqrt(share * np.sum(off.real**2)), np.sqrt(share * np.sum(off.imag**2)))
+
+
+def _finding(
+    code: str, table: pd.DataFrame, text: str, remedy: str, estimate: dict[str, float], certain: bool
+) -> Finding:
+    rows = np.flatnonzero(table["wind_direction_deg"].notna())
+    start, end = (utc_index(table)[row] for row in rows[[0, -1]])
+    return Finding(code, "wind_direction_deg", start, end, text, remedy, estimate, certain)
+
+
+def _detrended(blocks: _Blocks, vector: Complex) -> Complex:
+    """Without its mean and trend: a wind that veers slowly must not count for the ship's turns."""
+    since = np.polynomial.legendre.legvander(np.interp(blocks.time_s, blocks.time_s[[0, -1]], [-1.0, 1.0]), 2)
+    return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
+
+
+def _variance(vector: Complex) -> float:
+    return float(np.var(vector))
+
+
+def _independent(vector: Complex) -> float:
+    """How many independent samples a correlated series is worth: n over the sum of its autocorrelation.
+
+    Summed up to its first value below zero (Geyer 1992).
+    """
+    off = vector - vector.mean()
+    count = off.size
+    spectrum = np.abs(np.fft.fft(off, 2 * count)) ** 2
+    correlation = np.fft.ifft(spectrum).real[:count]
+    correlation = correlation / max(correlation[0], 1e-300)
+    below = np.flatnonzero(correlation < 0.0)
+    end = int(below[0]) if below.size else count
+    return float(np.clip(count / max(2.0 * correlation[:end].sum() - 1.0, 1.0), 2.0, count))
