@@ -1,0 +1,159 @@
+"""Manoeuvres found in a table: the helm tells zigzags and circles, the shafts tell the rest.
+
+Nothing is told by the size of a ship or of a command: a command is held or changed against its own noise, a
+ship is fast or slow against the fastest of the recording. Marks of the crew ("zigzag 20/20 start") give the
+manoeuvre that they bound their name, and let a short one count that would not be believed without them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.motion import Floats, Motion, motion_of, noise_of
+from analysis.manoeuvres.noise import WIDEST_S, smoothed
+from analysis.manoeuvres.segments import Plateau, plateaus, tolerance_of
+from analysis.manoeuvres.straight_runs import accelerations, speed_runs, stops
+from analysis.manoeuvres.thruster_tests import thruster_tests
+from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
+from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
+
+_LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
+_STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
+_WIDEST_HELM_DEG = 75.0
+_KNOWN_SHARE = 0.9
+_RUNNING_SHARE = 0.08
+_SHORTEST_S = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What the crew marked: a manoeuvre between two times [ns since 1970]."""
+
+    text: str
+    start_ns: int
+    end_ns: int
+
+    def covers(self, time: pd.Timestamp) -> bool:
+        """Whether a time lies inside, or within ten seconds of it: people press late and early."""
+        slack_ns = 10_000_000_000
+        return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
+
+
+_START, _END = re.compile(r"\b(start|begin|execute)\w*", re.I), re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
+
+
+def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
+    """The manoeuvres that events bound: a text that says start, up to the next that says start or end.
+
+    >>> [mark.text for mark in marks_of([(0, "zigzag 20/20 start"), (9, "coffee"), (60, "zigzag 20/20 end")])]
+    ['zigzag 20/20']
+    """
+    ordered = sorted(events)
+    telling = [(time, text.strip()) for time, text in ordered if _START.search(text) or _END.search(text.strip())]
+    ends = [*(time for time, _ in telling), np.iinfo(np.int64).max // 2][1:]
+    return tuple(Mark(" ".join(_START.sub("", text).split()), time, end)
+                 for (time, text), end in zip(telling, ends, strict=True) if _START.search(text))  # fmt: skip
+
+
+def find_manoeuvres(
+    table: pd.DataFrame, length_m: float | None = None, events: Iterable[tuple[int, str]] = ()
+) -> tuple[Manoeuvre, ...]:
+    """The manoeuvres in a table of the 13 channels, in order of time, with indices and their 95 % intervals.
+
+    ``table`` is indexed by UTC, at 1 Hz or faster, raw or resampled. ``length_m`` is the ship's length between
+    perpendiculars, for indices in lengths and the IMO limits; without it both are left out. ``events`` are
+    (time [ns since 1970], text) as in a recording. Raises :class:`InputError` where channels are missing.
+    Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
+    """
+    motion = motion_of(table)
+    if motion.time_s.size * motion.step_s < _SHORTEST_S:
+        return ()
+    marks = marks_of(events)
+    smooth = smoothed(motion, max(WIDEST_S, 3 * motion.step_s))
+    fastest = float(np.percentile(smooth.speed_mps[motion.known], 98)) if motion.known.any() else 0.0
+    steered, taken = _steered(motion, fastest, length_m, marks)
+    tests = thruster_tests(motion, smooth, ~taken, length_m)
+    for each in tests:
+        taken |= _rows_of(motion, each)
+    straight = [
+        *stops(motion, smooth, ~taken, fastest, length_m),
+        *accelerations(motion, smooth, ~taken, fastest, length_m),
+    ]
+    running = speed_runs(motion, smooth, ~taken, fastest, length_m)
+    every = sorted([*steered, *tests, *straight, *running], key=lambda each: each.start)
+    return tuple(_named(each, marks) for each in every if _measured(motion, each))
+
+
+def _steered(
+    motion: Motion, fastest: float, length_m: float | None, marks: Sequence[Mark]
+) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
+    """Zigzags and turns, and the rows that they take."""
+    helm = helm_of(motion)
+    held = held_helm(motion, helm)
+    chains = [chain for chain in zigzag_chains(motion, held, 2) if _believed(motion, chain, marks)]
+    swings = {each.first for chain in chains for each in chain}
+    found = [zigzag(motion, helm, chain, length_m) for chain in chains]
+    found += [turning_circle(motion, helm, each, length_m) for each in held if each.first not in swings
+              and is_turn(motion, each, fastest, LEAST_TURN_OF_ONE_SIDE_DEG)]  # fmt: skip
+    taken = np.zeros(motion.time_s.size, dtype=bool)
+    for each in found:
+        taken |= _rows_of(motion, each)
+    return found, taken
+
+
+def helm_of(motion: Motion) -> Floats:
+    """The helm [deg], nothing where no drive runs."""
+    push = np.hypot(motion.port_rpm, motion.starboard_rpm)
+    noise = max(noise_of(motion.port_rpm), noise_of(motion.starboard_rpm))
+    running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * noise)
+    return np.where(running, motion.helm_deg, 0.0)
+
+
+def held_helm(motion: Motion, helm: Floats) -> list[Plateau]:
+    """The plateaus of the helm that are off the middle and steady enough to be an order."""
+    least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
+    return [
+        each
+        for each in plateaus(helm, motion.step_s, tolerance_of(helm, _LEAST_STEP_DEG))
+        if least <= abs(each.level) <= _WIDEST_HELM_DEG
+        and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
+    ]
+
+
+def _believed(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
+    """Two swings are a zigzag only where somebody said so."""
+    start = motion.utc(float(motion.time_s[chain[0].first]))
+    marked = any("zig" in mark.text.lower() and mark.covers(start) for mark in marks)
+    return marked or len(chain) >= FEWEST_SWINGS
+
+
+def _rows_of(motion: Motion, each: Manoeuvre) -> NDArray[np.bool_]:
+    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
+    return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
+
+
+def _measured(motion: Motion, each: Manoeuvre) -> bool:
+    """Whether the recording has hardly a hole in it."""
+    return bool(motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE)
+
+
+def _named(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
+    """A manoeuvre with the name that the crew gave it; a marked turn counts as a circle however short it is."""
+    text = next((mark.text for mark in marks if mark.covers(each.start) and mark.text), "")
+    if not text or not _alike(each.kind, text):
+        return each
+    kind = "turning_circle" if each.kind == "course_change" else each.kind
+    return replace(each, kind=kind, name=text)
+
+
+def _alike(kind: str, text: str) -> bool:
+    words = {"zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
+             "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "thruster_test": "thrust"}
+    return any(word in text.lower() for word in words[kind].split())  # fmt: skip

@@ -1,0 +1,205 @@
+"""What the finders and the indices work on: one even grid with the path, the motion and the helm.
+
+The path joins position and speed. The speeds, turned by the heading and integrated, know every bend but drift;
+the positions do not drift but may be quantised, jump or carry a wrong time. Their difference is slow, so a fit
+over half a minute takes the noise out of it without rounding off the path.
+
+The helm is the direction of the thrust of both drives together, taken as the square of the shaft speed: that
+is the common angle of two alike drives, the angle of the one that runs when the other stands, and straight
+ahead for a drive that pulls while it looks aft.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.angles import circular_mean, difference, unwrap, wrap_180, wrap_360
+from acquisition.channels import POSE, VELOCITY
+from analysis.frames import NANO, times_ns
+from analysis.resample import resample
+from analysis.smooth import local_quadratic
+from analysis.table import require
+
+Floats = NDArray[np.float64]
+
+FASTEST_HZ = 5.0
+_PATH_HALF_WIDTH_S = 20.0
+_GLITCH_DEG, _GLITCH_SIGMAS = 3.0, 8.0
+_NORMAL_MAD = 1.4826
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
+
+    ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180 and means nothing where no
+    drive runs. ``thrust`` is the sum of n|n| along the bow of both shafts [rpm^2]. ``known`` says where pose
+    and speeds were measured; elsewhere they are interpolated.
+    """
+
+    origin_ns: int
+    time_s: Floats
+    north_m: Floats
+    east_m: Floats
+    heading_deg: Floats
+    surge_mps: Floats
+    sway_mps: Floats
+    yaw_rate_dps: Floats
+    helm_deg: Floats
+    thrust: Floats
+    port_rpm: Floats
+    starboard_rpm: Floats
+    tunnel_rpm: Floats
+    known: NDArray[np.bool_]
+
+    @property
+    def step_s(self) -> float:
+        """Seconds between rows."""
+        return float(self.time_s[1] - self.time_s[0]) if self.time_s.size > 1 else 1.0
+
+    @property
+    def speed_mps(self) -> Floats:
+        """Speed over ground [rows]."""
+        return np.hypot(self.surge_mps, self.sway_mps)
+
+    def rows(self, first: int, end: int) -> Motion:
+        """The rows from ``first`` up to ``end``."""
+        part = slice(max(first, 0), end)
+        arrays = {f.name: getattr(self, f.name)[part] for f in fields(self) if f.name != "origin_ns"}
+        return replace(self, **arrays)
+
+    def between(self, start_s: float, end_s: float) -> Motion:
+        """The rows of a span of time, ends included."""
+        first, end = np.searchsorted(self.time_s, [start_s - 1e-6, end_s + 1e-6])
+        return self.rows(int(first), int(end))
+
+    def at(self, name: str, time_s: float) -> float:
+        """One column at any time, between rows on the straight line."""
+        return float(np.interp(time_s, self.time_s, getattr(self, name)))
+
+    def utc(self, time_s: float) -> pd.Timestamp:
+        """A time of the grid in UTC."""
+        return pd.Timestamp(self.origin_ns + round(time_s * NANO), unit="ns", tz="UTC")
+
+
+MEASURED = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
+
+
+def motion_of(table: pd.DataFrame) -> Motion:
+    """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz.
+
+    Raises :class:`InputError` where pose, speeds or the port drive are missing; a ship with one drive needs no
+    starboard one, one without a tunnel thruster needs none.
+    """
+    require(table, (*POSE, *VELOCITY, "port_rpm", "port_angle_deg"))
+    heading = _cleaned_heading(table)
+    grid = resample(table.assign(heading_deg=heading), _rate_hz(table))
+    time_ns = times_ns(grid)
+    time_s = (time_ns - time_ns[0]) / NANO
+    step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
+    known = grid[[*POSE, *VELOCITY]].notna().all(axis=1).to_numpy()
+    yaw_rate = filled(grid["yaw_rate_dps"].to_numpy())
+    turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
+    surge, sway = (filled(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
+    north, east = _path(grid, np.deg2rad(turned), surge, sway, step_s)
+    helm, thrust, port_rpm, starboard_rpm = _drives(grid)
+    tunnel = filled(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
+    return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust,
+                  port_rpm, starboard_rpm, tunnel, known)  # fmt: skip
+
+
+def filled(values: Floats) -> Floats:
+    """``values`` with NaN bridged by straight lines; all zero where nothing is known."""
+    present = np.isfinite(values)
+    if present.all():
+        return values
+    rows = np.arange(values.size)
+    return np.interp(rows, rows[present], values[present]) if present.any() else np.zeros(values.size)
+
+
+def running_median(values: Floats, rows: int) -> Floats:
+    """The median of about ``rows`` values around each, fewer at the ends; NaN are left out."""
+    return np.asarray(pd.Series(values).rolling(2 * (rows // 2) + 1, center=True, min_periods=1).median())
+
+
+def noise_of(values: Floats) -> float:
+    """The standard deviation of what jumps from row to row: from second differences, robustly.
+
+    An even curve has none, steps are too few to count.
+    """
+    second = np.diff(values[np.isfinite(values)], 2)
+    return float(_NORMAL_MAD * np.median(np.abs(second)) / np.sqrt(6.0)) if second.size else 0.0
+
+
+def _rate_hz(table: pd.DataFrame) -> float:
+    times = np.unique(times_ns(table)[table["heading_deg"].notna().to_numpy()])
+    interval_s = float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
+    rate = min(1.0 / interval_s, FASTEST_HZ)
+    return float(np.round(rate)) if rate >= 1.0 else rate
+
+
+def _cleaned_heading(table: pd.DataFrame) -> Floats:
+    """The heading without samples that the yaw rate and the neighbours contradict, such as those that a logger
+    interpolated straight through 360 -> 0."""
+    heading = table["heading_deg"].to_numpy(dtype=float)
+    rows = np.flatnonzero(np.isfinite(heading))
+    seconds = times_ns(table)[rows] / NANO
+    seconds = seconds - seconds[0]
+    yaw_rate = filled(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
+    integral = np.append(0.0, np.cumsum(0.5 * (yaw_rate[1:] + yaw_rate[:-1]) * np.diff(seconds)))
+    turned = np.deg2rad(heading[rows] - integral)
+    middle = np.arctan2(running_median(np.sin(turned), 9), running_median(np.cos(turned), 9))
+    off = np.abs(difference(np.rad2deg(turned), np.rad2deg(middle)))
+    limit = max(_GLITCH_DEG, _GLITCH_SIGMAS * _NORMAL_MAD * float(np.median(off)))
+    cleaned = heading.copy()
+    cleaned[rows[off > limit]] = np.nan
+    return cleaned
+
+
+def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:
+    """The heading without jumps of a turn; over gaps it follows the yaw rate."""
+    integral = np.append(0.0, np.cumsum(0.5 * (yaw_rate_dps[1:] + yaw_rate_dps[:-1]) * step_s))
+    return np.asarray(integral + filled(unwrap(wrap_360(heading_deg - integral))))
+
+
+def _path(grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float) -> tuple[Floats, Floats]:
+    """North and east [m] of the path that joins positions and speeds."""
+    rates = (surge * np.cos(heading) - sway * np.sin(heading), surge * np.sin(heading) + sway * np.cos(heading))
+    joined = []
+    for name, rate in zip(("north_m", "east_m"), rates, strict=True):
+        reckoned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step_s))
+        apart = running_median(filled(grid[name].to_numpy() - reckoned), 5)
+        joined.append(reckoned + local_quadratic(apart, _PATH_HALF_WIDTH_S / step_s))
+    return joined[0], joined[1]
+
+
+def _drives(grid: pd.DataFrame) -> tuple[Floats, Floats, Floats, Floats]:
+    """Helm [deg], thrust along the bow [rpm^2] and both shafts [rpm]; a missing drive stands."""
+    ahead, aside = np.zeros(len(grid)), np.zeros(len(grid))
+    shafts = []
+    for side in ("port", "starboard"):
+        if f"{side}_rpm" not in grid:
+            shafts.append(np.zeros(len(grid)))
+            continue
+        rpm = filled(grid[f"{side}_rpm"].to_numpy())
+        # Where an angle is missing the shaft still pushes: straight ahead is the least that can be said.
+        angle = np.deg2rad(_held(grid, f"{side}_angle_deg"))
+        push = rpm * np.abs(rpm)
+        ahead, aside = ahead + push * np.cos(angle), aside + push * np.sin(angle)
+        shafts.append(rpm)
+    return wrap_180(np.rad2deg(np.arctan2(aside, ahead))), ahead, shafts[0], shafts[1]
+
+
+def _held(grid: pd.DataFrame, name: str) -> Floats:
+    if name not in grid:
+        return np.zeros(len(grid))
+    return filled(unwrap(grid[name].to_numpy()))
+
+
+def mean_heading_deg(motion: Motion) -> float:
+    """The mean direction of the bow, 0 <= x < 360."""
+    return float(wrap_360(circular_mean(motion.heading_deg)))

@@ -1,0 +1,96 @@
+"""Stretches of a command that is held, and the moments at which it is changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.manoeuvres.motion import Floats, noise_of, running_median
+
+_STEP_S = 1.0
+_STEP_SIGMAS = 6.0
+_BRIDGE_S = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Plateau:
+    """A held command: rows ``first`` up to ``end``, its ``level`` and the middle 80 % of its values' ``spread``."""
+
+    first: int
+    end: int
+    level: float
+    spread: float
+
+
+def tolerance_of(values: Floats, least: float) -> float:
+    """How far a command may wander within two seconds and still be held: six standard deviations of its noise."""
+    return max(least, _STEP_SIGMAS * noise_of(values))
+
+
+def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, int]]:
+    """First row and end of every run of true values that is long enough.
+
+    >>> stretches(np.array([True, True, False, True]))
+    [(0, 2), (3, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least_rows]
+
+
+def plateaus(values: Floats, step_s: float, tolerance: float, least_s: float = 2.0) -> list[Plateau]:
+    """Where ``values`` [rows] change by no more than ``tolerance`` within two seconds, in order of time.
+
+    A slow ramp is a plateau with a spread. Neighbours of one level that only a blink parts are one plateau.
+    """
+    reach = max(1, round(_STEP_S / step_s))
+    calm = running_median(values, max(3, round(1.5 / step_s)))
+    change = np.zeros(values.size)
+    if values.size > 2 * reach:
+        change[reach:-reach] = calm[2 * reach :] - calm[: -2 * reach]
+    found = [
+        _plateau(calm, first, end) for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
+    ]
+    return _joined(calm, found, tolerance, round(_BRIDGE_S / step_s))
+
+
+def _plateau(values: Floats, first: int, end: int) -> Plateau:
+    low, middle, high = np.percentile(values[first:end], [10, 50, 90])
+    return Plateau(first, end, float(middle), float(high - low))
+
+
+def _joined(values: Floats, found: list[Plateau], tolerance: float, bridge: int) -> list[Plateau]:
+    joined: list[Plateau] = []
+    for each in found:
+        last = joined[-1] if joined else None
+        if last and each.first - last.end <= bridge and abs(each.level - last.level) <= tolerance:
+            joined[-1] = _plateau(values, last.first, each.end)
+        else:
+            joined.append(each)
+    return joined
+
+
+def execute_s(time_s: Floats, values: Floats, plateau: Plateau, before: float, earliest: int = 0) -> float:
+    """When a command began to go from the level ``before`` to that of ``plateau`` [s].
+
+    The line through the moments at which a tenth and a half of the way were done, back to where it began: noise
+    about the old level does not shift it, and a drive that lags or turns at a limited rate has the same line.
+    """
+    share = (values[earliest : plateau.end] - before) / (plateau.level - before)
+    inside = plateau.first - earliest + max(1, (plateau.end - plateau.first) // 4)
+    half = _last_crossing(share[: inside + 1], 0.5)
+    tenth = _last_crossing(share[: int(half) + 2], 0.1)
+    row = earliest + max(0.0, tenth - 0.25 * (half - tenth))
+    return float(np.interp(row, np.arange(time_s.size), time_s))
+
+
+def _last_crossing(share: Floats, level: float) -> float:
+    """The row, with fraction, at which ``share`` last rose through ``level``; 0 where it never was below."""
+    below = np.flatnonzero(share < level)
+    if not below.size:
+        return 0.0
+    row = int(below[-1])
+    if row + 1 >= share.size:
+        return float(row)
+    return row + float((level - share[row]) / (share[row + 1] - share[row]))

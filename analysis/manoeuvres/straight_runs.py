@@ -1,0 +1,251 @@
+"""On a straight course: speed runs and their reciprocal pairs, acceleration, stopping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.angles import circular_mean, difference, wrap_360
+from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, with_limits
+from analysis.manoeuvres.limits import TRACK_REACH_LENGTHS
+from analysis.manoeuvres.motion import Floats, Motion, noise_of
+from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
+from analysis.manoeuvres.segments import Plateau, execute_s, plateaus, stretches, tolerance_of
+from analysis.manoeuvres.tracks import along_and_across, approach_settings, crossing_s, distance_m, level_before
+
+_LOOK_S = 10.0
+_STRAIGHT_DEG = 3.0
+_STEADY_SHARE = 0.04
+_LEAST_RUN_S = 30.0
+_IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
+_STOPPED_SHARE = 0.5
+_STEP_SHARE = 0.1
+_GAIN_SHARE = 0.15
+_RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
+_LONGEST_BETWEEN_S = 2 * 3600.0
+REACHED_SHARE = 0.9
+
+
+def shaft_along(motion: Motion) -> Floats:
+    """The shaft speed of two alike drives that look ahead and give the same thrust along the bow [rpm]."""
+    return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / 2.0))
+
+
+def shaft_plateaus(motion: Motion, least_s: float = 5.0) -> list[Plateau]:
+    """Where the thrust along the bow was held."""
+    along = shaft_along(motion)
+    largest = float(np.percentile(np.abs(along), 99))
+    # An idle shaft's noise is magnified by the root of its square: it counts no more than a running one's.
+    noise = max(noise_of(motion.port_rpm), noise_of(motion.starboard_rpm))
+    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * noise, 1.0), least_s)
+
+
+def _changes(values: Floats, step_s: float) -> Floats:
+    """How much ``values`` change over twice the looking distance, one-sided at the ends."""
+    rows = max(1, round(_LOOK_S / step_s))
+    return np.asarray(
+        values[np.minimum(np.arange(values.size) + rows, values.size - 1)]
+        - values[np.maximum(np.arange(values.size) - rows, 0)]
+    )
+
+
+def straight_rows(smooth: Motion) -> NDArray[np.bool_]:
+    """Where the smoothed heading changes by less than 3 deg in 20 s."""
+    return np.abs(_changes(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
+
+
+def steady_rows(smooth: Motion, fastest_mps: float) -> NDArray[np.bool_]:
+    """Where the smoothed speed ahead changes by less than 4 % of itself in 20 s."""
+    change = np.abs(_changes(smooth.surge_mps, smooth.step_s))
+    return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * fastest_mps)
+
+
+def speed_runs(
+    motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
+) -> list[Manoeuvre]:
+    """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked."""
+    good = free & straight_rows(smooth) & steady_rows(smooth, fastest_mps) & motion.known
+    good &= smooth.surge_mps > _UNDER_WAY_SHARE * fastest_mps
+    found = []
+    for held in shaft_plateaus(motion):
+        if held.level <= 0.0:
+            continue
+        inside = np.zeros(good.size, dtype=bool)
+        inside[held.first : held.end] = good[held.first : held.end]
+        found += [_speed_run(motion, first, end, length_m)
+                  for first, end in stretches(inside, round(_LEAST_RUN_S / motion.step_s))]  # fmt: skip
+    return _paired(sorted(found, key=lambda each: each.start))
+
+
+def _speed_run(motion: Motion, first: int, end: int, length_m: float | None) -> Manoeuvre:
+    part = motion.rows(first, end)
+    span = np.array([part.time_s[0], part.time_s[-1]])
+    heading = float(wrap_360(circular_mean(part.heading_deg)))
+    found = {name: _mean_of_blocks(getattr(part, column)) for name, column in (
+        ("speed_over_ground_mps", "speed_mps"), ("surge_mps", "surge_mps"), ("sway_mps", "sway_mps"))}  # fmt: skip
+    found["distance_m"] = (distance_m(part, *span), float("nan"))
+    return Manoeuvre(
+        kind="speed_run",
+        name=f"speed run {part.port_rpm.mean():.0f} rpm on {heading:.0f} deg",
+        start=motion.utc(span[0]),
+        end=motion.utc(span[1]),
+        side="",
+        settings={"port_rpm": float(part.port_rpm.mean()), "starboard_rpm": float(part.starboard_rpm.mean()),
+                  "heading_deg": heading, "duration_s": float(span[1] - span[0])},
+        indices={name: index_of(name, *pair, length_m) for name, pair in found.items()},
+    )  # fmt: skip
+
+
+def _mean_of_blocks(values: Floats, blocks: int = 6) -> tuple[float, float]:
+    """A mean and half of its 95 % interval from the means of blocks, whose noise is nearly independent."""
+    means = [float(block.mean()) for block in np.array_split(values, blocks)]
+    return float(values.mean()), 2.57 * float(np.std(means, ddof=1)) / np.sqrt(blocks)
+
+
+def _paired(runs: list[Manoeuvre]) -> list[Manoeuvre]:
+    """Runs on reciprocal courses at one shaft speed get the speed through the water that the two together give.
+
+    Of several partners the nearest in time counts; each run has one pair at most.
+    """
+    result, taken, number = list(runs), set[int](), 0
+    for first, one in enumerate(runs):
+        partners = [k for k in range(first + 1, len(runs)) if k not in taken and _reciprocal(one, runs[k])]
+        if first in taken or not partners:
+            continue
+        second, number = partners[0], number + 1
+        taken |= {first, second}
+        mean, along = _through_water(one, runs[second])
+        for place, sign in ((first, 1.0), (second, -1.0)):
+            own = index_of("current_along_mps", sign * along[0], along[1])
+            result[place] = replace(
+                runs[place],
+                settings={**runs[place].settings, "reciprocal_pair": float(number)},
+                indices={**runs[place].indices, "speed_through_water_mps": mean, "current_along_mps": own},
+            )
+    return result
+
+
+def _reciprocal(one: Manoeuvre, other: Manoeuvre) -> bool:
+    apart = abs(float(difference(other.settings["heading_deg"], one.settings["heading_deg"])))
+    rpm = [each.settings["port_rpm"] + each.settings["starboard_rpm"] for each in (one, other)]
+    soon = (other.start - one.end).total_seconds() < _LONGEST_BETWEEN_S
+    return soon and abs(apart - 180.0) < _RECIPROCAL_DEG and abs(rpm[1] - rpm[0]) < _SAME_RPM_SHARE * abs(rpm[0])
+
+
+def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float, float]]:
+    ahead = [each.indices["surge_mps"] for each in (one, other)]
+    within = float(np.hypot(*[0.5 * (each.high - each.low) for each in ahead])) / 2.0
+    mean = index_of("speed_through_water_mps", (ahead[0].value + ahead[1].value) / 2.0, within)
+    return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
+
+
+def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, Plateau, float]]:
+    """Every change from one held thrust to the next with the time it began [s], where the ship is free."""
+    along, held = shaft_along(motion), shaft_plateaus(motion)
+    steps = []
+    for last, each in zip(held[:-1], held[1:], strict=True):
+        if free[max(each.first - 1, 0)] and abs(each.level - last.level) > tolerance_of(along, 1.0):
+            start = execute_s(motion.time_s, along, each, level_before(motion, along, each), last.first)
+            steps.append((last, each, start))
+    return steps
+
+
+def accelerations(
+    motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
+) -> list[Manoeuvre]:
+    """More thrust on a straight course, until the speed is steady."""
+    largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
+    straight, steady = straight_rows(smooth), steady_rows(smooth, fastest_mps)
+    found = []
+    for last, each, start in shaft_steps(motion, free):
+        rows = slice(each.first, each.end)
+        long = (each.end - each.first) * motion.step_s >= _LEAST_RUN_S
+        if not long or each.level - last.level < _STEP_SHARE * largest or straight[rows].mean() < 0.9:
+            continue
+        settled = np.flatnonzero(steady[rows])
+        if not settled.size:
+            continue
+        end = float(motion.time_s[each.end - 1])
+        gain = smooth.surge_mps[each.end - 1] - smooth.at("surge_mps", start)
+        if gain > _GAIN_SHARE * smooth.surge_mps[each.end - 1] and bool(free[rows].mean() > 0.9):
+            found.append(_change_of_speed(motion, "acceleration", last, each, start, end, length_m))
+    return found
+
+
+def stops(
+    motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
+) -> list[Manoeuvre]:
+    """Thrust taken off or reversed with way on the ship, until she has lost half of it and more."""
+    largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
+    found = []
+    for last, each, start in shaft_steps(motion, free):
+        before = smooth.at("surge_mps", start)
+        off = each.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
+        after = smooth.surge_mps[each.first : each.end]
+        if not off or before < _UNDER_WAY_SHARE * fastest_mps or after.min() > _STOPPED_SHARE * before:
+            continue
+        stopped = np.flatnonzero(after <= 0.0)
+        row = each.first + int(stopped[0]) if stopped.size else each.end - 1
+        found.append(_change_of_speed(motion, "stopping", last, each, start, float(motion.time_s[row]), length_m))
+    return found
+
+
+def _change_of_speed(
+    motion: Motion, kind: str, last: Plateau, each: Plateau, start: float, end: float, length_m: float | None
+) -> Manoeuvre:
+    part = motion.between(start - 20.0, end + 5.0)
+    measure = acceleration_indices if kind == "acceleration" else stopping_indices
+    width = half_width_s(part, (end - start) / 4.0)
+    found = measured_with_intervals(part, np.array([start, end]), width, measure)
+    indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
+    reverse = each.level < -_IDLE_SHARE * abs(last.level)
+    limit = TRACK_REACH_LENGTHS * length_m if length_m and reverse and kind == "stopping" else None
+    names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
+             "stopping": "stopping with thrust astern" if reverse else "stopping without thrust"}  # fmt: skip
+    settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
+    at_rest = motion.at("surge_mps", end) <= 0.1 * settings["approach_mps"]
+    note = () if at_rest or kind == "acceleration" else ("the ship still had way on her at the end",)
+    return Manoeuvre(
+        kind=kind,
+        name=names[kind],
+        start=motion.utc(start),
+        end=motion.utc(end),
+        side="",
+        settings=settings,
+        indices=with_limits(indices, {"track_reach_m": limit}),
+        notes=note,
+    )
+
+
+def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
+    """Time and way to 90 % of the change of speed; ``executes`` holds the start and the end of the thrust [s]."""
+    start, end = float(executes[0]), float(executes[1])
+    final = float(motion.between(end - _LOOK_S, end).surge_mps.mean())
+    first = motion.at("surge_mps", start)
+    goal = first + REACHED_SHARE * (final - first)
+    reached = crossing_s(motion.time_s, motion.surge_mps, goal, start, end)
+    return {
+        "initial_speed_mps": first,
+        "final_speed_mps": final,
+        "time_to_90_percent_s": reached - start,
+        "distance_to_90_percent_m": distance_m(motion, start, reached),
+    }
+
+
+def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
+    """Head reach, track reach, deviation and time from the order to the end; ``executes`` holds both [s]."""
+    start, end = float(executes[0]), float(executes[1])
+    heading = float(motion.between(start - _LOOK_S, start).heading_deg.mean())
+    ahead, aside = along_and_across(motion, start, end, heading)
+    return {
+        "head_reach_m": ahead,
+        "track_reach_m": distance_m(motion, start, end),
+        "lateral_deviation_m": aside,
+        "stopping_time_s": end - start,
+        "initial_speed_mps": motion.at("surge_mps", start),
+        "final_speed_mps": motion.at("surge_mps", end),
+        "heading_change_deg": motion.at("heading_deg", end) - heading,
+    }

@@ -1,0 +1,131 @@
+"""Turning circles: the helm put over and held, the path and the heading that follow (IMO MSC.137(76), 4.2).
+
+Advance and transfer are measured along and across the heading of the approach, from the execute to where the
+heading has changed by 90 deg; the tactical diameter is the way across when it has changed by 180 deg.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.manoeuvres.current import LEAST_TURN_DEG, current_of, drift_pairs, without_current
+from analysis.manoeuvres.indices import Manoeuvre, index_of, with_limits
+from analysis.manoeuvres.limits import ADVANCE_LENGTHS, INITIAL_TURNING_LENGTHS, TACTICAL_DIAMETER_LENGTHS
+from analysis.manoeuvres.motion import Floats, Motion
+from analysis.manoeuvres.noise import half_width_s, measured_with_intervals, smoothed
+from analysis.manoeuvres.segments import Plateau, execute_s
+from analysis.manoeuvres.tracks import along_and_across, approach_of, approach_settings, crossing_s, distance_m, level_before
+
+LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
+_MARGIN_S = 20.0
+_SLOWEST_APPROACH = 0.3
+_STEADIEST_APPROACH = 0.25
+REMOVED = "_current_removed"
+
+
+def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float) -> bool:
+    """Whether a held helm turns a ship that came straight and with way on her by ``least_deg`` at least."""
+    heading = motion.heading_deg[each.first : each.end]
+    seconds = (each.end - each.first) * motion.step_s
+    turned = abs(float(heading[-1] - heading[0]))
+    before = approach_of(motion, float(motion.time_s[each.first]) - 2.0)
+    with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
+    straight = abs(before["approach_yaw_rate_dps"]) < _STEADIEST_APPROACH * turned / seconds
+    return turned >= least_deg and with_way and straight
+
+
+def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float | None) -> Manoeuvre:
+    """The turning circle, or the turn of less than half a circle, that a held helm is."""
+    earliest = max(0, each.first - round(15.0 / motion.step_s))
+    start = execute_s(motion.time_s, helm, each, level_before(motion, helm, each), earliest)
+    end = float(motion.time_s[each.end - 1])
+    part = motion.between(start - _MARGIN_S, end + _MARGIN_S)
+    turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
+    quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
+    width = half_width_s(part, quarter_s)
+    found = measured_with_intervals(part, np.array([start, end]), width, circle_indices)
+    settings = {
+        "azimuth_deg": each.level,
+        "turned_deg": abs(turned),
+        "turning_rpm": float(part.between(start, end).port_rpm.mean()),
+        **approach_settings(part, start),
+    }
+    limits: dict[str, float | None] = {}
+    if length_m:
+        limits = {
+            "advance_m": ADVANCE_LENGTHS * length_m,
+            "tactical_diameter_m": TACTICAL_DIAMETER_LENGTHS * length_m,
+            "initial_turning_m": INITIAL_TURNING_LENGTHS * length_m,
+        }
+    indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
+    whole = abs(turned) >= LEAST_CIRCLE_DEG
+    return Manoeuvre(
+        kind="turning_circle" if whole else "course_change",
+        name=f"{'turning circle' if whole else 'turn'} {abs(each.level):.0f} deg",
+        start=motion.utc(start),
+        end=motion.utc(end),
+        side="starboard" if turned > 0 else "port",
+        settings=settings,
+        indices=with_limits(indices, limits),
+        current=current_of(smoothed(part, width), start, end),
+    )
+
+
+def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
+    """The indices of a smooth motion between execute and end; also with the current removed where it is known.
+
+    ``executes`` holds the two times [s].
+    """
+    start, end = float(executes[0]), float(executes[1])
+    values = _indices_over_ground(motion, start, end)
+    turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
+    if turned >= LEAST_TURN_DEG:
+        north, east = drift_pairs(motion, start, end)
+        if north.size:
+            water = without_current(motion, float(north.mean()), float(east.mean()), start)
+            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, start, end).items()
+                       if not name.endswith(("_s", "_dps"))}  # fmt: skip
+    return values
+
+
+def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
+    approach = approach_of(motion, start)
+    side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
+    turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
+    ahead = approach["approach_unwrapped_deg"]
+    times = {angle: crossing_s(motion.time_s, turned, angle, start, end) for angle in (10.0, 90.0, 180.0, 360.0)}
+    values: dict[str, float] = {"initial_turning_m": distance_m(motion, start, times[10.0])}
+    if np.isfinite(times[90.0]):
+        advance, transfer = along_and_across(motion, start, times[90.0], ahead)
+        values |= {"advance_m": advance, "transfer_m": side * transfer}
+    if np.isfinite(times[180.0]):
+        values["tactical_diameter_m"] = side * along_and_across(motion, start, times[180.0], ahead)[1]
+    values |= {f"time_to_{angle:.0f}_deg_s": time - start for angle, time in times.items() if angle >= 90.0}
+    if np.isfinite(times[180.0]):
+        values |= _steady(motion, turned, times[180.0], end, approach["approach_mps"])
+    return values
+
+
+def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_mps: float) -> dict[str, float]:
+    """Rate, diameter, drift angle and speed of the settled turn, over whole turns where there are any.
+
+    Wind and current come from all sides in a whole turn and leave the means alone.
+    """
+    total = float(np.interp(end, motion.time_s, turned))
+    whole = 360.0 * np.floor((total - 180.0) / 360.0)
+    first_s = crossing_s(motion.time_s, turned, total - whole, half_s, end) if whole > 0 else half_s
+    steady = motion.between(first_s, end)
+    if steady.time_s.size < 5 or total - 180.0 < 60.0:
+        return {}
+    span = steady.time_s - steady.time_s.mean()
+    rate_dps = float(abs(span @ steady.heading_deg) / (span @ span))
+    speed = float(steady.speed_mps.mean())
+    drift = np.rad2deg(np.arctan2(-steady.sway_mps.mean(), steady.surge_mps.mean()))
+    side = np.sign(steady.heading_deg[-1] - steady.heading_deg[0])
+    return {
+        "steady_yaw_rate_dps": rate_dps,
+        "steady_diameter_m": 2.0 * speed / np.deg2rad(rate_dps),
+        "steady_speed_mps": speed,
+        "drift_angle_deg": float(side * drift),
+        "speed_loss": 1.0 - speed / approach_mps,
+    }
