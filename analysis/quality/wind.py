@@ -24,13 +24,15 @@ JUDGED = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")
 _BLOCK_S = 10.0
 """Gusts last longer than this and manoeuvres too: means over it lose the sensors' noise and little else."""
-_PIECE_S = 100.0
-"""Pieces for the jackknife: longer than gusts are correlated for (20 to 100 s)."""
+_PIECE_S = 40.0
+"""Pieces for the jackknife: several blocks, as what is new in a block is hardly correlated with the next."""
 _FEWEST_BLOCKS = 18
-_FEWEST_PIECES = 6
+_FEWEST_PIECES = 8
 _CHANCE = 1e-4
-_CLEARLY = 2.0
-_OVERWHELMING = 5.0
+_EVIDENCE = 12.0
+"""Natural logarithm of a likelihood ratio: 9 is what chance does once in 10 000, if gusts were Gaussian."""
+_CLEARLY = 1.2
+_OVERWHELMING = 2.0
 _SMALLEST_OFFSET_DEG = 2.0
 _READINGS = ("relative to the bow", "relative to north")
 
@@ -41,7 +43,7 @@ def wind(table: pd.DataFrame) -> Checked:
     """Find apparent wind that passes for true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
 
     ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true
-    wind from the better reading, and ``relative_to_bow`` (1 or 0); certain where the ratio is beyond 5. Of the
+    wind from the better reading, and ``relative_to_bow`` (1 or 0); certain where it is overwhelming. Of the
     latter: ``angle_deg`` by which the vane reads too much, with ``low`` and ``high``. A bias of the true wind's
     direction that is the same on all headings cannot be told from a wind from there, and is not looked for.
     Wind that was assumed, not measured, is passed over.
@@ -126,19 +128,19 @@ def _side_by_side(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
-    """Whether the true wind is clearly steadier when the recorded one is taken for apparent.
+    """Whether the true wind is clearly likelier when the recorded one is taken for apparent.
 
-    The ratio of variances is held against that of an F distribution with the number of independent samples,
-    which the autocorrelation of the steadier wind gives; and it must be at least 2 whatever that says.
+    Gusts are correlated over a minute and turns of the ship are not, so the winds are compared by what is new in
+    each block: the likelihood of a first-order autoregression. The readings are shifts and turns of the same
+    record without a free parameter, which makes likelihoods comparable as they are.
     """
     readings = blocks.turned - blocks.velocity, blocks.recorded - blocks.velocity
-    as_recorded = _variance(blocks.recorded)
-    best = int(np.argmin([_variance(each) for each in readings]))
-    ratio = as_recorded / max(_variance(readings[best]), 1e-12)
-    # Two components a sample; the same correlation in both winds is assumed, the longer of the two taken.
-    freedom = 2.0 * min(_independent(readings[best]), _independent(blocks.recorded)) - 2.0
-    beyond_chance = float(stats.f.isf(_CHANCE, max(freedom, 1.0), max(freedom, 1.0)))
-    if ratio < max(_CLEARLY, beyond_chance):
+    news = [_news(blocks, each, _memory(blocks, each)) for each in readings]
+    best = int(np.argmin([_power(each) for each in news]))
+    recorded = _news(blocks, blocks.recorded, _memory(blocks, blocks.recorded))
+    evidence = recorded.size * np.log(_power(recorded) / max(_power(news[best]), 1e-12))
+    ratio = _power(_detrended(blocks, blocks.recorded)) / max(_power(_detrended(blocks, readings[best])), 1e-12)
+    if evidence < _EVIDENCE or ratio < _CLEARLY:
         return None
     text = (
         f"wind is recorded as felt on board, {_READINGS[best]}: taken so, the true wind is steadier by a factor of "
@@ -146,40 +148,50 @@ def _apparent(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     )
     remedy = "Take off the ship's velocity to get the true wind"
     estimate = {"variance_ratio": ratio, "relative_to_bow": float(best == 0)}
-    certain = ratio > max(_OVERWHELMING, 2.0 * beyond_chance)
+    certain = evidence > 3.0 * _EVIDENCE and ratio > _OVERWHELMING
     return _finding("wind_apparent", table, text, remedy, estimate, certain)
 
 
 def _offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     """The angle by which a vane is turned, from true wind that moves with the ship.
 
-    With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
-    velocity; the b that makes T steadiest is the argument of the covariance of recorded wind + V with V. Its
-    uncertainty is that of a jackknife over pieces of 100 s. A covariance whose modulus is not about that of V
-    with itself says that something else is wrong with the wind.
+    The gain of :func:`_vane_gain` should be exp(ib). A modulus that is not about one says that something else is
+    wrong with the wind.
     """
-    felt, velocity = _detrended(blocks, blocks.recorded + blocks.velocity), _detrended(blocks, blocks.velocity)
-    number = np.unique(np.floor(blocks.time_s / _PIECE_S), return_inverse=True)[1]
-    pieces = int(number.max()) + 1
-    if pieces < _FEWEST_PIECES:
+    gain, spread, freedom = _vane_gain(blocks)
+    if freedom < _FEWEST_PIECES - 1:
         return None
-    product = felt * velocity.conj()
-    by_piece = _sums(number, product)
-    own = np.bincount(number, np.abs(velocity) ** 2)
-    gain = by_piece.sum() / max(own.sum(), 1e-12)
-    without = (by_piece.sum() - by_piece) / np.maximum(own.sum() - own, 1e-12)
-    spread = _jackknife(without / gain)
     angle_deg, error_deg = float(np.rad2deg(np.angle(gain))), float(np.rad2deg(spread.imag))
-    surely = float(stats.t.isf(_CHANCE / 2.0, pieces - 1)) * error_deg
+    surely = float(stats.t.isf(_CHANCE / 2.0, freedom)) * error_deg
     if abs(angle_deg) < max(surely, _SMALLEST_OFFSET_DEG) or not 0.7 < abs(gain) < 1.4 or spread.real > 0.15:
         return None
-    half = float(stats.t.isf(0.025, pieces - 1)) * error_deg
+    half = float(stats.t.isf(0.025, freedom)) * error_deg
     text = f"the vane reads {angle_deg:+.1f} deg too much ({angle_deg - half:.1f} to {angle_deg + half:.1f}): "
     text += "the true wind shifts with the ship's heading and speed"
     remedy = "Take the angle off the apparent wind and derive the true wind again"
     low, high = wrap_180(angle_deg - half), wrap_180(angle_deg + half)
     estimate = {"angle_deg": angle_deg, "low": float(low), "high": float(high)}
     return _finding("wind_direction_offset", table, text, remedy, estimate, certain=False)
+
+
+def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
+    """What the vane makes of the ship's own wind, its relative standard errors, and degrees of freedom.
+
+    With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
+    velocity; T is steadiest for the b that is the argument of the covariance of recorded wind + V with V. Both
+    are taken by what is new in each block, weighted so as generalised least squares does for gusts with a
+    memory; that memory is known once b is. The uncertainty is that of a jackknife over pieces of 40 s.
+    """
+    felt, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
+    number = np.unique(np.floor(_next_times(blocks) / _PIECE_S), return_inverse=True)[1]
+    for _ in range(3):
+        memory = _memory(blocks, felt / gain - velocity)
+        new_felt, new_velocity = _news(blocks, felt, memory), _news(blocks, velocity, memory)
+        cross = _sums(number, new_felt * new_velocity.conj())
+        own = np.bincount(number, np.abs(new_velocity) ** 2)
+        gain = complex(cross.sum() / max(own.sum(), 1e-12)) or 1.0 + 0.0j
+    without = (cross.sum() - cross) / np.maximum(own.sum() - own, 1e-12)
+    return gain, _jackknife(without / gain), cross.size - 1
 
 
 def _jackknife(without: Complex) -> complex:
@@ -203,20 +215,28 @@ def _detrended(blocks: _Blocks, vector: Complex) -> Complex:
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
 
 
-def _variance(vector: Complex) -> float:
-    return float(np.var(vector))
+def _following(blocks: _Blocks) -> NDArray[np.bool_]:
+    """Whether each block but the first follows directly on the one before."""
+    return np.diff(blocks.time_s) < 1.5 * _BLOCK_S
 
 
-def _independent(vector: Complex) -> float:
-    """How many independent samples a correlated series is worth: n over the sum of its autocorrelation.
+def _next_times(blocks: _Blocks) -> Floats:
+    return blocks.time_s[1:][_following(blocks)]
 
-    Summed up to its first value below zero (Geyer 1992).
-    """
-    off = vector - vector.mean()
-    count = off.size
-    spectrum = np.abs(np.fft.fft(off, 2 * count)) ** 2
-    correlation = np.fft.ifft(spectrum).real[:count]
-    correlation = correlation / max(correlation[0], 1e-300)
-    below = np.flatnonzero(correlation < 0.0)
-    end = int(below[0]) if below.size else count
-    return float(np.clip(count / max(2.0 * correlation[:end].sum() - 1.0, 1.0), 2.0, count))
+
+def _memory(blocks: _Blocks, vector: Complex) -> float:
+    """How much of a wind's deviation is left in the next block: its first autocorrelation, 0 to 0.95."""
+    off, follows = _detrended(blocks, vector), _following(blocks)
+    before, after = off[:-1][follows], off[1:][follows]
+    return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
+
+
+def _news(blocks: _Blocks, vector: Complex, memory: float) -> Complex:
+    """What each block brings that the one before did not let expect."""
+    off = _detrended(blocks, vector)
+    news: Complex = (off[1:] - memory * off[:-1])[_following(blocks)]
+    return news
+
+
+def _power(vector: Complex) -> float:
+    return float(np.mean(np.abs(vector) ** 2))
