@@ -1,0 +1,100 @@
+"""Robust least squares on blocks of time, frequency by frequency, with intervals that mean what they say.
+
+Differences of a measured level (position, heading) and an integrated rate are white noise of the level plus the
+random walk of the integrated noise. The cosine transform of a block makes both uncorrelated, so each frequency
+is weighted by its own noise, estimated from the residuals themselves; the mean of a block is left out, hence no
+level and no drift from block to block matters. Blocks that do not belong (jumps) lose weight. The covariance is
+the larger of what the noise says and what leaving out one block after another says (jackknife: B. Efron, The
+Jackknife, the Bootstrap and Other Resampling Plans, 1982).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.quality.kinematic_series import Floats
+
+_ROUNDS = 4
+_TOLERATED = 4.0
+_CHI2_MEDIAN = 0.455
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """``parameters`` [p], their ``covariance`` [p, p], and how many blocks tell each of them [p]."""
+
+    parameters: Floats
+    covariance: Floats
+    informative: Floats
+
+
+def cosines(levels: Floats, starts: NDArray[np.int64], length: int, most: int) -> Floats:
+    """Orthonormal cosine coefficients 1..``most`` of blocks of levels [points, ...]: [blocks, ..., most]."""
+    from scipy.fft import dct
+
+    blocks = levels[starts[:, np.newaxis] + np.arange(length)]
+    return np.moveaxis(dct(blocks, axis=1, norm="ortho")[:, 1 : most + 1], 1, -1)
+
+
+def solve(residuals: Floats, slopes: Floats, prior: Floats) -> Solution:
+    """Parameters that explain residuals [blocks, c, k] by slopes [blocks, p, c, k].
+
+    ``prior`` [p] are standard deviations far beyond anything sensible: they keep what the data do not tell finite.
+    """
+    bands = _bands(residuals.shape[-1])
+    weights = np.broadcast_to(1.0 / _noise(residuals, bands), residuals.shape)
+    for _ in range(_ROUNDS):
+        values = _normal(residuals, slopes, weights, prior)[0]
+        left = residuals - np.einsum("bpck,p->bck", slopes, values)
+        noise = _noise(left, bands)
+        weights = np.broadcast_to(_trust(left**2 / noise, bands) / noise, residuals.shape)
+    values, matrices, sides = _normal(residuals, slopes, weights, prior)
+    return _with_covariance(values, matrices, sides, prior)
+
+
+def _normal(residuals: Floats, slopes: Floats, weights: Floats, prior: Floats) -> tuple[Floats, Floats, Floats]:
+    """Values and the normal equations of each block."""
+    count, parameters = slopes.shape[:2]
+    flat = slopes.reshape(count, parameters, -1)
+    weighted = flat * weights.reshape(count, 1, -1)
+    matrices = weighted @ flat.transpose(0, 2, 1)
+    sides = (weighted @ residuals.reshape(count, -1, 1))[..., 0]
+    return np.linalg.solve(matrices.sum(axis=0) + np.diag(prior**-2.0), sides.sum(axis=0)), matrices, sides
+
+
+def _with_covariance(values: Floats, matrices: Floats, sides: Floats, prior: Floats) -> Solution:
+    count = len(matrices)
+    total = matrices.sum(axis=0) + np.diag(prior**-2.0)
+    covariance = np.linalg.inv(total)
+    share = np.einsum("ij,bjk,ki->bi", covariance, matrices, covariance)
+    informative = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300)
+    without = np.linalg.solve(total - matrices, (sides.sum(axis=0) - sides)[..., np.newaxis])[..., 0]
+    spread = (count - 1) / count * ((without - without.mean(axis=0)) ** 2).sum(axis=0)
+    larger = np.sqrt(np.maximum(1.0, spread / np.diag(covariance)))
+    return Solution(values, covariance * np.outer(larger, larger), informative)
+
+
+def _bands(count: int) -> NDArray[np.int64]:
+    """First coefficients of bands that widen with frequency by about a third."""
+    edges = np.unique(np.floor(1.33 ** np.arange(0, 60)).astype(np.int64) - 1)
+    return edges[edges < count]
+
+
+def _noise(left: Floats, bands: NDArray[np.int64]) -> Floats:
+    """Variance at each frequency [k], robust, and at least that of all higher ones."""
+    power = np.median(left**2, axis=(0, 1)) / _CHI2_MEDIAN
+    sizes = np.diff(np.append(bands, power.size))
+    level = np.add.reduceat(power, bands) / sizes
+    falling = np.maximum.accumulate(level[::-1])[::-1]
+    return np.repeat(np.maximum(falling, 1e-18), sizes)
+
+
+def _trust(ratio: Floats, bands: NDArray[np.int64]) -> Floats:
+    """One where a block's band is as noisy as the others, less where it is not; shape of ``ratio``."""
+    sizes = np.diff(np.append(bands, ratio.shape[-1]))
+    excess = np.add.reduceat(ratio.sum(axis=1), bands, axis=-1) / (sizes * ratio.shape[1])
+    trust = np.minimum(1.0, _TOLERATED / np.maximum(excess, 1e-300))
+    return np.repeat(trust, sizes, axis=-1)[:, np.newaxis, :]

@@ -1,0 +1,152 @@
+"""Whether position, heading, speeds and yaw rate tell of one motion, and by what they differ if they do not.
+
+Whatever the ship does, and in waves and current too (speeds are over ground):
+
+    d(position)/dt = R(heading - b) [f u - y r, f v + x r],    d(heading)/dt = c r + d,
+
+with the factor f of the recorded speeds, the heading's offset b, the lever arm (x, y) from the point of the
+speeds to that of the positions, scale c and bias d of the yaw rate; and each group may be stamped too late. Both
+equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow motion to faster so that
+a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
+out with a wide interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.errors import DataShortageError
+from analysis.quality.kinematic_blocks import Solution, cosines, solve
+from analysis.quality.kinematic_path import Model, path_model, turn_model, without_jumps
+from analysis.quality.kinematic_series import Floats, Motion, Samples, block_starts, motion_of, spline
+
+PATH_PARAMETERS = (
+    "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
+)  # fmt: skip
+TURN_PARAMETERS = ("yaw_rate_factor", "yaw_rate_bias_radps", "heading_after_yaw_rate_s")
+NAMES = PATH_PARAMETERS + TURN_PARAMETERS
+_PATH_PRIOR = np.array([1.0, 1.0, 20.0, 20.0, 100.0, 100.0])
+_TURN_PRIOR = np.array([1.0, 0.1, 20.0])
+_BLOCK_S = (40.0, 100.0)
+_BLOCKS = 20
+_FEWEST_BLOCKS = 5
+_STAGES_HZ = (0.05, 0.05, 0.15, 0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What makes the motion channels agree.
+
+    ``values`` [9] in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
+    multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
+    heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
+    to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
+    """
+
+    values: Floats
+    covariance: Floats
+    informative: Floats
+    blocks: int
+    block_s: float
+    motion: Motion
+
+    @cached_property
+    def standard_errors(self) -> Floats:
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Floats:
+        return self.covariance / np.outer(self.standard_errors, self.standard_errors)
+
+    def value(self, name: str) -> float:
+        return float(self.values[NAMES.index(name)])
+
+    def standard_error(self, name: str) -> float:
+        return float(self.standard_errors[NAMES.index(name)])
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """The 95 % interval, by Student's t for as many blocks as tell the value."""
+        half = quantile(0.975, self.informative[NAMES.index(name)]) * self.standard_error(name)
+        return self.value(name) - half, self.value(name) + half
+
+
+def quantile(probability: float, informative: float) -> float:
+    """Of Student's t; the noise of all blocks is known beside the spread of those that matter."""
+    from scipy.stats import t
+
+    return float(t.ppf(probability, max(informative, 1.0) + 3.0))
+
+
+def fit_kinematics(table: pd.DataFrame) -> Kinematics:
+    """Fit the motion channels of a table of raw samples to each other.
+
+    Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` where fewer than
+    5 blocks of 40 s hold all of them.
+    """
+    return fit_motion(motion_of(table))
+
+
+def fit_motion(motion: Motion) -> Kinematics:
+    """As :func:`fit_kinematics`, of a motion that is already cleaned."""
+    start = max(group.time_s[0] for group in motion.groups)
+    end = min(group.time_s[-1] for group in motion.groups)
+    grid_s = np.arange(start, max(end, start) + 1e-6, motion.step_s)
+    block_s = float(np.clip((end - start) / _BLOCKS, *_BLOCK_S))
+    length = int(block_s / motion.step_s)
+    starts = block_starts(motion, grid_s, length)
+    if len(starts) < _FEWEST_BLOCKS:
+        raise DataShortageError(
+            f"holds {len(starts)} stretches of {block_s:.0f} s with all motion channels",
+            why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
+        )  # fmt: skip
+    frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
+    path = _fitted(motion.position, path_model(motion, grid_s), _PATH_PRIOR, frame)
+    turn = _fitted(motion.heading, turn_model(motion, grid_s), _TURN_PRIOR, frame)
+    covariance = np.zeros((9, 9))
+    covariance[:6, :6], covariance[6:, 6:] = path.covariance, turn.covariance
+    return Kinematics(
+        np.concatenate([path.parameters, turn.parameters]), covariance,
+        np.concatenate([path.informative, turn.informative]), len(starts), block_s, motion,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The grid, its blocks and the highest frequency that the slowest channel can tell."""
+
+    grid_s: Floats
+    starts: NDArray[np.int64]
+    length: int
+    step_s: float
+    highest_hz: float
+
+    def coefficients(self, limit_hz: float) -> int:
+        """How many cosines lie below a frequency."""
+        wanted = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
+        return int(np.clip(wanted, 3, self.length - 1))
+
+
+def _fitted(level: Samples, model: Model, prior: Floats, frame: _Frame) -> Solution:
+    """Levels fitted as they are and, where that shows them to jump, without their jumps."""
+    solution = _gauss_newton(level, model, prior, frame)
+    steady = without_jumps(level, model, frame.grid_s, solution.parameters)
+    return solution if steady is level else _gauss_newton(steady, model, prior, frame)
+
+
+def _gauss_newton(level: Samples, model: Model, prior: Floats, frame: _Frame) -> Solution:
+    level_at, values = spline(level), np.zeros(prior.size)
+    values[0] = 1.0
+    for limit_hz in _STAGES_HZ:
+        most = frame.coefficients(limit_hz)
+        wanted, slopes = model(values)
+        times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
+        parts = (level_at(times) - wanted, slopes)
+        residuals, by = (cosines(each, frame.starts, frame.length, most) for each in parts)
+        solution = solve(residuals, by, prior)
+        values = values + np.clip(solution.parameters, -0.2 * prior, 0.2 * prior)
+    return Solution(values, solution.covariance, solution.informative)
