@@ -135,7 +135,7 @@ def _jumps(steps: _Steps) -> NDArray[np.bool_]:
 def _steps(level: Samples, model: Model, grid_s: Floats, values: Floats) -> _Steps:
     wanted, slopes = model(values)
     both = np.concatenate([wanted[:, np.newaxis], slopes], axis=1)
-    at = _interpolated(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
+    at = interpolated(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
     moves = np.diff(at.reshape(-1, *both.shape[1:]), axis=0)
     measured = np.diff(level.levels, axis=0)
     if measured.shape[1] == 1:
@@ -152,7 +152,7 @@ def _turned_by(angle: Floats, errors: Floats) -> Floats:
     return rotated(angle, errors) if errors.shape[1] == 2 else errors * np.cos(angle)[:, np.newaxis]
 
 
-def _interpolated(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
+def interpolated(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
     """Columns [points, m] on the even grid, linearly at other times."""
     place = np.clip((time_s - grid_s[0]) / (grid_s[1] - grid_s[0]), 0.0, grid_s.size - 1.000001)
     before = place.astype(np.int64)

@@ -42,13 +42,13 @@ _STAGES_HZ = (0.05, 0.05, 0.15, 0.5, 0.5)
 class Kinematics:
     """What makes the motion channels agree.
 
-    ``values`` [9] in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
+    ``parameters`` [9] in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
     multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
     to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
     """
 
-    values: Floats
+    parameters: Floats
     covariance: Floats
     informative: Floats
     blocks: int
@@ -64,7 +64,7 @@ class Kinematics:
         return self.covariance / np.outer(self.standard_errors, self.standard_errors)
 
     def value(self, name: str) -> float:
-        return float(self.values[NAMES.index(name)])
+        return float(self.parameters[NAMES.index(name)])
 
     def standard_error(self, name: str) -> float:
         return float(self.standard_errors[NAMES.index(name)])

@@ -1,0 +1,224 @@
+"""What is wrong between position, heading, speeds and yaw rate: scales, offsets, delays, jittering stamps.
+
+A difference is found when it is larger than anyone should care about and larger than chance explains: the level
+of significance is such that a sound trial gives a false finding less than once in five hundred, all figures
+together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pandas as pd
+
+from acquisition.errors import DataShortageError, InputError
+from acquisition.frames import Quality
+from analysis.frames import utc_index
+from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.kinematic_delays import Explanation, explain
+from analysis.quality.kinematic_jitter import Jitter, stamp_jitter
+from analysis.quality.kinematic_series import GROUPS, MOTION
+from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics, quantile
+
+CHANCE = 1e-4
+"""Probability that a figure of a sound trial is called wrong."""
+
+_SMALLEST = {
+    "speed_factor": 0.005,
+    "yaw_rate_factor": 0.01,
+    "yaw_rate_bias_radps": np.deg2rad(0.02),
+    "heading_offset_rad": np.deg2rad(0.3),
+}
+_SMALLEST_DELAY_S = 0.2
+_SMALLEST_JITTER_S = 0.15
+_SMALLEST_ARM_M = 0.5
+_SYSTEMATIC = {
+    "speed_factor": 2e-4,
+    "yaw_rate_factor": 5e-4,
+    "yaw_rate_bias_radps": np.deg2rad(5e-4),
+    "heading_offset_rad": np.deg2rad(0.01),
+}
+"""What sampling and interpolation may do, as standard deviations: no interval is narrower."""
+
+_CERTAIN_HALF_WIDTH = 0.005
+_WHAT = {
+    "north_m": "The positions",
+    "heading_deg": "The heading",
+    "surge_mps": "Surge and sway",
+    "yaw_rate_dps": "The yaw rate",
+    "forward": "positions measured forward of the point of the speeds",
+    "starboard": "positions measured to starboard of the point of the speeds",
+}
+
+
+def motion(table: pd.DataFrame) -> Checked:
+    """Check the motion channels of a table of raw samples against each other.
+
+    Good are the samples that took part; where a motion channel is missing or the trial is too short for
+    5 blocks of 40 s, nothing is evaluated and nothing found.
+    """
+    flags = no_flags(table, tuple(name for name in MOTION if name in table))
+    try:
+        fit = fit_kinematics(table)
+    except (DataShortageError, InputError):
+        return Checked(flags)
+    good = flags.where(flags != Quality.NOT_EVALUATED, int(Quality.GOOD)).astype(np.uint8)
+    return Checked(good, findings_of(table, fit))
+
+
+def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
+    """What a fit to a table says in words."""
+    index = utc_index(table)
+    start, end = index.min(), index.max()
+    explanation = explain(fit)
+    found = [
+        _speed_scale(fit, start, end),
+        _yaw_rate_scale(fit, start, end),
+        _yaw_rate_bias(fit, start, end),
+        _heading_offset(fit, start, end),
+        *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
+        _arm(explanation, start, end),
+        _jitter(stamp_jitter(table, fit), start, end),
+    ]
+    return tuple(each for each in found if each is not None)
+
+
+def delays_of(findings: Iterable[Finding]) -> dict[str, float]:
+    """How much too late each channel is stamped [s], by channel, from findings of ``channel_delay``."""
+    late = {each.channel: float(each.estimate["seconds"]) for each in findings if each.code == "channel_delay"}
+    return {name: seconds for channel, seconds in late.items() for name in GROUPS.get(channel, (channel,))}
+
+
+def _interval(fit: Kinematics, name: str) -> tuple[float, float]:
+    low, high = fit.interval(name)
+    half = float(np.hypot(0.5 * (high - low), 1.96 * _SYSTEMATIC[name]))
+    return fit.value(name) - half, fit.value(name) + half
+
+
+def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
+    """Whether a figure differs from its neutral value, by more than chance and by enough to matter."""
+    away = abs(fit.value(name) - neutral)
+    critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
+    return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _SYSTEMATIC[name])))
+
+
+def _certain(factor: float, low: float, high: float) -> bool:
+    half = 0.5 * (high - low)
+    return bool(half < _CERTAIN_HALF_WIDTH and abs(factor - 1.0) > 4.0 * half)
+
+
+def _speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    if not _clear(fit, "speed_factor", 1.0):
+        return None
+    factor, (low, high) = fit.value("speed_factor"), _interval(fit, "speed_factor")
+    text = (
+        f"Surge and sway are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'}"
+        f" for the rate of the positions (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
+    )
+    return Finding(
+        "speed_scale", "surge_mps", start, end, text, f"Multiply surge and sway by {factor:.4f}.",
+        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high),
+    )  # fmt: skip
+
+
+def _yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    if not _clear(fit, "yaw_rate_factor", 1.0):
+        return None
+    factor, (low, high) = fit.value("yaw_rate_factor"), _interval(fit, "yaw_rate_factor")
+    text = (
+        f"The yaw rate reads {abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading"
+        f" turns (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
+    )
+    return Finding(
+        "yaw_rate_scale", "yaw_rate_dps", start, end, text, f"Multiply the yaw rate by {factor:.4f}.",
+        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high),
+    )  # fmt: skip
+
+
+def _yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    if not _clear(fit, "yaw_rate_bias_radps"):
+        return None
+    scale = -180.0 / np.pi / fit.value("yaw_rate_factor")
+    bias, (high, low) = (
+        fit.value("yaw_rate_bias_radps") * scale,
+        np.array(_interval(fit, "yaw_rate_bias_radps")) * scale,
+    )
+    text = f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})"
+    return Finding(
+        "yaw_rate_bias", "yaw_rate_dps", start, end, text, "Subtract it, and set the gyro's zero.",
+        {"bias_dps": bias, "low": float(low), "high": float(high)},
+    )  # fmt: skip
+
+
+def _heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    if not _clear(fit, "heading_offset_rad"):
+        return None
+    angle, (low, high) = (
+        np.rad2deg(fit.value("heading_offset_rad")),
+        np.rad2deg(_interval(fit, "heading_offset_rad")),
+    )
+    text = (
+        f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
+        f" drift angle (95 % {low:+.2f} to {high:+.2f})"
+    )
+    return Finding(
+        "heading_offset", "heading_deg", start, end, text,
+        "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
+        {"angle_deg": float(angle), "low": float(low), "high": float(high)},
+    )  # fmt: skip
+
+
+def _delay(
+    explanation: Explanation, cause: str, fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp
+) -> Finding | None:
+    seconds, error = explanation.size(cause)
+    if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
+        return None
+    low, high = seconds - 1.96 * error, seconds + 1.96 * error
+    way = "late" if seconds > 0.0 else "early"
+    text = f"{_WHAT[cause]} are stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
+    rivals = "; or ".join(_rival(name, size) for name, size in explanation.rivals)
+    if seconds < 0.0 and cause == "north_m":
+        text += ", or all the others as much too late"
+    if rivals:
+        text += f"; this trial tells as well of {rivals}"
+    return Finding(
+        "channel_delay", cause, start, end, text, "Remove the delay when resampling.",
+        {"seconds": seconds, "low": low, "high": high},
+    )  # fmt: skip
+
+
+def _rival(cause: str, size: float) -> str:
+    if cause in GROUPS:
+        return f"{_WHAT[cause].lower()} {abs(size):.2f} s too {'late' if size > 0.0 else 'early'}"
+    return f"{_WHAT[cause]} by {size:.1f} m"
+
+
+def _arm(explanation: Explanation, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    sizes = {cause: explanation.size(cause) for cause in ("forward", "starboard") if cause in explanation.causes}
+    if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
+        return None
+    (forward, ahead), (starboard, aside) = (sizes.get(cause, (0.0, 0.0)) for cause in ("forward", "starboard"))
+    main, error = (forward, ahead) if abs(forward) >= abs(starboard) else (starboard, aside)
+    text = f"The positions are measured {forward:+.2f} m forward and {starboard:+.2f} m to starboard of the speeds"
+    return Finding(
+        "position_offset", "north_m", start, end, text, "Give the lever arm of the antenna when recording.",
+        {"forward_m": forward, "starboard_m": starboard, "low": main - 1.96 * error, "high": main + 1.96 * error},
+    )  # fmt: skip
+
+
+def _jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    surely = jitter.interval(1.0 - CHANCE)[0] > 0.0
+    if not surely or jitter.seconds < _SMALLEST_JITTER_S or jitter.excess < 2.0:
+        return None
+    low, high = jitter.interval()
+    text = (
+        f"The positions err along the way, with {jitter.excess:.0f} times the variance across: their stamps jitter"
+        f" by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
+    )
+    return Finding(
+        "position_time_jitter", "north_m", start, end, text,
+        "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile.",
+        {"seconds": jitter.seconds, "low": low, "high": high},
+    )  # fmt: skip
