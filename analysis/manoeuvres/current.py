@@ -16,8 +16,7 @@ from analysis.manoeuvres.motion import Floats, Motion
 
 LEAST_TURN_DEG = 540.0
 _SETTLED_DEG = 120.0
-_BLOCKS = 6
-_T_OF_5 = 2.57  # Student's t, 95 %, of the freedom that six blocks leave
+_FEWEST_PAIRS = 10
 
 
 def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Floats]:
@@ -34,20 +33,19 @@ def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Float
 
 
 def current_of(motion: Motion, start: float, end: float) -> Current | None:
-    """The drift with its interval from blocks of the pairs, None where the ship turned less than 540 deg."""
+    """The drift with its interval, None where the ship turned less than 540 deg."""
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned < LEAST_TURN_DEG:
         return None
     north, east = drift_pairs(motion, start, end)
-    if north.size < 2 * _BLOCKS:
+    if north.size < _FEWEST_PAIRS:
         return None
     return Current(float(north.mean()), float(east.mean()), _within(north), _within(east))
 
 
 def _within(values: Floats) -> float:
-    """Half of the 95 % interval of a mean, from the spread of the means of blocks."""
-    means = [float(block.mean()) for block in np.array_split(values, _BLOCKS)]
-    return float(_T_OF_5 * np.std(means, ddof=1) / np.sqrt(_BLOCKS))
+    """Half of the 95 % interval: pairs of one circle share their points, so that their spread is not divided."""
+    return float(1.96 * np.std(values))
 
 
 def without_current(motion: Motion, north_mps: float, east_mps: float, start: float) -> Motion:

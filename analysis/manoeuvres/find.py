@@ -46,7 +46,10 @@ class Mark:
         return self.start_ns - slack_ns <= time.value <= self.end_ns + slack_ns
 
 
-_START, _END = re.compile(r"\b(start|begin|execute)\w*", re.I), re.compile(r"\b(end|stop|finish|complete)\w*$", re.I)
+_START, _END = (
+    re.compile(r"\b(start|begin|execute)\w*", re.I),
+    re.compile(r"\b(end|stop|finish|complete)\w*$", re.I),
+)
 
 
 def marks_of(events: Iterable[tuple[int, str]]) -> tuple[Mark, ...]:
@@ -154,6 +157,14 @@ def _named(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
 
 
 def _alike(kind: str, text: str) -> bool:
-    words = {"zigzag": "zig", "turning_circle": "turn circle", "course_change": "turn circle", "speed_run": "speed run",
-             "acceleration": "accel", "stopping": "stop crash", "crabbing": "crab side", "thruster_test": "thrust"}
+    words = {
+        "zigzag": "zig",
+        "turning_circle": "turn circle",
+        "course_change": "turn circle",
+        "speed_run": "speed run",
+        "acceleration": "accel",
+        "stopping": "stop crash",
+        "crabbing": "crab side",
+        "thruster_test": "thrust",
+    }
     return any(word in text.lower() for word in words[kind].split())  # fmt: skip

@@ -11,7 +11,9 @@ ahead for a drive that pulls while it looks aft.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,6 +32,7 @@ FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
 _GLITCH_DEG, _GLITCH_SIGMAS = 3.0, 8.0
 _NORMAL_MAD = 1.4826
+_JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +41,8 @@ class Motion:
 
     ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180 and means nothing where no
     drive runs. ``thrust`` is the sum of n|n| along the bow of both shafts [rpm^2]. ``known`` says where pose
-    and speeds were measured; elsewhere they are interpolated.
+    and speeds were measured; elsewhere they are interpolated. ``broken`` says where position or heading jump as
+    no ship does, as where a piece was cut out of a recording: nothing reaches across it.
     """
 
     origin_ns: int
@@ -55,6 +59,7 @@ class Motion:
     starboard_rpm: Floats
     tunnel_rpm: Floats
     known: NDArray[np.bool_]
+    broken: NDArray[np.bool_]
 
     @property
     def step_s(self) -> float:
@@ -66,6 +71,10 @@ class Motion:
         """Speed over ground [rows]."""
         return np.hypot(self.surge_mps, self.sway_mps)
 
+    def measuring(self, columns: Mapping[str, Floats]) -> Motion:
+        """This motion with other values of some of its columns."""
+        return replace(self, **dict[str, Any](columns))
+
     def rows(self, first: int, end: int) -> Motion:
         """The rows from ``first`` up to ``end``."""
         part = slice(max(first, 0), end)
@@ -76,6 +85,14 @@ class Motion:
         """The rows of a span of time, ends included."""
         first, end = np.searchsorted(self.time_s, [start_s - 1e-6, end_s + 1e-6])
         return self.rows(int(first), int(end))
+
+    def around(self, start_s: float, end_s: float, margin_s: float) -> Motion:
+        """The rows of a span with a margin, which ends where the recording is broken."""
+        breaks = self.time_s[self.broken]
+        before, after = breaks[breaks < start_s], breaks[breaks > end_s]
+        first = max(start_s - margin_s, float(before[-1]) + self.step_s if before.size else -np.inf)
+        last = min(end_s + margin_s, float(after[0]) - self.step_s if after.size else np.inf)
+        return self.between(first, last)
 
     def at(self, name: str, time_s: float) -> float:
         """One column at any time, between rows on the straight line."""
@@ -101,15 +118,20 @@ def motion_of(table: pd.DataFrame) -> Motion:
     time_ns = times_ns(grid)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
-    known = grid[[*POSE, *VELOCITY]].notna().all(axis=1).to_numpy()
+    known = grid[[*POSE, *VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
     yaw_rate = filled(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
     surge, sway = (filled(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
-    north, east = _path(grid, np.deg2rad(turned), surge, sway, step_s)
+    reckoned, apart = _reckoned_and_apart(grid, np.deg2rad(turned), surge, sway, step_s)
+    off_course = filled(unwrap(grid["heading_deg"].to_numpy() - _integral(yaw_rate, step_s)))
+    fastest = float(np.percentile(np.hypot(surge, sway), 98))
+    broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
+    broken |= _jumps(off_course, step_s, _JUMP_DEG)
+    north, east = (way + _smooth_between(rest, broken, step_s) for way, rest in zip(reckoned, apart, strict=True))
     helm, thrust, port_rpm, starboard_rpm = _drives(grid)
     tunnel = filled(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
     return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust,
-                  port_rpm, starboard_rpm, tunnel, known)  # fmt: skip
+                  port_rpm, starboard_rpm, tunnel, known & ~broken, broken)  # fmt: skip
 
 
 def filled(values: Floats) -> Floats:
@@ -160,21 +182,53 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     return cleaned
 
 
+def _integral(rate: Floats, step_s: float) -> Floats:
+    """The integral of a rate from the first row, by trapezia."""
+    return np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step_s))
+
+
 def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:
     """The heading without jumps of a turn; over gaps it follows the yaw rate."""
-    integral = np.append(0.0, np.cumsum(0.5 * (yaw_rate_dps[1:] + yaw_rate_dps[:-1]) * step_s))
+    integral = _integral(yaw_rate_dps, step_s)
     return np.asarray(integral + filled(unwrap(wrap_360(heading_deg - integral))))
 
 
-def _path(grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float) -> tuple[Floats, Floats]:
-    """North and east [m] of the path that joins positions and speeds."""
-    rates = (surge * np.cos(heading) - sway * np.sin(heading), surge * np.sin(heading) + sway * np.cos(heading))
-    joined = []
-    for name, rate in zip(("north_m", "east_m"), rates, strict=True):
-        reckoned = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step_s))
-        apart = running_median(filled(grid[name].to_numpy() - reckoned), 5)
-        joined.append(reckoned + local_quadratic(apart, _PATH_HALF_WIDTH_S / step_s))
-    return joined[0], joined[1]
+def _reckoned_and_apart(
+    grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """The path reckoned from speed and heading, north and east [m], and how far the positions are from it."""
+    north = _integral(surge * np.cos(heading) - sway * np.sin(heading), step_s)
+    east = _integral(surge * np.sin(heading) + sway * np.cos(heading), step_s)
+    apart = [running_median(filled(grid[name].to_numpy() - reckoned), 5)
+             for name, reckoned in (("north_m", north), ("east_m", east))]  # fmt: skip
+    return (north, east), (apart[0], apart[1])
+
+
+def _jumps(values: Floats, step_s: float, least: float) -> NDArray[np.bool_]:
+    """Where ``values`` change within three seconds by more than ``least`` and far more than they do elsewhere."""
+    rows = max(1, round(1.5 / step_s))
+    change = np.zeros(values.size)
+    if values.size > 2 * rows:
+        change[rows:-rows] = np.abs(values[2 * rows :] - values[: -2 * rows])
+    return change > max(least, _JUMP_SHARE * float(np.percentile(change, 99)))
+
+
+def _smooth_between(values: Floats, broken: NDArray[np.bool_], step_s: float) -> Floats:
+    """``values`` smoothed, each piece between breaks by itself."""
+    result = values.copy()
+    for first, end in stretches(~broken):
+        result[first:end] = local_quadratic(values[first:end], _PATH_HALF_WIDTH_S / step_s)
+    return result
+
+
+def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, int]]:
+    """First row and end of every run of true values that is long enough.
+
+    >>> stretches(np.array([True, True, False, True]))
+    [(0, 2), (3, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least_rows]
 
 
 def _drives(grid: pd.DataFrame) -> tuple[Floats, Floats, Floats, Floats]:

@@ -12,7 +12,6 @@ taken to go on at the level it has just above.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -37,15 +36,20 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 def smoothed(motion: Motion, half_width: float) -> Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
     rows = half_width / motion.step_s
-    return replace(motion, **{name: local_quadratic(getattr(motion, name), rows) for name in MEASURED})
+    return motion.measuring({name: local_quadratic(getattr(motion, name), rows) for name in MEASURED})
 
 
 def measured_with_intervals(
-    motion: Motion, executes_s: Floats, half_width: float, measure: Measure, seed: int = _SEED
+    motion: Motion,
+    executes_s: Floats,
+    half_width: float,
+    measure: Measure,
+    unsure_rows: float = 0.5,
+    seed: int = _SEED,
 ) -> dict[str, tuple[float, float]]:
     """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
 
-    The moments of the commands are only known to a row: they are moved about by half a row as well.
+    The moments of the commands are only known to a row: they are moved about by ``unsure_rows`` as well.
     """
     random = np.random.default_rng(seed)
     smooth = smoothed(motion, half_width)
@@ -55,7 +59,7 @@ def measured_with_intervals(
     repeats = []
     for _ in range(REPLICATES):
         again = smoothed(_with_noise(smooth, spectra, random), half_width)
-        moved = executes_s + motion.step_s * random.uniform(-0.5, 0.5, executes_s.size)
+        moved = executes_s + motion.step_s * unsure_rows * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(again, moved))
     return {name: _believed(value, np.array([each.get(name, np.nan) for each in repeats]))
             for name, value in values.items()}  # fmt: skip
@@ -74,10 +78,10 @@ def _believed(value: float, repeats: Floats) -> tuple[float, float]:
 
 
 def _with_noise(smooth: Motion, spectra: Mapping[str, Floats], random: np.random.Generator) -> Motion:
-    return replace(
-        smooth, **{name: getattr(smooth, name) + _drawn(spectra[name], smooth.time_s.size, random)
-                   for name in MEASURED}
-    )  # fmt: skip
+    rows = smooth.time_s.size
+    return smooth.measuring(
+        {name: getattr(smooth, name) + _drawn(spectra[name], rows, random) for name in MEASURED}
+    )
 
 
 def _drawn(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.manoeuvres.motion import Floats, noise_of, running_median
+from analysis.manoeuvres.motion import Floats, noise_of, running_median, stretches
 
 _STEP_S = 1.0
 _STEP_SIGMAS = 6.0
@@ -27,16 +26,6 @@ class Plateau:
 def tolerance_of(values: Floats, least: float) -> float:
     """How far a command may wander within two seconds and still be held: six standard deviations of its noise."""
     return max(least, _STEP_SIGMAS * noise_of(values))
-
-
-def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, int]]:
-    """First row and end of every run of true values that is long enough.
-
-    >>> stretches(np.array([True, True, False, True]))
-    [(0, 2), (3, 4)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least_rows]
 
 
 def plateaus(values: Floats, step_s: float, tolerance: float, least_s: float = 2.0) -> list[Plateau]:
@@ -71,18 +60,23 @@ def _joined(values: Floats, found: list[Plateau], tolerance: float, bridge: int)
     return joined
 
 
-def execute_s(time_s: Floats, values: Floats, plateau: Plateau, before: float, earliest: int = 0) -> float:
-    """When a command began to go from the level ``before`` to that of ``plateau`` [s].
+def execute_s(
+    time_s: Floats, values: Floats, plateau: Plateau, before: float, earliest: int = 0
+) -> tuple[float, float]:
+    """When a command began to go from the level ``before`` to that of ``plateau``, and was half way there [s].
 
     The line through the moments at which a tenth and a half of the way were done, back to where it began: noise
     about the old level does not shift it, and a drive that lags or turns at a limited rate has the same line.
     """
+    if plateau.level == before:
+        return float(time_s[plateau.first]), float(time_s[plateau.first])
     share = (values[earliest : plateau.end] - before) / (plateau.level - before)
     inside = plateau.first - earliest + max(1, (plateau.end - plateau.first) // 4)
     half = _last_crossing(share[: inside + 1], 0.5)
     tenth = _last_crossing(share[: int(half) + 2], 0.1)
-    row = earliest + max(0.0, tenth - 0.25 * (half - tenth))
-    return float(np.interp(row, np.arange(time_s.size), time_s))
+    rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), half])
+    start, middle = np.interp(rows, np.arange(time_s.size), time_s)
+    return float(start), float(middle)
 
 
 def _last_crossing(share: Floats, level: float) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from acquisition.angles import circular_mean, difference, wrap_360
 from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, with_limits
 from analysis.manoeuvres.limits import TRACK_REACH_LENGTHS
-from analysis.manoeuvres.motion import Floats, Motion, noise_of
+from analysis.manoeuvres.motion import Floats, Motion, noise_of, stretches
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
-from analysis.manoeuvres.segments import Plateau, execute_s, plateaus, stretches, tolerance_of
+from analysis.manoeuvres.segments import Plateau, execute_s, plateaus, tolerance_of
 from analysis.manoeuvres.tracks import along_and_across, approach_settings, crossing_s, distance_m, level_before
 
 _LOOK_S = 10.0
@@ -137,7 +137,7 @@ def _reciprocal(one: Manoeuvre, other: Manoeuvre) -> bool:
 
 def _through_water(one: Manoeuvre, other: Manoeuvre) -> tuple[Index, tuple[float, float]]:
     ahead = [each.indices["surge_mps"] for each in (one, other)]
-    within = float(np.hypot(*[0.5 * (each.high - each.low) for each in ahead])) / 2.0
+    within = float(np.hypot(ahead[0].high - ahead[0].low, ahead[1].high - ahead[1].low)) / 4.0
     mean = index_of("speed_through_water_mps", (ahead[0].value + ahead[1].value) / 2.0, within)
     return mean, ((ahead[0].value - ahead[1].value) / 2.0, within)
 
@@ -146,9 +146,9 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
     """Every change from one held thrust to the next with the time it began [s], where the ship is free."""
     along, held = shaft_along(motion), shaft_plateaus(motion)
     steps = []
-    for last, each in zip(held[:-1], held[1:], strict=True):
+    for last, each in pairwise(held):
         if free[max(each.first - 1, 0)] and abs(each.level - last.level) > tolerance_of(along, 1.0):
-            start = execute_s(motion.time_s, along, each, level_before(motion, along, each), last.first)
+            start, _ = execute_s(motion.time_s, along, each, level_before(motion, along, each), last.first)
             steps.append((last, each, start))
     return steps
 
@@ -196,7 +196,7 @@ def stops(
 def _change_of_speed(
     motion: Motion, kind: str, last: Plateau, each: Plateau, start: float, end: float, length_m: float | None
 ) -> Manoeuvre:
-    part = motion.between(start - 20.0, end + 5.0)
+    part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     width = half_width_s(part, (end - start) / 4.0)
     found = measured_with_intervals(part, np.array([start, end]), width, measure)
@@ -224,7 +224,7 @@ def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Time and way to 90 % of the change of speed; ``executes`` holds the start and the end of the thrust [s]."""
     start, end = float(executes[0]), float(executes[1])
     final = float(motion.between(end - _LOOK_S, end).surge_mps.mean())
-    first = motion.at("surge_mps", start)
+    first = float(motion.between(start - _LOOK_S, start).surge_mps.mean())
     goal = first + REACHED_SHARE * (final - first)
     reached = crossing_s(motion.time_s, motion.surge_mps, goal, start, end)
     return {

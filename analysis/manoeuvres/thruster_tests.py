@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.manoeuvres.indices import Manoeuvre, index_of
-from analysis.manoeuvres.motion import Floats, Motion, noise_of
+from analysis.manoeuvres.motion import Floats, Motion, noise_of, stretches
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
-from analysis.manoeuvres.segments import stretches
 from analysis.manoeuvres.tracks import along_and_across
 
 _RUNNING_SHARE, _IDLE_SHARE = 0.2, 0.08
@@ -17,6 +16,7 @@ _LEAST_RUNNING = 5.0
 _LEAST_S, _BRIDGE_S = 15.0, 5.0
 _CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
 _CRAB_TURN_DEG = 15.0
+_UNSURE_ROWS = 1.5  # a threshold, not a fitted step, says when a drive began to run
 
 
 def _running(values: Floats, largest: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -74,9 +74,10 @@ def _tests_of(
 
 def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: float | None) -> Manoeuvre:
     span = np.array([motion.time_s[first], motion.time_s[end - 1]])
-    part = motion.between(span[0] - 10.0, span[1] + 10.0)
+    part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)
-    found = measured_with_intervals(part, span, half_width_s(part, (span[1] - span[0]) / 2.0), drift_indices)
+    width = half_width_s(part, (span[1] - span[0]) / 2.0)
+    found = measured_with_intervals(part, span, width, drift_indices, _UNSURE_ROWS)
     turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
     sideways = aside if kind == "crabbing" else turned
     return Manoeuvre(
@@ -92,7 +93,7 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: 
 
 
 def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
-    """Mean motion between two times [s], the largest rate of turn, and the way made good sideways."""
+    """Mean motion between two times [s], the rate of turn in the last third, and the way made good."""
     start, end = float(executes[0]), float(executes[1])
     inside = motion.between(start, end)
     ahead, aside = along_and_across(motion, start, end, motion.at("heading_deg", start))
@@ -101,7 +102,7 @@ def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
         "surge_mps": float(inside.surge_mps.mean()),
         "sway_mps": float(inside.sway_mps.mean()),
         "heading_change_deg": float(inside.heading_deg[-1] - inside.heading_deg[0]),
-        "largest_yaw_rate_dps": float(rates[np.argmax(np.abs(rates))]),
+        "last_yaw_rate_dps": float(rates[-max(1, rates.size // 3) :].mean()),
         "way_ahead_m": ahead,
         "way_to_starboard_m": aside,
     }

@@ -29,7 +29,8 @@ def level_before(motion: Motion, command: Floats, plateau: Plateau, seconds: flo
 def approach_of(motion: Motion, execute: float) -> dict[str, float]:
     """The mean state in the last seconds before an execute.
 
-    Speed, heading (also as it runs on without jumps), the turn of heading and the change of speed in a second (how steady the approach was).
+    Speed, heading (also as it runs on without jumps), the turn of heading
+    and the change of speed in a second (how steady the approach was).
     """
     before = motion.between(execute - APPROACH_S, execute)
     if before.time_s.size < 2:

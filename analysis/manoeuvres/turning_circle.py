@@ -14,7 +14,14 @@ from analysis.manoeuvres.limits import ADVANCE_LENGTHS, INITIAL_TURNING_LENGTHS,
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals, smoothed
 from analysis.manoeuvres.segments import Plateau, execute_s
-from analysis.manoeuvres.tracks import along_and_across, approach_of, approach_settings, crossing_s, distance_m, level_before
+from analysis.manoeuvres.tracks import (
+    along_and_across,
+    approach_of,
+    approach_settings,
+    crossing_s,
+    distance_m,
+    level_before,
+)
 
 LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
 _MARGIN_S = 20.0
@@ -29,6 +36,8 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float)
     seconds = (each.end - each.first) * motion.step_s
     turned = abs(float(heading[-1] - heading[0]))
     before = approach_of(motion, float(motion.time_s[each.first]) - 2.0)
+    if motion.broken[each.first : each.end].any():
+        return False
     with_way = before["approach_mps"] > _SLOWEST_APPROACH * fastest_mps
     straight = abs(before["approach_yaw_rate_dps"]) < _STEADIEST_APPROACH * turned / seconds
     return turned >= least_deg and with_way and straight
@@ -37,16 +46,17 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float)
 def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float | None) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, that a held helm is."""
     earliest = max(0, each.first - round(15.0 / motion.step_s))
-    start = execute_s(motion.time_s, helm, each, level_before(motion, helm, each), earliest)
+    start, half = execute_s(motion.time_s, helm, each, level_before(motion, helm, each), earliest)
     end = float(motion.time_s[each.end - 1])
-    part = motion.between(start - _MARGIN_S, end + _MARGIN_S)
+    part = motion.around(start, end, _MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = half_width_s(part, quarter_s)
-    found = measured_with_intervals(part, np.array([start, end]), width, circle_indices)
+    found = measured_with_intervals(part, np.array([start, half, end]), width, circle_indices)
     settings = {
         "azimuth_deg": each.level,
         "turned_deg": abs(turned),
+        "half_command_s": half - start,
         "turning_rpm": float(part.between(start, end).port_rpm.mean()),
         **approach_settings(part, start),
     }
@@ -74,10 +84,13 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
 def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """The indices of a smooth motion between execute and end; also with the current removed where it is known.
 
-    ``executes`` holds the two times [s].
+    ``executes`` holds the first change of the command, the moment at which it was half done, and the end [s].
+    The advance counts from the first, and beside it from the second.
     """
-    start, end = float(executes[0]), float(executes[1])
+    start, half, end = (float(each) for each in executes)
     values = _indices_over_ground(motion, start, end)
+    if "advance_m" in values:
+        values["advance_half_command_m"] = values["advance_m"] - distance_m(motion, start, half)
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned >= LEAST_TURN_DEG:
         north, east = drift_pairs(motion, start, end)

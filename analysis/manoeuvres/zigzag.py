@@ -6,7 +6,9 @@ execute in the old direction. It is read off a fit of the heading, as the larges
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,8 +24,9 @@ _LEVEL_SHARE, _LEVEL_DEG = 0.15, 1.0
 _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
+_STEADY_SHARE = 0.2
 _INITIAL_TURN_DEG = 10.0
-_RATES_ALIKE = 3.0
+_NUMBERED = re.compile(r"overshoot_\d+_deg")
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_SWINGS) -> list[list[Plateau]]:
@@ -44,6 +47,8 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     """Whether ``each`` is the next swing: other side, the same angle, at once."""
     pause_s = (each.first - last.end) * motion.step_s
     shortest_s = min(last.end - last.first, each.end - each.first) * motion.step_s
+    if motion.broken[last.first : each.end].any():
+        return False
     larger = max(abs(last.level), abs(each.level))
     alike = abs(last.level + each.level) <= _LEVEL_SHARE * larger + _LEVEL_DEG
     return last.level * each.level < 0 and alike and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s)
@@ -61,21 +66,27 @@ def _answered(motion: Motion, chain: list[Plateau]) -> bool:
 
 
 def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
-    """When each swing's helm was put over, and when the last was taken off [s]."""
-    times = [execute_s(motion.time_s, helm, chain[0], level_before(motion, helm, chain[0]),
-                       max(0, chain[0].first - round(15.0 / motion.step_s)))]  # fmt: skip
-    for last, each in zip(chain[:-1], chain[1:], strict=True):
+    """When each swing's helm began to be put over and when it was half way: [2, swings + 1] s.
+
+    The last column is the end of the last swing.
+    """
+    first = chain[0]
+    earliest = max(0, first.first - round(15.0 / motion.step_s))
+    times = [execute_s(motion.time_s, helm, first, level_before(motion, helm, first), earliest)]
+    for last, each in pairwise(chain):
         times.append(execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2))
-    return np.array([*times, motion.time_s[chain[-1].end - 1]])
+    end = float(motion.time_s[chain[-1].end - 1])
+    return np.array([*times, (end, end)]).T
 
 
 def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float | None) -> Manoeuvre:
     """The zigzag that a chain of swings is, with its indices."""
-    executes = executes_of(motion, helm, chain)
-    part = motion.between(executes[0] - _MARGIN_S, executes[-1] + _MARGIN_S)
+    both = executes_of(motion, helm, chain)
+    executes = both[0]
+    part = motion.around(executes[0], executes[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
-    found = measured_with_intervals(part, executes, half_width_s(part, swing_s), zigzag_indices)
-    settings = _settings(part, chain, executes)
+    found = measured_with_intervals(part, both, half_width_s(part, swing_s), zigzag_indices)
+    settings = _settings(part, chain, both)
     indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
     angle, switch = settings["azimuth_deg"], settings["switch_deg"]
     limits = {
@@ -92,15 +103,18 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float |
         settings=settings,
         indices=with_limits(indices, limits),
         executes=tuple(motion.utc(each) for each in executes[1:-1]),
+        notes=() if "reach_s" in found else ("the approach was not steady",),
     )
 
 
-def _settings(part: Motion, chain: list[Plateau], executes: Floats) -> dict[str, float]:
+def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, float]:
+    executes = both[0]
     heading = np.interp(executes[:-1], part.time_s, part.heading_deg)
     return {
         "azimuth_deg": float(np.median([abs(each.level) for each in chain])),
         "switch_deg": float(np.median(np.abs(np.diff(heading[1:])))) / 2.0,
         "swings": float(len(chain)),
+        "half_command_s": float(np.median(both[1, :-1] - both[0, :-1])),
         **approach_settings(part, executes[0]),
     }
 
@@ -110,41 +124,67 @@ def _first_side(motion: Motion, executes: Floats) -> float:
     return 1.0 if motion.at("heading_deg", executes[1]) > motion.at("heading_deg", executes[0]) else -1.0
 
 
-def zigzag_indices(motion: Motion, executes: Floats) -> dict[str, float]:
-    """The indices of a smooth motion; ``executes`` [swings + 1] with the end of the last swing.
+def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
+    """The indices of a smooth motion; ``both`` [2, swings + 1] as from :func:`executes_of`.
 
-    Overshoots, times from the execute they belong to, and the speed lost. What was not reached is missing.
+    An overshoot counts from the first change of the command; beside it stands the one from half way of the
+    change, which is what a reader of slowly moved levers or interpolated orders finds. What was not reached is
+    missing; after an approach that was not steady, all that hangs on the approach.
     """
-    side = _first_side(motion, executes)
-    approach = approach_of(motion, executes[0])
-    heading = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
-    swings = executes.size - 2
-    values: dict[str, float] = {}
-    for number in range(1, swings + 1):
-        towards = 1.0 if number % 2 else -1.0
-        last = executes[number + 1] if number < swings else motion.time_s[-1]
-        time_s, top = peak(motion.time_s, towards * heading, executes[number], min(last, motion.time_s[-1]))
-        if number < swings or time_s < motion.time_s[-1]:
-            values[f"overshoot_{number}_deg"] = top - towards * float(
-                np.interp(executes[number], motion.time_s, heading)
-            )
-            values[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
-    overshoots = [value for name, value in values.items() if name.startswith("overshoot")]
-    if len(overshoots) > 2:
-        values["overshoot_mean_deg"] = float(np.mean(overshoots))
+    executes = both[0]
+    heading, steady = _deviation_deg(motion, executes)
+    values = _overshoots(motion, heading, both)
     inside = motion.between(executes[0], executes[-1])
-    values["initial_turning_time_s"] = executes[1] - executes[0]
-    tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, executes[0], executes[2])
-    values["initial_turning_m"] = distance_m(motion, executes[0], tenth_s)
-    values["reach_s"] = crossing_s(motion.time_s, -heading, 0.0, executes[1], executes[-1]) - executes[0]
     if executes.size >= 5:
-        values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3])) if executes.size > 4 else np.nan
-    values["largest_yaw_rate_dps"] = float(np.abs(inside.yaw_rate_dps).max())
-    values["speed_loss"] = 1.0 - float(inside.speed_mps.min()) / approach["approach_mps"]
+        values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3]))
+    if steady:
+        tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, executes[0], executes[2])
+        back_s = crossing_s(motion.time_s, -heading, 0.0, executes[1], executes[-1])
+        approach_mps = approach_of(motion, executes[0])["approach_mps"]
+        values |= {
+            "initial_turning_time_s": executes[1] - executes[0],
+            "initial_turning_m": distance_m(motion, executes[0], tenth_s),
+            "reach_s": back_s - executes[0],
+            "speed_loss": 1.0 - float(inside.speed_mps.min()) / approach_mps,
+        }
     return values
 
 
-def repeats_of(indices: dict[str, Index]) -> Floats:
-    """All overshoots of one zigzag [deg]: their spread says how well it can be repeated."""
-    return np.array([each.value for name, each in indices.items()
-                     if name.startswith("overshoot_") and name.removesuffix("_deg")[-1].isdigit()])  # fmt: skip
+def _deviation_deg(motion: Motion, executes: Floats) -> tuple[Floats, bool]:
+    """The heading off the course of the approach, positive to the side of the first swing, and whether the
+    approach was steady. If not, the course is the middle of the headings at which the helm was reversed."""
+    approach = approach_of(motion, executes[0])
+    largest = float(np.abs(motion.between(executes[0], executes[-1]).yaw_rate_dps).max())
+    steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest
+    at_executes = np.interp(executes[1:-1], motion.time_s, motion.heading_deg)
+    middle = float(np.mean(0.5 * (at_executes[1:] + at_executes[:-1]))) if at_executes.size > 1 else at_executes[0]
+    base = approach["approach_unwrapped_deg"] if steady else middle
+    return _first_side(motion, executes) * (motion.heading_deg - base), steady
+
+
+def _overshoots(motion: Motion, heading: Floats, both: Floats) -> dict[str, float]:
+    """Every overshoot and the time it took to check the yaw, and the mean overshoot of three and more."""
+    executes, halves = both
+    swings = executes.size - 2
+    values: dict[str, float] = {}
+    found = []
+    for number in range(1, swings + 1):
+        towards = heading if number % 2 else -heading
+        last = executes[number + 1] if number < swings else motion.time_s[-1]
+        time_s, top = peak(motion.time_s, towards, executes[number], float(last))
+        if number == swings and time_s >= executes[-1]:
+            continue  # the helm was taken off before the ship had answered
+        found.append(top - float(np.interp(executes[number], motion.time_s, towards)))
+        values[f"overshoot_{number}_deg"] = found[-1]
+        values[f"overshoot_{number}_half_command_deg"] = top - float(
+            np.interp(halves[number], motion.time_s, towards)
+        )
+        values[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
+    if len(found) > 2:
+        values["overshoot_mean_deg"] = float(np.mean(found))
+    return values
+
+
+def repeats_of(indices: Mapping[str, Index]) -> Floats:
+    """All overshoots of one zigzag [deg], in their order: their spread says how well it can be repeated."""
+    return np.array([each.value for name, each in indices.items() if _NUMBERED.fullmatch(name)])
