@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -16,7 +17,7 @@ from acquisition.errors import DataShortageError, InputError
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
 from analysis.frames import NANO, index_of, times_ns
-from analysis.history import with_step
+from analysis.history import KEY, with_step
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -53,12 +54,26 @@ def channels_of(recording: Recording) -> list[str]:
 
 
 def attributes_of(recording: Recording) -> dict[str, Any]:
-    """What a table of a recording carries in its ``attrs``: the trial, the file, the sources by channel."""
-    return {
+    """What a table of a recording carries in its ``attrs``: the trial, the file, the sources by channel.
+
+    A recording that was made of a table has that table's history too; one that cannot be read is left out.
+    """
+    attributes = {
         "trial": asdict(recording.trial),
         "recording": str(recording.path),
         "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
     }
+    history = _history_in(recording.metadata.get(KEY, {}).get(KEY, ""))
+    return {**attributes, KEY: history} if history else attributes
+
+
+def _history_in(text: str) -> list[dict[str, Any]]:
+    """The steps of a history as it was written; none where somebody has written something else."""
+    try:
+        steps = json.loads(text) if text else []
+    except ValueError:
+        return []
+    return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
 
 
 def believed(series: Series) -> Floats:

@@ -23,14 +23,15 @@ def write_table(
     trial: Trial,
     source: str | Mapping[str, str] = "table",
     qualities: Mapping[str, NDArray[np.uint8]] | None = None,
+    metadata: Mapping[str, Mapping[str, str]] | None = None,
 ) -> int:
     """Write a table's channels as a recording, in the order of its rows, and return the number of samples.
 
     ``table`` has a UTC index named ``time`` and columns named as the channels, in their units; NaN cells are
     not written. ``source`` says where the values come from, for all or by column; ``qualities`` gives flags
-    by column, :attr:`Quality.NOT_EVALUATED` where it is silent. The file appears under its name only when it
-    is complete. Raises :class:`InputError` for a column that is no channel, :class:`StorageError` when the
-    file cannot be written.
+    by column, :attr:`Quality.NOT_EVALUATED` where it is silent; ``metadata`` is said beside the trial's, by
+    name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
+    is no channel, :class:`StorageError` when the file cannot be written.
     """
     unknown = [name for name in table.columns if name not in BY_NAME]
     if unknown:
@@ -39,6 +40,8 @@ def write_table(
     partial = target.with_name(f".{target.name}.part")
     try:
         with RecordingWriter(partial, trial) as writer:
+            for name, said in (metadata or {}).items():
+                writer.write_metadata(name, said)
             _write_rows(writer, table, source, qualities or {})
         partial.replace(target)
     except StorageError as error:  # the person knows the file by its own name only

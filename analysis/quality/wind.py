@@ -64,11 +64,14 @@ def wind(table: pd.DataFrame) -> Checked:
 def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:
     """Direction [deg, from true north] and speed [m/s] of the true wind, the recorded one being apparent: [rows].
 
-    Vectorised form of :func:`acquisition.kinematics.wind_over_ground`; NaN where a channel is missing.
+    Vectorised form of :func:`acquisition.kinematics.wind_over_ground`; NaN where a channel has been silent for
+    2 s, and where the wind itself is not recorded.
     """
-    felt, velocity, bow = _vectors(table)
+    felt, velocity, bow = _vectors(_side_by_side(table))
     wind = felt * bow - velocity if relative_to_bow else felt - velocity
-    return wrap_360(np.rad2deg(np.angle(wind))), np.abs(wind)
+    recorded = table[list(JUDGED)].notna().to_numpy()
+    direction = np.where(recorded[:, 0], wrap_360(np.rad2deg(np.angle(wind))), np.nan)
+    return direction, np.where(recorded[:, 1], np.abs(wind), np.nan)
 
 
 def _vectors(table: pd.DataFrame) -> tuple[Complex, Complex, Complex]:
