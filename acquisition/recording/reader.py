@@ -6,9 +6,9 @@ goes and says so (``closed`` is False).
 
 from __future__ import annotations
 
-from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -19,7 +19,8 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from numpy.typing import NDArray
 
 from acquisition.errors import InputError
-from acquisition.recording.records import RecordError, contents
+from acquisition.recording.batches import Batch, Samples, add_samples, batches
+from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
 from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, RAW_PREFIX
 from acquisition.trial import Trial
@@ -82,19 +83,27 @@ class MessageStream:
     trial: Trial = field(default_factory=Trial)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    topics: dict[int, str] = field(default_factory=dict)
 
     def __iter__(self) -> Iterator[Entry]:
-        topics: dict[int, str] = {}
+        for batch in self.batches():
+            times = batch.log_ns.tolist(), batch.publish_ns.tolist()
+            for number, log_ns, publish_ns, data in zip(batch.channel.tolist(), *times, batch.data(), strict=True):
+                yield Entry(self.topics[number], log_ns, publish_ns, data)
+
+    def batches(self) -> Iterator[Batch]:
+        """The same messages, those that follow each other in a chunk together."""
+        self.topics.clear()
         promised: int | None = None
         messages = 0
         for record in self._records():
-            if isinstance(record, Message):
-                if record.channel_id not in topics:
+            if isinstance(record, Batch):
+                if not self.topics.keys() >= set(record.channel.tolist()):
                     raise self._damaged("a message of no topic")
-                messages += 1
-                yield Entry(topics[record.channel_id], record.log_time, record.publish_time, record.data)
+                messages += len(record)
+                yield record
             elif isinstance(record, Channel):
-                if topics.setdefault(record.id, record.topic) != record.topic:
+                if self.topics.setdefault(record.id, record.topic) != record.topic:
                     raise self._damaged("two topics of one number")
             elif isinstance(record, Statistics):
                 promised = record.message_count
@@ -116,8 +125,8 @@ class MessageStream:
         elif isinstance(record, Footer):
             self.closed = True
 
-    def _records(self) -> Iterator[McapRecord]:
-        """Records, those in chunks too, until the end or the cut; damage before the end is an InputError."""
+    def _records(self) -> Iterator[Batch | McapRecord]:
+        """Records, messages in batches, until the end or the cut; damage before the end is an InputError."""
         with open_recording(self.path) as stream:
             for found in scan(stream):
                 if isinstance(found, Damage):
@@ -126,9 +135,11 @@ class MessageStream:
                         raise self._damaged(found.why, f" near byte {found.start}")
                 elif isinstance(found.record, Chunk):
                     try:
-                        yield from contents(found.record)
+                        yield from batches(found.record)
                     except RecordError as error:
                         raise self._damaged(str(error), f" near byte {found.start}") from error
+                elif isinstance(found.record, Message):
+                    yield Batch.of_message(found.record)
                 elif found.record is not None:
                     yield found.record
 
@@ -161,33 +172,15 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
     return stream
 
 
-class _SeriesBuilder:
-    """Collects one channel's samples in 29 bytes each: a day of 13 channels has more than ten million."""
-
-    def __init__(self) -> None:
-        self.measured, self.received = array("q"), array("q")
-        self.value, self.quality = array("d"), array("B")
-        self.source = array("i")
-        self.sources: dict[str, int] = {}
-
-    def add(self, entry: Entry) -> None:
-        body = orjson.loads(entry.data)
-        value, quality = float(body["value"]), int(body["quality"])
-        self.source.append(self.sources.setdefault(body["source"], len(self.sources)))
-        self.measured.append(entry.publish_ns)
-        self.received.append(entry.log_ns)
-        self.value.append(value)
-        self.quality.append(quality)
-
-    def series(self) -> Series:
-        return Series(
-            np.frombuffer(self.measured, np.int64),
-            np.frombuffer(self.received, np.int64),
-            np.frombuffer(self.value, np.float64),
-            np.frombuffer(self.quality, np.uint8),
-            tuple(self.sources),
-            np.frombuffer(self.source, np.int32),
-        )
+def _series(samples: Samples) -> Series:
+    return Series(
+        np.frombuffer(samples.measured_ns, np.int64),
+        np.frombuffer(samples.received_ns, np.int64),
+        np.frombuffer(samples.value, np.float64),
+        np.frombuffer(samples.quality, np.uint8),
+        tuple(samples.sources),
+        np.frombuffer(samples.source, np.int32),
+    )
 
 
 def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
@@ -199,20 +192,32 @@ def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     )
 
 
-def _add_sample(builders: dict[str, _SeriesBuilder], entry: Entry, path: Path) -> None:
-    name = entry.topic.removeprefix(CHANNEL_PREFIX)
-    builder = builders.get(name) or builders.setdefault(name, _SeriesBuilder())
+def _events(batch: Batch, path: Path) -> list[tuple[int, str]]:
     try:
-        builder.add(entry)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise _foreign(path, entry.topic, error, "sample") from error
-
-
-def _event_text(entry: Entry, path: Path) -> str:
-    try:
-        return str(orjson.loads(entry.data)["message"])
+        texts = [str(orjson.loads(data)["message"]) for data in batch.data()]
     except (KeyError, TypeError, ValueError) as error:
-        raise _foreign(path, entry.topic, error, "event") from error
+        raise _foreign(path, EVENT_TOPIC, error, "event") from error
+    return list(zip(batch.log_ns.tolist(), texts, strict=True))
+
+
+def _numbers(batch: Batch, topics: Mapping[int, str]) -> dict[str, list[int]]:
+    """The channel numbers in a batch by topic, in the order in which they come first; two may have one topic."""
+    numbers: dict[str, list[int]] = {}
+    for number in dict.fromkeys(batch.channel.tolist()):
+        numbers.setdefault(topics[number], []).append(number)
+    return numbers
+
+
+def _add_samples(samples: dict[str, Samples], batch: Batch, topics: Mapping[int, str], path: Path) -> None:
+    """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
+    with suppress(KeyError, TypeError, ValueError, OverflowError):
+        return add_samples(samples, batch, topics)
+    for topic, numbers in _numbers(batch, topics).items():
+        try:
+            add_samples(samples, batch.of_channels(numbers), topics)
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
+            raise _foreign(path, topic, error, "sample") from error
+    return None
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -221,23 +226,27 @@ def read_recording(path: Path | str) -> Recording:
     Raises :class:`InputError` when the file is missing, empty, not MCAP, or damaged in the middle.
     """
     stream = MessageStream(Path(path))
-    builders: dict[str, _SeriesBuilder] = {}
+    samples: dict[str, Samples] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
     start_ns, end_ns, messages = 2**63 - 1, 0, 0
-    for entry in stream:
-        messages += 1
-        start_ns, end_ns = min(start_ns, entry.log_ns), max(end_ns, entry.log_ns)
-        if entry.topic.startswith(CHANNEL_PREFIX):
-            _add_sample(builders, entry, stream.path)
-        elif entry.topic.startswith(RAW_PREFIX):
-            raw[entry.topic] += 1
-        elif entry.topic == EVENT_TOPIC:
-            events.append((entry.log_ns, _event_text(entry, stream.path)))
+    for batch in stream.batches():
+        messages += len(batch)
+        start_ns, end_ns = min(start_ns, int(batch.log_ns.min())), max(end_ns, int(batch.log_ns.max()))
+        numbers = _numbers(batch, stream.topics)
+        sampled = [number for topic, each in numbers.items() if topic.startswith(CHANNEL_PREFIX) for number in each]
+        if sampled:
+            part = batch if len(sampled) == sum(map(len, numbers.values())) else batch.of_channels(sampled)
+            _add_samples(samples, part, stream.topics, stream.path)
+        for topic, each in numbers.items():
+            if topic.startswith(RAW_PREFIX):
+                raw[topic] += len(batch.of_channels(each))
+            elif topic == EVENT_TOPIC:
+                events += _events(batch.of_channels(each), stream.path)
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={name: builder.series() for name, builder in builders.items()},
+        series={topic.removeprefix(CHANNEL_PREFIX): _series(each) for topic, each in samples.items()},
         raw=dict(raw),
         events=events,
         messages=messages,
