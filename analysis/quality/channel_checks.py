@@ -1,0 +1,173 @@
+"""Checks of one channel: from its samples in the order of receipt to flags of the same length.
+
+Thresholds come from the channel's own noise, rate and habits, so that no ship and no sensor is the standard.
+A flag of 1 says that the check saw nothing wrong, 3 that the value deserves a look, 4 that it is wrong.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.channels import Channel
+from acquisition.frames import Quality
+from analysis.frames import NANO
+from analysis.quality.findings import Flags
+from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_time, times_of
+
+WIDEST_SPIKE = 3
+_SPIKE_SIZE = 5.0
+_BLOCK = 64
+_POSSIBLE_RATE = {("command", "rpm"): 40.0, ("command", "deg"): 20.0, ("environment", "m/s"): 2.0,
+                  ("environment", "deg"): 10.0, ("velocity", "m/s"): 0.3, ("velocity", "deg/s"): 1.0}  # fmt: skip
+_POSSIBLE_ACCELERATION = {("pose", "m"): 0.5, ("pose", "deg"): 2.0}
+
+
+def gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
+    """Where the channel is silent for much longer than its own interval; two missing samples are the least.
+
+    Silent is longer than 2.5 intervals, and than 2.5 times what 95 % of the intervals keep, for channels that
+    report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a late first sample
+    and an early last one, beyond 10 s.
+    """
+    times = np.unique(times_of(samples))
+    if times.size < 2:
+        return []
+    steps = np.diff(times)
+    limit = 2.5 * max(float(np.median(steps)), float(np.quantile(steps, 0.95)))
+    places = np.flatnonzero(steps > limit)
+    found = [Stretch(int(times[at]), int(times[at + 1]), steps[at] / NANO) for at in places]
+    for first, last in ((start_ns, int(times[0])), (int(times[-1]), end_ns)):
+        if first is not None and last is not None and last - first > max(limit, 10 * NANO):
+            found.append(Stretch(first, last, (last - first) / NANO))
+    return sorted(found)
+
+
+def out_of_range(samples: pd.Series[Any], channel: Channel) -> Flags:
+    """Bad where the value is impossible by :meth:`Channel.holds`."""
+    values = samples.to_numpy(dtype=float)
+    if not channel.circular:
+        held = (values >= channel.low) & (values <= channel.high)
+    elif channel.low < 0:
+        held = (values > channel.low) & (values <= channel.high)
+    else:
+        held = (values >= channel.low) & (values < channel.high)
+    return flags_where(~held & ~np.isnan(values), Quality.BAD, values)
+
+
+def duplicates(samples: pd.Series[Any]) -> Flags:
+    """Suspect where a measured time comes again."""
+    return flags_where(samples.index.duplicated(), Quality.SUSPECT, samples.to_numpy(dtype=float))
+
+
+def time_backwards(samples: pd.Series[Any]) -> tuple[Flags, list[Stretch]]:
+    """Suspect where a sample is measured before one that came earlier; the steps back are listed."""
+    times = times_of(samples)
+    behind = np.zeros(times.size, dtype=bool)
+    if times.size:
+        behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
+    steps = np.flatnonzero(np.diff(times) < 0)
+    found = [Stretch(int(times[at + 1]), int(times[at]), (times[at] - times[at + 1]) / NANO) for at in steps]
+    return flags_where(behind, Quality.SUSPECT, samples.to_numpy(dtype=float)), found
+
+
+def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
+    """Bad where one to three samples leave their neighbours and return.
+
+    What they leave is the line between the samples before and after. Leaving is more than 5 times what 80 % of
+    the neighbourhood does (7.8 standard deviations of white noise; waves and manoeuvres raise it themselves),
+    more than the ship or the thruster could do in the time, more than 3 of the channel's own steps, and more
+    than twice the steps just beside: the crest of a wave and a thruster that is stirred are lively there too.
+    Returning is that before and after agree, but for the local trend: a step of an order does not return.
+    """
+    places, times, values = in_time(samples, channel)
+    bad = np.zeros(len(samples), dtype=bool)
+    seconds = (times - times[0]) / NANO if times.size else times.astype(float)
+    once = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
+    places, seconds, values = places[once], seconds[once], values[once]
+    if values.size >= 16:
+        found = np.zeros(values.size, dtype=bool)
+        slope, noise, step = _local_slope(seconds, values), np.zeros(values.size), _smallest_step(values)
+        possible = 2.0 * _sustained_step(values)
+        for width in range(1, WIDEST_SPIKE + 1):
+            away, leaving, span = _leaving(seconds, values, slope, width)
+            noise = np.maximum(noise, _neighbourhood(away, 0.8 if width == 1 else 0.95))
+            limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(possible, _possible(channel, span)))
+            starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
+            starts = starts[leaving[starts] > 2.0 * _beside(seconds, values, slope, starts, width)]
+            for offset in range(width):
+                found[starts + offset] = True
+        bad[places[found]] = True
+    return flags_where(bad, Quality.BAD, samples.to_numpy(dtype=float))
+
+
+def _smallest_step(values: Floats) -> float:
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0]
+    return float(np.quantile(steps, 0.05)) if steps.size else 0.0
+
+
+def _sustained_step(values: Floats) -> float:
+    """The largest change from sample to sample that went on for two, but for the thousandth part: no spike does."""
+    steps = np.diff(values)
+    both = np.minimum(np.abs(steps[1:]), np.abs(steps[:-1]))
+    return float(np.quantile(np.where(steps[1:] * steps[:-1] > 0.0, both, 0.0), 0.999))
+
+
+def _local_slope(seconds: Floats, values: Floats) -> Floats:
+    """The median rate [unit/s] of the nine steps about each sample."""
+    from scipy.ndimage import median_filter
+
+    rates = np.diff(values) / np.diff(seconds)
+    smooth: Floats = median_filter(rates, size=9, mode="nearest")
+    return np.concatenate([smooth[:1], smooth])
+
+
+def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tuple[Floats, Floats, Floats]:
+    """By the first of ``width`` samples: how far all of them are to one side of the line from the sample before
+    to that after; the same where they return, else 0; and the time between these two [s].
+
+    They return where before and after agree within half of it, but for the local trend.
+    """
+    size = values.size - width - 1
+    before, after = slice(0, size), slice(width + 1, width + 1 + size)
+    span = seconds[after] - seconds[before]
+    away = np.empty((width, size))
+    for offset in range(width):
+        inside = slice(1 + offset, 1 + offset + size)
+        share = (seconds[inside] - seconds[before]) / span
+        away[offset] = values[inside] - values[before] - share * (values[after] - values[before])
+    least = np.abs(away).min(axis=0)
+    one_side = np.abs(np.sign(away).sum(axis=0)) == width
+    apart = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
+    least = np.where(one_side, least, 0.0)
+    edges = (1, width)
+    return np.pad(least, edges), np.pad(np.where(apart < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
+
+
+def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Integers, width: int) -> Floats:
+    """How lively it is just beside: the third largest of four steps before and four after, without the trend."""
+    places = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
+    places = np.clip(places, 0, values.size - 2)
+    steps = np.diff(values)[places] - slope[starts, None] * np.diff(seconds)[places]
+    return np.sort(np.abs(steps), axis=1)[:, -3]
+
+
+def _neighbourhood(leaving: Floats, share: float) -> Floats:
+    """What this share of the samples about each one stays below: the largest of three blocks of 64."""
+    blocks = max(leaving.size // _BLOCK, 1)
+    edges = np.linspace(0, leaving.size, blocks + 1).astype(int)
+    scale = np.array([np.quantile(leaving[a:b], share) for a, b in pairwise(edges)])
+    wide = np.maximum(scale, np.maximum(np.append(scale[1:], scale[-1]), np.insert(scale[:-1], 0, scale[0])))
+    return np.repeat(wide, np.diff(edges))
+
+
+def _possible(channel: Channel, span_s: Floats) -> Floats:
+    """How far a ship or a thruster can leave and return within a time: at a rate, or with an acceleration."""
+    kind = (channel.group, channel.unit)
+    acceleration = _POSSIBLE_ACCELERATION.get(kind, 0.0)
+    result: Floats = _POSSIBLE_RATE.get(kind, 0.0) * span_s / 2.0 + acceleration * span_s**2 / 8.0
+    return result

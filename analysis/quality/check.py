@@ -1,0 +1,216 @@
+"""What is wrong with a recording: every channel by itself, its times, then the channels against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.channels import BY_NAME
+from acquisition.frames import Quality
+from acquisition.recording.reader import Recording, Series
+from analysis.frames import index_of, times_ns, utc_index
+from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
+from analysis.quality.findings import Check, Checked, Finding, worst
+from analysis.quality.heading_wrap import heading_wrap
+from analysis.quality.orders import orders
+from analysis.quality.samples import Integers, Mask, column_samples, samples_of, times_of
+from analysis.quality.stuck import following_rates
+from analysis.quality.summary import ALL, WORDS, clock_jump_finding, findings_of
+from analysis.quality.thruster_feedback import thruster_feedback
+from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
+from analysis.quality.wind import wind
+from analysis.table import table_of
+
+CHECKS: tuple[Check, ...] = (heading_wrap, orders, thruster_feedback, wind)
+"""The checks across channels. Each gets the joined table with impossible values taken out."""
+
+GRAVITY = ("clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled", "stuck",
+           "heading_wrap_interpolated", "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter",
+           "heading_offset", "wind_apparent", "wind_direction_offset", "order_interpolated", "spike", "gap",
+           "quantised", "time_jitter", "duplicate")  # fmt: skip
+"""Codes of findings, the gravest first; others come behind."""
+
+_EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time_jitter"}),
+                 "stuck": frozenset({"feedback_frozen"})}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class DataQuality:
+    """The quality of a recording.
+
+    ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
+    4 bad, 9 missing. ``findings`` come with the gravest first.
+    """
+
+    channels: dict[str, ChannelQuality]
+    findings: tuple[Finding, ...]
+    flags: pd.DataFrame
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract's object: channels by name, findings."""
+        return {
+            "channels": {name: each.as_json() for name, each in self.channels.items()},
+            "findings": [finding.as_json() for finding in self.findings],
+        }
+
+
+def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> DataQuality:
+    """Check a recording; ``table`` is its joined table (:func:`analysis.table.table_of`) if it is already made.
+
+    Raises :class:`DataShortageError` for a recording without channels.
+    """
+    joined = table_of(recording) if table is None else table
+    names = [name for name in BY_NAME if name in recording.series]
+    samples = {name: samples_of(recording.series[name], name) for name in names}
+    whole = {name: pd.Series(recording.series[name].value, samples[name].index, name=name) for name in names}
+    return _check(samples, whole, joined, recording.series)
+
+
+def check_table(table: pd.DataFrame) -> DataQuality:
+    """Check a table of raw samples with a UTC index, its rows in the order of receipt; NaN is no sample.
+
+    Columns that are no channels are passed over. ``flags`` have the table's rows. Raises :class:`InputError` for
+    an index that is no time in UTC.
+    """
+    utc = table.set_axis(utc_index(table), axis=0)
+    names = [name for name in BY_NAME if name in utc and utc[name].notna().any()]
+    samples = {name: column_samples(utc, name) for name in names}
+    order = np.argsort(times_ns(utc), kind="stable")
+    joined = utc.iloc[order][names]
+    joined.attrs = table.attrs
+    quality = _check(samples, samples, joined, {})
+    flags = quality.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
+    return DataQuality(quality.channels, quality.findings, flags)
+
+
+def _check(
+    samples: Mapping[str, pd.Series[Any]],
+    whole: Mapping[str, pd.Series[Any]],
+    joined: pd.DataFrame,
+    series: Mapping[str, Series],
+) -> DataQuality:
+    """``whole`` has the values that a decoder flagged bad, too: they may be out of range."""
+    stamps = times_ns(joined)
+    bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
+    rates, sources = following_rates(joined), joined.attrs.get("sources", {})
+    faults = {
+        name: channel_faults(each, whole[name], rates.get(name), bounds, sources.get(name) == ASSUMED_SOURCES)
+        for name, each in samples.items()
+    }
+    rows = {name: rows_of(stamps, times_of(each)) for name, each in samples.items()}
+    checked = [check(_possible(joined, faults, rows)) for check in CHECKS]
+    across = tuple(finding for each in checked for finding in each.findings)
+    _explain(faults, rows, checked)
+    jumps, jump_findings = _clock_jumps(samples, joined, series)
+    findings = (*across, *jump_findings, *_single_findings(faults, across, jumps))
+    flags = _merged(faults, rows, checked, joined)
+    channels = {name: each.quality(_named(findings, name), whole[name], jumps) for name, each in faults.items()}
+    return DataQuality(channels, tuple(sorted(findings, key=_gravity)), flags)
+
+
+def rows_of(table_ns: Integers, measured_ns: Integers) -> Integers:
+    """The row of each sample in a sorted table that holds a repeated time in as many rows."""
+    order = np.argsort(measured_ns, kind="stable")
+    times = measured_ns[order]
+    rows = np.empty(times.size, dtype=np.int64)
+    rows[order] = np.searchsorted(table_ns, times) + np.arange(times.size) - np.searchsorted(times, times)
+    return np.minimum(rows, table_ns.size - 1)
+
+
+def _possible(
+    joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Integers]
+) -> pd.DataFrame:
+    """The table without values out of range, which would drown everything else."""
+    spoilt = {name: each.out_of_range for name, each in faults.items() if each.out_of_range.any()}
+    if not spoilt:
+        return joined
+    cleaned = joined.copy()
+    for name, outside in spoilt.items():
+        column = cleaned[name].to_numpy(copy=True)
+        column[rows[name][outside]] = np.nan
+        cleaned[name] = column
+    cleaned.attrs = joined.attrs
+    return cleaned
+
+
+def _explain(faults: Mapping[str, ChannelFaults], rows: Mapping[str, Integers], checked: list[Checked]) -> None:
+    """Take back spikes where a check across channels knows better what happened to the channel."""
+    for each in checked:
+        named = {finding.channel for finding in each.findings if finding.code in _EXPLAINED_BY["spike"]}
+        for name in named & set(faults) & set(each.flags.columns):
+            known = each.flags[name].to_numpy()[rows[name]]
+            faults[name].spikes[(known == Quality.SUSPECT) | (known == Quality.BAD)] = False
+
+
+def _clock_jumps(
+    samples: Mapping[str, pd.Series[Any]], joined: pd.DataFrame, series: Mapping[str, Series]
+) -> tuple[list[ClockJump], list[Finding]]:
+    """Jumps against reception where it was recorded, else against the ship's motion."""
+    received = reception_jumps(series)
+    if received:
+        found = [clock_jump_finding(jump, ALL, f"The clock of {source}") for source, jump in received]
+        return [jump for _, jump in received], found
+    jumps = clock_jumps(_in_receipt(samples, joined))
+    return jumps, [clock_jump_finding(jump, ALL, "The clock, but not the ship,") for jump in jumps]
+
+
+def _in_receipt(samples: Mapping[str, pd.Series[Any]], joined: pd.DataFrame) -> pd.DataFrame:
+    """The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
+    each row of a position with the last values of the other channels."""
+    stamps = {name: times_of(each) for name, each in samples.items()}
+    position = stamps.get("north_m", np.zeros(0, np.int64))
+    if all(np.array_equal(position, each) for each in stamps.values()):
+        return pd.DataFrame({name: each.to_numpy() for name, each in samples.items()}, index=index_of(position))
+    if "north_m" not in joined:
+        return joined
+    filled = joined.ffill()
+    return filled[joined["north_m"].notna().to_numpy()]
+
+
+def _single_findings(
+    faults: Mapping[str, ChannelFaults], across: tuple[Finding, ...], jumps: list[ClockJump]
+) -> list[Finding]:
+    """Findings of the checks of one channel, without what a finding across channels says better."""
+    jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
+    found: list[Finding] = []
+    for code in WORDS:
+        said = (
+            {each.channel for each in across if each.code in _EXPLAINED_BY.get(code, ())} if code == "stuck" else ()
+        )
+        troubles = {
+            name: [each for each in fault.stretches(code) if (each.start_ns, each.end_ns) not in jumped]
+            for name, fault in faults.items()
+            if name not in said
+        }
+        found += findings_of(code, troubles, len(faults))
+    return found
+
+
+def _merged(
+    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Integers], checked: list[Checked], joined: pd.DataFrame
+) -> pd.DataFrame:
+    """The flags of all checks on the rows of the joined table."""
+    columns = {}
+    for name, fault in faults.items():
+        column = np.full(len(joined), Quality.MISSING, dtype=np.uint8)
+        column[rows[name]] = fault.flags()
+        present: Mask = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
+        for each in checked:
+            if name in each.flags:
+                column = np.where(present, worst(column, each.flags[name].to_numpy(np.uint8)), column)
+        columns[name] = column
+    return pd.DataFrame(columns, index=joined.index)
+
+
+def _named(findings: tuple[Finding, ...], name: str) -> bool:
+    """Whether a finding is about this channel."""
+    return any(finding.channel == ALL or name in finding.channel for finding in findings)
+
+
+def _gravity(finding: Finding) -> tuple[int, pd.Timestamp, str]:
+    rank = GRAVITY.index(finding.code) if finding.code in GRAVITY else len(GRAVITY)
+    return rank, finding.start, finding.channel

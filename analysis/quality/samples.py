@@ -1,0 +1,110 @@
+"""The samples of one channel as the checks see them, and what the checks share: noise, steps, runs, stretches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.angles import unwrap, wrap_180
+from acquisition.channels import Channel
+from acquisition.frames import Quality
+from acquisition.recording.reader import Series
+from analysis.frames import NANO, index_of
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+ASSUMED = ("assumed",)
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Stretch:
+    """A part of a channel's time in which something is wrong, and its size (seconds, or what the check says)."""
+
+    start_ns: int
+    end_ns: int
+    size: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """How long it is."""
+        return (self.end_ns - self.start_ns) / NANO
+
+
+def samples_of(series: Series, name: str) -> pd.Series[Any]:
+    """One channel's values in the order of receipt, indexed by measured time; flagged bad is NaN."""
+    values = np.where(series.quality >= Quality.BAD, np.nan, series.value)
+    return pd.Series(values, index=index_of(series.measured_ns), name=name)
+
+
+def column_samples(table: pd.DataFrame, name: str) -> pd.Series[Any]:
+    """One column's values in the order of the table's rows, without the rows that it has no value in."""
+    found: pd.Series[Any] = table[name].dropna()
+    return found.tz_convert("UTC")
+
+
+def times_of(samples: pd.Series[Any]) -> Integers:
+    """Measured times [ns since 1970] in the order of receipt."""
+    return pd.DatetimeIndex(samples.index).as_unit("ns").asi8
+
+
+def in_time(samples: pd.Series[Any], channel: Channel) -> tuple[Integers, Integers, Floats]:
+    """Which samples have a value, in the order of measured time: their places, times [ns], values.
+
+    Angles come unwrapped, so that differences are turns.
+    """
+    times, values = times_of(samples), samples.to_numpy(dtype=float)
+    order = np.argsort(times, kind="stable")
+    order = order[np.isfinite(values[order])]
+    found = values[order]
+    return order, times[order], unwrap(found) if channel.circular else found
+
+
+def interval_ns(times_ns: Integers) -> float:
+    """The channel's own interval [ns]: the median of its steps in time, without those of no length."""
+    steps = np.diff(np.sort(times_ns))
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if steps.size else 0.0
+
+
+def white_noise(values: Floats) -> float:
+    """Standard deviation of what differs from sample to sample, whatever the slow motion is.
+
+    From third differences (weights 1, -3, 3, -1; their squares sum to 20) by the median of their size, so that
+    outliers and short manoeuvres do not count.
+    """
+    if values.size < 8:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 3))) / 0.6745 / np.sqrt(20.0))
+
+
+def turns_between(values: Floats, circular: bool) -> Floats:
+    """The steps from value to value; on a circle the shorter way."""
+    steps = np.diff(values)
+    return wrap_180(steps) if circular else steps
+
+
+def runs_of(condition: Mask) -> tuple[Integers, Integers]:
+    """First places and places behind the last of each run of True."""
+    edges = np.diff(np.concatenate([[False], condition, [False]]).astype(np.int8))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def flags_where(condition: Mask, flag: Quality, values: Floats) -> NDArray[np.uint8]:
+    """``flag`` where the condition holds, missing where there is no value, good elsewhere."""
+    flags = np.full(values.size, Quality.GOOD, dtype=np.uint8)
+    flags[condition] = flag
+    flags[np.isnan(values)] = Quality.MISSING
+    return flags
+
+
+def stretches_of(samples: pd.Series[Any], flagged: Mask) -> list[Stretch]:
+    """Runs of flagged samples as stretches, sized by their number of samples."""
+    times = times_of(samples)
+    starts, ends = runs_of(flagged)
+    pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
+    return [Stretch(first, last, float(count)) for (first, last), count in pairs]

@@ -1,0 +1,136 @@
+"""What single-channel checks found, in words: one finding a channel and code, or one for all channels together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import pandas as pd
+
+from acquisition.channels import BY_NAME
+from analysis.quality.findings import Finding
+from analysis.quality.samples import Stretch
+from analysis.quality.time_checks import ClockJump
+
+ALL = "all"
+Troubles = Mapping[str, list[Stretch]]
+"""By channel: where it has one kind of trouble."""
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """How one kind of trouble is put: from the channel, the stretches and the largest of them to a sentence."""
+
+    sentence: Callable[[str, list[Stretch], Stretch], str]
+    remedy: str
+    estimate: Callable[[list[Stretch], Stretch], dict[str, float]] = field(
+        default=lambda found, largest: {"count": float(len(found)), "largest": largest.size}
+    )
+
+
+def _at(stretch: Stretch) -> str:
+    return f"{stamp(stretch.start_ns):%H:%M:%S}"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else "twice" if count == 2 else f"{count} times"
+
+
+def _unit(channel: str) -> str:
+    return BY_NAME[channel].unit if channel in BY_NAME else ""
+
+
+def _who(channel: str) -> str:
+    return "every channel" if channel == ALL else channel
+
+
+WORDS: dict[str, Words] = {
+    "gap": Words(
+        lambda channel, found, largest: f"{_who(channel)} is silent {_times(len(found))}, "
+        f"{sum(each.size for each in found):.1f} s in all, the longest {largest.size:.1f} s from {_at(largest)}",
+        "Nothing is put across a gap; keep it out of windows",
+        lambda found, largest: {"seconds": largest.size, "count": float(len(found))},
+    ),
+    "stuck": Words(
+        lambda channel, found, largest: f"{_who(channel)} stands exactly still {_times(len(found))} although it "
+        f"should move, the longest for {largest.seconds:.1f} s from {_at(largest)}",
+        "Do not use it there; look for a sensor or a converter that stopped",
+        lambda found, largest: {"seconds": largest.seconds, "count": float(len(found))},
+    ),
+    "spike": Words(
+        lambda channel, found, largest: f"{_who(channel)} leaves its neighbours and returns {_times(len(found))}, "
+        f"the furthest by {largest.size:.3g} {_unit(channel)} at {_at(largest)}",
+        "The samples are flagged bad and stay out of resampling",
+    ),
+    "out_of_range": Words(
+        lambda channel, found, largest: f"{_who(channel)} has impossible values {_times(len(found))}, the first "
+        f"at {_at(min(found))}",
+        "The samples are flagged bad; look at the unit and at the source's code for no value",
+        lambda found, largest: {"count": float(len(found))},
+    ),
+    "duplicate": Words(
+        lambda channel, found, largest: f"{_who(channel)} repeats a measured time {_times(len(found))}, first at "
+        f"{_at(min(found))}",
+        "Keep one of the samples of one time",
+        lambda found, largest: {"count": float(len(found))},
+    ),
+    "time_backwards": Words(
+        lambda channel, found, largest: f"The measured time of {_who(channel)} runs back {_times(len(found))}, "
+        f"the furthest by {abs(largest.size):.3g} s at {_at(largest)}",
+        "Tables are sorted by measured time; look at how the source stamps",
+        lambda found, largest: {"seconds": abs(largest.size), "count": float(len(found))},
+    ),
+    "time_jitter": Words(
+        lambda channel, found, largest: f"The stamps of {_who(channel)} scatter about a regular clock by "
+        f"{largest.size:.3g} s",
+        "Take the source's own time if it has one, or put the samples back on a regular clock",
+        lambda found, largest: {"seconds": largest.size},
+    ),
+    "quantised": Words(
+        lambda channel, found, largest: f"{_who(channel)} moves in steps of {largest.size:.3g} {_unit(channel)}, "
+        "coarser than its noise",
+        "What lies between the steps is lost; take it from a finer source if there is one",
+        lambda found, largest: {"step": largest.size},
+    ),
+}  # fmt: skip
+
+
+def stamp(time_ns: int) -> pd.Timestamp:
+    """A time [ns since 1970] as UTC."""
+    return pd.Timestamp(time_ns, unit="ns", tz="UTC")
+
+
+def findings_of(code: str, troubles: Troubles, channels: int) -> list[Finding]:
+    """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
+    together, apart = _shared(troubles) if len(troubles) == channels > 1 else ([], dict(troubles))
+    found = [_finding(code, ALL, together)] if together else []
+    return found + [_finding(code, channel, stretches) for channel, stretches in apart.items() if stretches]
+
+
+def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
+    """The stretches that every channel has, by their ends, and what is left of each."""
+    ends = set.intersection(*({(each.start_ns, each.end_ns) for each in found} for found in troubles.values()))
+    first = next(iter(troubles.values()))
+    together = [each for each in first if (each.start_ns, each.end_ns) in ends]
+    apart = {channel: [each for each in found if (each.start_ns, each.end_ns) not in ends]
+             for channel, found in troubles.items()}  # fmt: skip
+    return together, apart
+
+
+def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
+    words, largest = WORDS[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
+    start, end = stamp(min(each.start_ns for each in found)), stamp(max(each.end_ns for each in found))
+    estimate = words.estimate(found, largest)
+    return Finding(code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate)
+
+
+def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
+    """A jump of a clock; ``what`` says whose clock, and what it was seen against."""
+    direction = "forward" if jump.seconds > 0 else "back"
+    text = (
+        f"{what} jumps {direction} by {abs(jump.seconds):.2f} s ({abs(jump.low):.2f} to {abs(jump.high):.2f}) "
+        f"at {stamp(jump.start_ns):%H:%M:%S}"
+    )
+    estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
+    remedy = "Take the jump off every later stamp before anything crosses it"
+    return Finding("clock_jump", channel, stamp(jump.start_ns), stamp(jump.end_ns), text, remedy, estimate)
