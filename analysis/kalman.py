@@ -1,11 +1,11 @@
-"""Kalman filter and Rauch-Tung-Striebel smoother over motion that is driven by white jerk.
+"""Kalman filter and Rauch-Tung-Striebel smoother over quantities that move by laws of :mod:`analysis.motion_laws`.
 
-The state is blocks of three, a quantity with its first and second derivative (Bar-Shalom, Li and Kirubarajan
-2001, chapter 6: the Wiener process acceleration model). Steps come at any times; at each, every channel may
-have one value, which sees the state through a row of its own. Channels are taken one after another, which for
-noise that is independent between them is the same as taking them together, and lets each be judged by itself:
-one whose innovation lies beyond the gate is refused. When a channel has been refused for long, the truth may
-have jumped: the quantity that it sees is then set free by the size of the jump, and the channel is believed.
+The state is blocks, each a quantity with its derivatives; a quantity may be the sum of two
+blocks, slow motion and waves. Steps come at any times; at each, every channel may have one value, which sees
+the state through a row of its own. Channels are taken one after another, which for noise that is independent
+between them is the same as taking them together, and lets each be judged by itself: one whose innovation lies
+beyond the gate is refused. When a channel has been refused for long, the truth may have jumped: the quantity
+that it sees is then set free by the size of the jump, and the channel is believed.
 
 Two engines give the same numbers: filterpy, and a compiled recursion that is some hundred times faster.
 """
@@ -17,6 +17,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.motion_laws import Model
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -52,6 +54,11 @@ class Steps:
     turn: Floats
     jumps: Flags
 
+    def seen_by(self, model: Model) -> Steps:
+        """The same steps on the model's states, of which several may add up to one; slow ones alone may jump."""
+        row, jumps = self.row @ model.sums, (self.jumps @ (model.sums > 0)) & model.may_jump
+        return Steps(self.time_s, self.value, row, self.variance, self.turn, jumps)
+
     def part(self, first: int, last: int) -> Steps:
         """The steps ``first`` to ``last``, the last one excluded."""
         some = slice(first, last)
@@ -66,6 +73,16 @@ class Start:
 
     mean: Floats
     covariance: Floats
+
+    def seen_by(self, model: Model) -> Start:
+        """The same on the model's states: a swing starts anywhere in it, what is slow as given here."""
+        covariance = np.zeros((model.may_jump.size,) * 2)
+        mean = (self.mean @ model.sums) * model.may_jump
+        for quantity, law, own in zip(model.quantities, model.laws, model.blocks, strict=True):
+            given = slice(3 * quantity, 3 * quantity + 3)
+            swing = law.covariance
+            covariance[own, own] = self.covariance[given, given] if swing is None else swing
+        return Start(mean, covariance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +114,7 @@ class Track:
     mean: Floats
     covariance: Floats
     filtered: Filtered
-    density: Floats
+    model: Model
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Mean [times, states] and covariance at any times from the first step on, exact for the model.
@@ -108,10 +125,10 @@ class Track:
         before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
         after = np.minimum(before + 1, self.time_s.size - 1)
         mean, covariance = predicted(
-            self.filtered.mean[before], self.filtered.covariance[before], time_s - self.time_s[before], self.density
+            self.filtered.mean[before], self.filtered.covariance[before], time_s - self.time_s[before], self.model
         )
         inside = after > before
-        forward = transition(np.where(inside, self.time_s[after] - time_s, 0.0), self.density.size)
+        forward = self.model.transition(np.where(inside, self.time_s[after] - time_s, 0.0))
         prior = self.filtered.prior_covariance[after]
         gain = _gain(covariance, forward, prior) * inside[:, None, None]
         step = self.mean[after] - self.filtered.prior_mean[after]
@@ -119,76 +136,47 @@ class Track:
         return mean, covariance + gain @ (self.covariance[after] - prior) @ gain.transpose(0, 2, 1)
 
 
-def transition(dt_s: Floats, blocks: int) -> Floats:
-    """The state's transition over each of ``dt_s`` [k]: [k, 3 blocks, 3 blocks]."""
-    block = np.zeros((dt_s.size, 3, 3))
-    block[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    block[:, 0, 1] = block[:, 1, 2] = dt_s
-    block[:, 0, 2] = dt_s**2 / 2.0
-    return _diagonal(block, np.ones(blocks))
-
-
-def process_noise(dt_s: Floats, density: Floats) -> Floats:
-    """The covariance that white jerk adds over each of ``dt_s`` [k]: [k, states, states].
-
-    ``density`` [blocks] is the jerk's two-sided spectral density, in (unit/s3)2 per Hz.
-    """
-    powers = {(0, 0): (5, 20), (0, 1): (4, 8), (0, 2): (3, 6), (1, 1): (3, 3), (1, 2): (2, 2), (2, 2): (1, 1)}
-    block = np.zeros((dt_s.size, 3, 3))
-    for (i, j), (power, divisor) in powers.items():
-        block[:, i, j] = block[:, j, i] = dt_s**power / divisor
-    return _diagonal(block, density)
-
-
-def _diagonal(block: Floats, factors: Floats) -> Floats:
-    full = np.zeros((block.shape[0], 3 * factors.size, 3 * factors.size))
-    for number, factor in enumerate(factors):
-        some = slice(3 * number, 3 * number + 3)
-        full[:, some, some] = factor * block
-    return full
-
-
-def predicted(mean: Floats, covariance: Floats, dt_s: Floats, density: Floats) -> tuple[Floats, Floats]:
+def predicted(mean: Floats, covariance: Floats, dt_s: Floats, model: Model) -> tuple[Floats, Floats]:
     """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
-    forward = transition(dt_s, density.size)
-    spread = forward @ covariance @ forward.transpose(0, 2, 1) + process_noise(dt_s, density)
+    forward = model.transition(dt_s)
+    spread = forward @ covariance @ forward.transpose(0, 2, 1) + model.process_noise(dt_s)
     return np.einsum("kij,kj->ki", forward, mean), spread
 
 
-def smooth_steps(
-    steps: Steps, start: Start, density: Floats, gate: Gate | None = None, engine: Engine = "auto"
-) -> Track:
-    """Filter forwards, smooth backwards. ``start`` holds at the first step's time."""
-    rules = gate or Gate()
+def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: Engine = "auto") -> Track:
+    """Filter forwards, smooth backwards. ``start`` holds at the first step's time; all on the model's states."""
     if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
         from analysis.kalman_filterpy import filter_and_smooth
 
-        return filter_and_smooth(steps, start, density, rules)
-    return smooth_filtered(steps.time_s, filter_steps(steps, start, density, rules), density)
+        return filter_and_smooth(steps, start, model, gate)
+    return smooth_filtered(steps.time_s, filter_steps(steps, start, model, gate), model)
 
 
-def filter_steps(steps: Steps, start: Start, density: Floats, gate: Gate) -> Filtered:
+def filter_steps(steps: Steps, start: Start, model: Model, gate: Gate) -> Filtered:
     """The forward pass of the compiled engine."""
     from analysis.kalman_compiled import forward_pass
 
-    return Filtered(
-        *forward_pass(
-            steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps,
-            start.mean, start.covariance, density, gate.limit, gate.patience_s, gate.patience,
-        )
+    return Filtered(*forward_pass(*arguments(steps, start, model, gate)))
+
+
+def arguments(steps: Steps, start: Start, model: Model, gate: Gate) -> tuple[object, ...]:
+    """What the compiled recursion takes."""
+    forward, added = model.blocks_over(np.diff(steps.time_s, prepend=steps.time_s[:1]))
+    return (
+        steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, start.mean,
+        start.covariance, model.sizes, forward, added, gate.limit, gate.patience_s, gate.patience,
     )  # fmt: skip
 
 
-def smooth_filtered(time_s: Floats, filtered: Filtered, density: Floats) -> Track:
+def smooth_filtered(time_s: Floats, filtered: Filtered, model: Model) -> Track:
     """The backward pass (Rauch, Tung and Striebel 1965) of the compiled engine."""
     from analysis.kalman_compiled import backward_pass
 
-    forward = transition(np.diff(time_s), density.size)
-    gain = _gain(filtered.covariance[:-1], forward, filtered.prior_covariance[1:])
+    gain = _gain(filtered.covariance[:-1], model.transition(np.diff(time_s)), filtered.prior_covariance[1:])
     mean, covariance = backward_pass(
         filtered.mean, filtered.covariance, filtered.prior_mean, filtered.prior_covariance, gain
     )
-    return Track(time_s, mean, covariance, filtered, density)
+    return Track(time_s, mean, covariance, filtered, model)
 
 
 def _gain(covariance: Floats, forward: Floats, prior: Floats) -> Floats:

@@ -10,36 +10,41 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Counts = NDArray[np.int64]
 
 
-@njit(cache=True)
-def advance(mean: Floats, covariance: Floats, dt: float, density: Floats) -> None:
-    """Move a state [n] and its covariance [n, n] on by ``dt`` in place: F = I + D, block by block."""
-    n = mean.size
-    for first in range(0, n, 3):
-        mean[first] += dt * mean[first + 1] + 0.5 * dt * dt * mean[first + 2]
-        mean[first + 1] += dt * mean[first + 2]
-        for j in range(n):
-            covariance[first, j] += dt * covariance[first + 1, j] + 0.5 * dt * dt * covariance[first + 2, j]
-            covariance[first + 1, j] += dt * covariance[first + 2, j]
-    for first in range(0, n, 3):
-        for i in range(n):
-            covariance[i, first] += dt * covariance[i, first + 1] + 0.5 * dt * dt * covariance[i, first + 2]
-            covariance[i, first + 1] += dt * covariance[i, first + 2]
-    for number in range(n // 3):
-        first, factor = 3 * number, density[number]
-        covariance[first, first] += factor * dt**5 / 20.0
-        covariance[first, first + 1] += factor * dt**4 / 8.0
-        covariance[first + 1, first] += factor * dt**4 / 8.0
-        covariance[first, first + 2] += factor * dt**3 / 6.0
-        covariance[first + 2, first] += factor * dt**3 / 6.0
-        covariance[first + 1, first + 1] += factor * dt**3 / 3.0
-        covariance[first + 1, first + 2] += factor * dt**2 / 2.0
-        covariance[first + 2, first + 1] += factor * dt**2 / 2.0
-        covariance[first + 2, first + 2] += factor * dt
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def advance(mean: Floats, covariance: Floats, sizes: Counts, forward: Floats, added: Floats) -> None:
+    """Move a state [n] and its covariance [n, n] on in place; ``forward`` and ``added`` [blocks, 4, 4]."""
+    half = np.empty((4, 4))
+    first = 0
+    for a in range(sizes.size):
+        for i in range(sizes[a]):
+            half[0, i] = mean[first + i]
+        for i in range(sizes[a]):
+            mean[first + i] = 0.0
+            for m in range(sizes[a]):
+                mean[first + i] += forward[a, i, m] * half[0, m]
+        second = 0
+        for b in range(a + 1):
+            for i in range(sizes[a]):
+                for j in range(sizes[b]):
+                    half[i, j] = 0.0
+                    for m in range(sizes[a]):
+                        half[i, j] += forward[a, i, m] * covariance[first + m, second + j]
+            for i in range(sizes[a]):
+                for j in range(sizes[b]):
+                    total = added[a, i, j] if a == b else 0.0
+                    for m in range(sizes[b]):
+                        total += half[i, m] * forward[b, j, m]
+                    covariance[first + i, second + j] = total
+                    if a != b:
+                        covariance[second + j, first + i] = total
+            second += sizes[b]
+        first += sizes[a]
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def seen(mean: Floats, covariance: Floats, row: Floats, value: float, turn: float, shadow: Floats) -> Any:
     """Innovation and the state's share of its variance; ``shadow`` [n] becomes P h'."""
     n = mean.size
@@ -48,7 +53,8 @@ def seen(mean: Floats, covariance: Floats, row: Floats, value: float, turn: floa
         innovation -= row[i] * mean[i]
         total = 0.0
         for j in range(n):
-            total += covariance[i, j] * row[j]
+            if row[j] != 0.0:
+                total += covariance[i, j] * row[j]
         shadow[i] = total
     for i in range(n):
         variance += row[i] * shadow[i]
@@ -57,7 +63,7 @@ def seen(mean: Floats, covariance: Floats, row: Floats, value: float, turn: floa
     return innovation, variance
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def set_free(covariance: Floats, row: Floats, jumps: Flags, innovation: float) -> None:
     """Make room for a jump of the size of the innovation in the states that may jump."""
     n = row.size
@@ -74,7 +80,7 @@ def set_free(covariance: Floats, row: Floats, jumps: Flags, innovation: float) -
                 covariance[i, j] += scale * row[i] * row[j]
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def correct(mean: Floats, covariance: Floats, shadow: Floats, innovation: float, spread2: float) -> None:
     n = mean.size
     for i in range(n):
@@ -83,10 +89,11 @@ def correct(mean: Floats, covariance: Floats, shadow: Floats, innovation: float,
             covariance[i, j] -= shadow[i] * shadow[j] / spread2
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def forward_pass(
     time: Floats, value: Floats, row: Floats, noise: Floats, turn: Floats, jumps: Flags,
-    mean: Floats, covariance: Floats, density: Floats, limit: float, patience_s: float, patience: int,
+    mean: Floats, covariance: Floats, sizes: Counts, forward: Floats, added: Floats,
+    limit: float, patience_s: float, patience: int,
 ) -> Any:  # fmt: skip
     """The filter over all steps; returns the fields of :class:`analysis.kalman.Filtered` in their order."""
     steps, channels = value.shape
@@ -99,7 +106,7 @@ def forward_pass(
     state, spread, shadow = mean.copy(), covariance.copy(), np.empty(n)
     for k in range(steps):
         if k > 0:
-            advance(state, spread, time[k] - time[k - 1], density)
+            advance(state, spread, sizes, forward[k], added[k])
         for c in range(channels):
             if times_refused[c] >= patience and time[k] - since[c] >= patience_s and np.isfinite(value[k, c]):
                 innovation, variance = seen(state, spread, row[k, c], value[k, c], turn[c], shadow)
@@ -124,7 +131,7 @@ def forward_pass(
     return prior_means, priors, means, covariances, innovations, spreads, refused
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def backward_pass(means: Floats, covariances: Floats, prior_means: Floats, priors: Floats, gain: Floats) -> Any:
     """Smoothed means and covariances from the filtered ones and the smoother's gains [steps - 1, n, n]."""
     steps, n = means.shape
@@ -149,14 +156,15 @@ def backward_pass(means: Floats, covariances: Floats, prior_means: Floats, prior
     return smooth, spread
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def cost_of(
     time: Floats, value: Floats, row: Floats, noise: Floats, turn: Floats, jumps: Flags,
-    mean: Floats, covariance: Floats, density: Floats, limit: float, patience_s: float, patience: int,
+    mean: Floats, covariance: Floats, sizes: Counts, forward: Floats, added: Floats,
+    limit: float, patience_s: float, patience: int,
 ) -> Any:  # fmt: skip
     """Minus twice the logarithm of the innovations' likelihood, each one's square counted up to the limit."""
     result = forward_pass(
-        time, value, row, noise, turn, jumps, mean, covariance, density, limit, patience_s, patience
+        time, value, row, noise, turn, jumps, mean, covariance, sizes, forward, added, limit, patience_s, patience
     )
     innovations, spreads = result[4], result[5]
     total = 0.0

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from analysis.kalman import Filtered, Floats, Gate, Start, Steps, Track, process_noise, transition
+from analysis.kalman import Filtered, Floats, Gate, Start, Steps, Track
+from analysis.motion_laws import Model
 
 
 class _Patience:
@@ -27,26 +28,25 @@ class _Patience:
         self._times[channel] = self._times[channel] + 1 if refused else 0
 
 
-def filter_and_smooth(steps: Steps, start: Start, density: Floats, gate: Gate) -> Track:
+def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> Track:
     """As :func:`analysis.kalman.smooth_steps` says."""
     count, channels = steps.value.shape
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[0])
-    forward, added = transition(dt_s, density.size), process_noise(dt_s, density)
+    forward, added = model.transition(dt_s), model.process_noise(dt_s)
     kalman = KalmanFilter(dim_x=start.mean.size, dim_z=1)
     kalman.x, kalman.P = start.mean[:, None].copy(), start.covariance.copy()
     patience = _Patience(gate, channels)
     innovation, spread = np.full((count, channels), np.nan), np.full((count, channels), np.nan)
     refused = np.zeros((count, channels), dtype=bool)
-    states: dict[str, list[Floats]] = {"prior_mean": [], "prior": [], "mean": [], "covariance": []}
+    states: tuple[list[Floats], ...] = ([], [], [], [])
     for k in range(count):
         if k > 0:
             kalman.predict(F=forward[k], Q=added[k])
         freed = _freed(kalman, steps, k, patience, gate)
         kalman.P = kalman.P + freed
         added[k] += freed
-        states["prior_mean"].append(kalman.x[:, 0].copy())
-        states["prior"].append(kalman.P.copy())
-        for c in np.flatnonzero(np.isfinite(steps.value[k])):
+        before = kalman.x[:, 0].copy(), kalman.P.copy()
+        for c in _present(steps, k):
             error, variance = _seen(kalman, steps, k, c)
             innovation[k, c], spread[k, c] = error, np.sqrt(variance)
             refused[k, c] = error**2 > gate.limit * variance
@@ -54,12 +54,17 @@ def filter_and_smooth(steps: Steps, start: Start, density: Floats, gate: Gate) -
             if not refused[k, c]:
                 row = steps.row[k, c][None, :]
                 kalman.update(error + (row @ kalman.x).item(), R=steps.variance[k, c], H=row)
-        states["mean"].append(kalman.x[:, 0].copy())
-        states["covariance"].append(kalman.P.copy())
-    stacked = [np.stack(each) for each in states.values()]
-    filtered = Filtered(*stacked, innovation, spread, refused)
+        for series, each in zip(states, (*before, kalman.x[:, 0].copy(), kalman.P.copy()), strict=True):
+            series.append(each)
+    prior_mean, prior, means, covariances = (np.stack(each) for each in states)
+    filtered = Filtered(prior_mean, prior, means, covariances, innovation, spread, refused)
     mean, covariance, _, _ = kalman.rts_smoother(filtered.mean, filtered.covariance, forward, added)
-    return Track(steps.time_s, mean, covariance, filtered, density)
+    return Track(steps.time_s, mean, covariance, filtered, model)
+
+
+def _present(steps: Steps, k: int) -> list[int]:
+    """The channels that have a value at a step."""
+    return [int(channel) for channel in np.flatnonzero(np.isfinite(steps.value[k]))]
 
 
 def _seen(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float]:
@@ -73,9 +78,9 @@ def _seen(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float
 
 def _freed(kalman: Any, steps: Steps, k: int, patience: _Patience, gate: Gate) -> Floats:
     """The variance that channels refused for long add to what they see."""
-    freed = np.zeros_like(kalman.P)
+    freed: Floats = np.zeros(kalman.P.shape)
     before = kalman.P
-    for c in np.flatnonzero(np.isfinite(steps.value[k])):
+    for c in _present(steps, k):
         if not patience.over(c, float(steps.time_s[k])):
             continue
         kalman.P = before + freed

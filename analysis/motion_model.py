@@ -52,8 +52,10 @@ class Binned:
     def part(self, first: int, last: int) -> Binned:
         """The steps ``first`` to ``last``, the last one excluded."""
         some = slice(first, last)
-        arrays = (self.time_s, self.value, self.count, self.offset_s, self.offset_s2)
-        return Binned(self.epoch_ns, *(each[some] for each in arrays), self.step_of)
+        return Binned(
+            self.epoch_ns, self.time_s[some], self.value[some], self.count[some],
+            self.offset_s[some], self.offset_s2[some], self.step_of,
+        )  # fmt: skip
 
 
 def motion_values(table: pd.DataFrame) -> Floats:
@@ -89,21 +91,20 @@ def binned(table: pd.DataFrame, fastest_hz: float = FASTEST_HZ) -> Binned:
     step_of = np.full(len(table), -1, dtype=np.int64)
     kept, step_of[some] = np.unique(number[some], return_inverse=True)
     time_s = _mean(step_of[some], since_s[some], kept.size)
-    result = np.full((4, kept.size, len(CHANNELS)), np.nan)
+    value, count, offset, offset2 = np.full((4, kept.size, len(CHANNELS)), np.nan)
     for channel in range(len(CHANNELS)):
         rows = np.flatnonzero(there[:, channel])
-        step, value = step_of[rows], values[rows, channel]
+        step, sample, apart_s = step_of[rows], values[rows, channel], since_s[rows] - time_s[step_of[rows]]
         first = np.zeros(kept.size)
-        first[step[::-1]] = value[::-1]
-        apart = value - first[step]
+        first[step[::-1]] = sample[::-1]
+        apart = sample - first[step]
         if channel == HEADING:
-            apart = np.deg2rad(difference(np.rad2deg(value), np.rad2deg(first[step])))
-        offset = since_s[rows] - time_s[step]
-        result[1, :, channel] = np.bincount(step, minlength=kept.size)
-        result[0, :, channel] = first + _mean(step, apart, kept.size)
-        result[2, :, channel] = _mean(step, offset, kept.size)
-        result[3, :, channel] = _mean(step, offset**2, kept.size)
-    return Binned(epoch_ns, time_s, *result, step_of)
+            apart = np.deg2rad(difference(np.rad2deg(sample), np.rad2deg(first[step])))
+        count[:, channel] = np.bincount(step, minlength=kept.size)
+        value[:, channel] = first + _mean(step, apart, kept.size)
+        offset[:, channel] = _mean(step, apart_s, kept.size)
+        offset2[:, channel] = _mean(step, apart_s**2, kept.size)
+    return Binned(epoch_ns, time_s, value, count, offset, offset2, step_of)
 
 
 def _mean(step: Counts, values: Floats, steps: int) -> Floats:
@@ -116,9 +117,10 @@ def _mean(step: Counts, values: Floats, steps: int) -> Floats:
 def heading_steps(data: Binned, heading_rad: float, yaw_rate_radps: float) -> Steps:
     """Heading and yaw rate alone, on three states; the standard deviations are of one sample."""
     value = data.value[:, :2]
-    row = np.stack([_quadratic(data, HEADING), _slope(data, YAW_RATE)], axis=1)
+    row, jumps = np.zeros((data.time_s.size, 2, 9)), np.zeros((2, 9), dtype=bool)
+    row[:, 0, PSI : R_DOT + 1], row[:, 1, PSI : R_DOT + 1] = _quadratic(data, HEADING), _slope(data, YAW_RATE)
     noise = np.array([heading_rad, yaw_rate_radps])
-    jumps = np.array([[True, False, False], [False, True, False]])
+    jumps[0, PSI] = jumps[1, R] = True
     return Steps(data.time_s, value, row, _variance(noise, data.count[:, :2]), np.array([2 * np.pi, 0.0]), jumps)
 
 
@@ -149,32 +151,22 @@ def motion_steps(data: Binned, heading_rad: Floats, noise: Floats) -> Steps:
     return Steps(data.time_s, value, row, _variance(noise, data.count), np.zeros(len(CHANNELS)), jumps)
 
 
-def horizontal_steps(steps: Steps, heading: Floats, heading_variance: Floats) -> Steps:
-    """The steps of all channels with the heading given: position and speeds on the six horizontal states.
-
-    ``heading`` [steps, 3] is the heading with its derivatives; its variance [steps] joins that of the speeds.
-    """
+def horizontal_steps(steps: Steps, heading: Floats) -> Steps:
+    """Position and speeds with the heading and its derivatives given [steps, 3 or more]: what north and east explain."""
     some = slice(NORTH, SWAY + 1)
-    row = steps.row[:, some]
-    value = steps.value[:, some] - np.einsum("kcj,kj->kc", row[:, :, :3], heading)
-    variance = steps.variance[:, some] + row[:, :, PSI] ** 2 * heading_variance[:, None]
-    return Steps(steps.time_s, value, row[:, :, 3:], variance, steps.turn[some], steps.jumps[some, 3:])
+    row = steps.row[:, some].copy()
+    value = steps.value[:, some] - np.einsum("kcj,kj->kc", row[:, :, :3], heading[:, :3])
+    row[:, :, :3] = 0.0
+    return Steps(steps.time_s, value, row, steps.variance[:, some], steps.turn[some], steps.jumps[some])
 
 
-def first_state(data: Binned, heading_rad: float) -> Start:
-    """What is known before the first sample: a heading, the first position, and little else."""
+def first_state(data: Binned) -> Start:
+    """What is known before the first sample: the first heading and position, and little else."""
     mean = np.zeros(9)
-    mean[PSI] = heading_rad
-    for channel, state in ((NORTH, N), (EAST, E)):
+    for channel, state in ((HEADING, PSI), (NORTH, N), (EAST, E)):
         there = np.flatnonzero(np.isfinite(data.value[:, channel]))
         mean[state] = data.value[there[0], channel] if there.size else 0.0
     return Start(mean, np.diag(_FIRST_VARIANCE))
-
-
-def first_heading(data: Binned) -> float:
-    """The first heading that there is [rad]."""
-    there = np.flatnonzero(np.isfinite(data.value[:, HEADING]))
-    return float(data.value[there[0], HEADING]) if there.size else 0.0
 
 
 def _quadratic(data: Binned, channel: int) -> Floats:

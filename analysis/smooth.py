@@ -24,18 +24,16 @@ from acquisition.channels import POSE
 from acquisition.errors import InputError
 from analysis.frames import NANO, index_of, times_ns
 from analysis.history import with_step
-from analysis.kalman import Engine, Flags, Floats, Gate, Start, Track, smooth_steps
+from analysis.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
 from analysis.motion_model import (
     BODY,
     CHANNELS,
     HEADING,
-    PSI,
     YAW_RATE,
     Binned,
     Counts,
     binned,
     body_states,
-    first_heading,
     first_state,
     heading_steps,
     motion_steps,
@@ -52,7 +50,7 @@ COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BOD
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
 
 _RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this nothing is left to carry on
-_BLOCK_STEPS, _OVERLAP_STEPS = 20_000, 400
+_BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
 _GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
 _IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
 
@@ -63,12 +61,15 @@ class Smoothed:
 
     ``states`` [rows] has the columns :data:`analysis.motion_model.BODY`: pose and velocity in the units of the
     channels, and the rates of change of surge, sway [m/s2] and yaw rate [deg/s2]. ``covariance`` [rows, 9, 9] is
-    theirs in the same order in SI, angles in radians. Rows inside long gaps are NaN in both. ``rejected`` has the
-    index of the table it was made from and a column for each motion channel, true where a sample was refused.
+    theirs in the same order in SI, angles in radians. ``slow`` and ``slow_covariance`` are the same without the
+    swing in waves, and the same altogether where the data show none. Rows inside long gaps are NaN. ``rejected``
+    has the index of the table it was made from and a column for each motion channel, true where a sample was refused.
     """
 
     states: pd.DataFrame
     covariance: Floats
+    slow: pd.DataFrame
+    slow_covariance: Floats
     noise: NoiseLevels
     rejected: pd.DataFrame
     consistency: Consistency
@@ -110,24 +111,43 @@ def smooth(
     noise = levels or estimate_levels(data, rules)
     grid_ns = _grid(data, rate_hz)
     grid_s = (grid_ns - data.epoch_ns) / NANO
-    mean, covariance = np.full((grid_ns.size, 9), np.nan), np.full((grid_ns.size, 9, 9), np.nan)
+    motion, slow = _Motion.empty(grid_ns.size), _Motion.empty(grid_ns.size)
     innovations = _Innovations.empty(data)
     for block in _blocks(data.time_s):
         track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
         innovations.keep(block, track)
-        since, until = np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)])
-        some = slice(int(since), int(until))
-        mean[some], covariance[some] = body_states(*track.at(grid_s[some]))
+        some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
+        mean, covariance = track.at(grid_s[some])
+        motion.keep(some, track.model.sums, mean, covariance)
+        slow.keep(some, track.model.sums * track.model.may_jump, mean, covariance)
     hidden = _in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
-    mean[hidden], covariance[hidden] = np.nan, np.nan
-    states = _as_table(mean, grid_ns, rate_hz, table)
+    for each in (motion, slow):
+        each.mean[hidden], each.covariance[hidden] = np.nan, np.nan
     return Smoothed(
-        states,
-        covariance,
+        _as_table(motion.mean, grid_ns, rate_hz, table),
+        motion.covariance,
+        _as_table(slow.mean, grid_ns, rate_hz, table),
+        slow.covariance,
         noise,
         _rejected(table, data, noise, rules, innovations),
         consistency_of(data.time_s, innovations.innovation, innovations.spread, innovations.refused),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """Body-fixed motion on the grid [rows, 9] with its covariance [rows, 9, 9]."""
+
+    mean: Floats
+    covariance: Floats
+
+    @classmethod
+    def empty(cls, rows: int) -> _Motion:
+        return cls(np.full((rows, 9), np.nan), np.full((rows, 9, 9), np.nan))
+
+    def keep(self, some: slice, sums: Floats, mean: Floats, covariance: Floats) -> None:
+        """Add up the blocks of each quantity and turn the result into the ship's axes."""
+        self.mean[some], self.covariance[some] = body_states(mean @ sums.T, sums @ covariance @ sums.T)
 
 
 def _as_table(mean: Floats, grid_ns: Counts, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
@@ -153,12 +173,12 @@ def _grid(data: Binned, rate_hz: float) -> Counts:
 
 def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
     """Two passes: the heading by itself, then everything about it."""
-    begin = first_state(data, first_heading(data))
-    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps)
-    start = Start(begin.mean[:3], begin.covariance[:3, :3])
-    heading = smooth_steps(alone, start, noise.density[:1], gate, engine)
-    steps = motion_steps(data, heading.mean[:, PSI], noise.by_channel)
-    return smooth_steps(steps, begin, noise.density, gate, engine)
+    begin, model = first_state(data), noise.heading_model
+    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).seen_by(model)
+    heading = smooth_steps(alone, begin.seen_by(model), model, gate, engine)
+    everything = noise.motion_model
+    steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).seen_by(everything)
+    return smooth_steps(steps, begin.seen_by(everything), everything, gate, engine)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +235,7 @@ class _Innovations:
         self.innovation[core] = track.filtered.innovation[local]
         self.spread[core] = track.filtered.spread[local]
         self.refused[core] = track.filtered.refused[local]
-        self.mean[core] = track.mean[local]
+        self.mean[core] = track.mean[local] @ track.model.sums.T
 
 
 def _rejected(

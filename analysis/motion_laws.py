@@ -1,0 +1,173 @@
+"""How a quantity moves when nobody measures it: slow motion by white jerk, waves by a damped oscillator.
+
+Both are linear, and their states are the quantity and its derivatives, so that a sum of both is seen through the
+same row twice. A ship's observer that keeps waves apart from the ship's
+own motion goes back to Balchen, Jenssen and Saelid 1976; Fossen 2011, chapter 11.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+QUANTITIES, LARGEST = 3, 4
+_SAME_S = 1e-9
+
+
+class Law(Protocol):
+    """What a model asks of a law of motion."""
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether the quantity may be anywhere, as slow motion may and a swing about zero may not."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """The number of states: the quantity and its first derivatives, two at least."""
+        ...
+
+    @property
+    def covariance(self) -> Floats | None:
+        """The covariance at any time [size, size], None where it grows for ever."""
+        ...
+
+    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """Transition and added covariance over each of ``dt_s`` [k]: twice [k, size, size]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class WhiteJerk:
+    """The third derivative is white noise; ``jerk`` is the root of its spectral density, unit/s3 per root Hz.
+
+    Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3: the Wiener process acceleration model.
+    """
+
+    jerk: float
+    may_jump: bool = True
+    size: int = 3
+    covariance: None = None
+
+    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """As :class:`Law` says."""
+        forward, added = np.zeros((2, dt_s.size, 3, 3))
+        forward[:, [0, 1, 2], [0, 1, 2]] = 1.0
+        forward[:, 0, 1] = forward[:, 1, 2] = dt_s
+        forward[:, 0, 2] = dt_s**2 / 2.0
+        powers = {(0, 0): (5, 20), (0, 1): (4, 8), (0, 2): (3, 6), (1, 1): (3, 3), (1, 2): (2, 2), (2, 2): (1, 1)}
+        for (i, j), (power, divisor) in powers.items():
+            added[:, i, j] = added[:, j, i] = self.jerk**2 * dt_s**power / divisor
+        return forward, added
+
+
+@dataclass(frozen=True, slots=True)
+class WaveMotion:
+    """A swing about zero: a damped oscillator, driven by noise that a low-pass of second order has made smooth.
+
+    ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` where the oscillator swings,
+    which is also the low-pass's corner (Butterworth), and ``damping`` its share of critical damping, which is
+    the spectrum's width. The spectrum of position falls with the eighth power of frequency above the peak: a
+    sea's falls with the fifth, and a hull, longer than short waves, follows them still less. The state has the
+    third derivative too.
+    """
+
+    speed: float
+    frequency_radps: float
+    damping: float
+    may_jump: bool = False
+    size: int = 4
+
+    @property
+    def _system(self) -> Floats:
+        w, z = self.frequency_radps, self.damping
+        slope = np.sqrt(2.0)
+        polynomial = np.polymul([1.0, 2 * z * w, w**2], [1.0, slope * w, w**2])
+        system = np.eye(4, k=1)
+        system[3] = -polynomial[:0:-1]
+        return system
+
+    @property
+    def covariance(self) -> Floats:
+        """The covariance of the swing at any time [4, 4]."""
+        identity, system = np.eye(4), self._system
+        drive = np.zeros((4, 4))
+        drive[3, 3] = 1.0
+        lyapunov = np.kron(system, identity) + np.kron(identity, system)
+        unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(4, 4)
+        return np.asarray(unit * self.speed**2 / unit[1, 1])
+
+    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """As :class:`Law` says; the roots differ for a damping below 0.7."""
+        roots, vectors = np.linalg.eig(self._system)
+        powers = np.exp(roots * dt_s[:, None])
+        forward = np.real(np.einsum("ij,kj,jl->kil", vectors, powers, np.linalg.inv(vectors)))
+        stationary = self.covariance
+        added = stationary - forward @ stationary @ forward.transpose(0, 2, 1)
+        return forward, (added + added.transpose(0, 2, 1)) / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Blocks of states, each a law by which one of the three quantities, or a part of it, moves."""
+
+    quantities: tuple[int, ...]
+    laws: tuple[Law, ...]
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """The number of states of each block."""
+        return np.array([law.size for law in self.laws], dtype=np.int64)
+
+    @property
+    def blocks(self) -> list[slice]:
+        """Where each block's states are."""
+        ends = np.cumsum(self.sizes).tolist()
+        return [slice(end - law.size, end) for end, law in zip(ends, self.laws, strict=True)]
+
+    @property
+    def may_jump(self) -> NDArray[np.bool_]:
+        """For each state, whether it may jump."""
+        return np.repeat([law.may_jump for law in self.laws], self.sizes)
+
+    @property
+    def sums(self) -> Floats:
+        """The matrix [9, states] that adds up each quantity and its two derivatives."""
+        matrix = np.zeros((3 * QUANTITIES, int(self.sizes.sum())))
+        for quantity, block in zip(self.quantities, self.blocks, strict=True):
+            for derivative in range(3):
+                matrix[3 * quantity + derivative, block.start + derivative] = 1.0
+        return matrix
+
+    def blocks_over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """Transition and added covariance over each of ``dt_s`` [k], block by block: twice [k, blocks, 4, 4].
+
+        A smaller block fills the first rows and columns of its matrices.
+        """
+        rounded, which = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
+        forward, added = np.zeros((2, rounded.size, len(self.laws), LARGEST, LARGEST))
+        done = {law: law.over(rounded) for law in set(self.laws)}
+        for number, law in enumerate(self.laws):
+            some = slice(0, law.size)
+            forward[:, number, some, some], added[:, number, some, some] = done[law]
+        return forward[which], added[which]
+
+    def transition(self, dt_s: Floats) -> Floats:
+        """The state's transition over each of ``dt_s`` [k]: [k, states, states]."""
+        return self._on_diagonal(self.blocks_over(dt_s)[0])
+
+    def process_noise(self, dt_s: Floats) -> Floats:
+        """The covariance that is added over each of ``dt_s`` [k]: [k, states, states]."""
+        return self._on_diagonal(self.blocks_over(dt_s)[1])
+
+    def _on_diagonal(self, blocks: Floats) -> Floats:
+        states = int(self.sizes.sum())
+        full = np.zeros((blocks.shape[0], states, states))
+        for number, some in enumerate(self.blocks):
+            size = some.stop - some.start
+            full[:, some, some] = blocks[:, number, :size, :size]
+        return full
