@@ -1,4 +1,4 @@
-"""The commands ashore that need no model: export, windows, batch."""
+"""The commands ashore that need no model: check, export, windows, manoeuvres, batch."""
 
 from __future__ import annotations
 
@@ -13,27 +13,72 @@ from acquisition.cli import AsJson, Output
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
+    app.command("check", help="Say what is wrong with a recording, channel by channel.")(check)
     app.command("export", help="Write a recording as a table: Parquet, CSV or .mat.")(export)
     app.command("windows", help="Cut the windows in which the thrusters were held.")(windows)
+    app.command("manoeuvres", help="Find the manoeuvres and their indices.")(manoeuvres)
     app.command("batch", help="All of it for every recording below a folder, with one index; resumes.")(batch)
+
+
+def check(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say what is wrong with a recording."""
+    from acquisition.recording.reader import read_recording
+    from analysis.quality.check import check_recording
+
+    recording = read_recording(file)
+    quality = check_recording(recording)
+    if output is not None:
+        from analysis.quality.page import write_quality
+
+        for path in write_quality(quality, output, recording.trial.as_metadata(), str(file)):
+            typer.echo(path, err=True)
+    if as_json:
+        typer.echo(json.dumps(quality.as_json()))
+        return
+    from rich.console import Console
+
+    from analysis.quality.terminal import print_quality
+
+    print_quality(Console(), quality)
 
 
 def export(
     file: Annotated[Path, typer.Argument(help="A recording.")],
     output: Output,
     rate: Annotated[float | None, typer.Option(help="Resample to so many rows a second; raw without it.")] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="Motion from the smoother, with uncertainties; at 1 Hz without --rate.")
+    ] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Do the repairs that are certain first.")] = False,
+    remove_delays: Annotated[
+        bool, typer.Option("--remove-delays", help="Estimate how late channels are stamped, and take that off.")
+    ] = False,
+    flags: Annotated[bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel.")] = False,
 ) -> None:
     """Write a recording as a table."""
-    from analysis.export import export_table
-    from analysis.resample import resample
-    from analysis.table import read_table
+    from dataclasses import asdict
 
-    table = read_table(file)
-    if rate is not None:
-        table = resample(table, rate)
-    export_table(table, output, rate)
-    typer.echo(f"{len(table):,} rows of {len(table.columns)} channels", err=True)
-    typer.echo(output)
+    from acquisition.recording.reader import read_recording
+    from analysis.export import export_table
+    from analysis.history import history_of
+    from analysis.prepare import Preparation, prepared
+
+    how = Preparation(rate, repair, remove_delays, smooth, flags)
+    table = prepared(read_recording(file), how)
+    written, *beside = export_table(table, output, options=asdict(how))
+    for step in history_of(table):
+        if step["step"] in ("repair", "remove_delays"):
+            typer.echo(step["options"].get("text") or f"delays removed: {step['options']['delays_s']} s", err=True)
+    typer.echo(f"{len(table):,} rows of {len(table.columns)} columns", err=True)
+    for path in beside:
+        typer.echo(f"units, trial and provenance: {path}", err=True)
+    typer.echo(written)
 
 
 def windows(
@@ -67,6 +112,35 @@ def windows(
         err=True,
     )
     typer.echo(output)
+
+
+def manoeuvres(
+    files: Annotated[list[Path], typer.Argument(help="Recordings.")],
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="A folder for JSON and pictures.")] = None,
+    length: Annotated[
+        float | None, typer.Option(min=0.1, help="The ship's length [m], for lengths and limits.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find the manoeuvres of recordings and their indices."""
+    from rich.console import Console
+
+    from acquisition.progress import bar
+    from analysis.manoeuvres.report import manoeuvres_of, screen, summary, write_report
+
+    with bar("manoeuvres") as progress:
+        found = []
+        for number, file in enumerate(files, start=1):
+            found.append(manoeuvres_of(file, length))
+            progress(number / len(files))
+    if as_json:
+        typer.echo(json.dumps(summary(found, length)))
+    elif output is None:
+        for each in found:
+            Console().print(screen(each))
+    if output is not None:
+        for path in write_report(found, output, length):
+            typer.echo(path, err=as_json)
 
 
 def batch(

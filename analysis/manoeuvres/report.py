@@ -1,0 +1,156 @@
+"""Manoeuvres for people and programs: a table on the screen, JSON, and a page with a picture of each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.errors import storage_error
+from acquisition.trial import software_version
+from analysis.manoeuvres.find import find_manoeuvres
+from analysis.manoeuvres.indices import Index, Manoeuvre, as_json
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What one recording holds."""
+
+    recording: str
+    table: pd.DataFrame
+    manoeuvres: tuple[Manoeuvre, ...]
+
+
+def manoeuvres_of(path: Path, length_m: float | None = None) -> Found:
+    """The manoeuvres of a recording, its event marks heard. Raises :class:`InputError`, and
+    :class:`DataShortageError` for a recording without channels."""
+    from acquisition.recording.reader import read_recording
+    from analysis.table import table_of
+
+    recording = read_recording(path)
+    table = table_of(recording)
+    return Found(str(path), table, find_manoeuvres(table, length_m, recording.events))
+
+
+def summary(found: Iterable[Found], length_m: float | None = None) -> dict[str, Any]:
+    """All recordings with the keys of the contract."""
+    return {
+        "recordings": [{"recording": each.recording, "manoeuvres": as_json(each.manoeuvres)} for each in found],
+        "length_m": length_m,
+        "software_version": software_version(),
+    }
+
+
+def words(name: str) -> str:
+    """The name of an index or setting for people.
+
+    >>> words("tactical_diameter_m_current_removed")
+    'tactical diameter, current removed'
+    """
+    plain, removed = name.removesuffix("_current_removed"), name.endswith("_current_removed")
+    for suffix in ("_deg", "_dps", "_mps2", "_mps", "_rpm", "_m", "_s"):
+        if plain.endswith(suffix):
+            plain = plain.removesuffix(suffix)
+            break
+    return plain.replace("_", " ") + (", current removed" if removed else "")
+
+
+def cells(index: Index) -> tuple[str, str, str, str]:
+    """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
+    width = 0.5 * (index.high - index.low)
+    digits = int(np.clip(1 - np.floor(np.log10(width)), 0, 3)) if width > 0 else 2
+    interval = f"{index.low:.{digits}f} to {index.high:.{digits}f}" if np.isfinite(width) else ""
+    lengths = f"{index.lengths:.2f}" if index.lengths is not None else ""
+    limit = f"{index.limit:.1f}" if index.limit is not None else ""
+    return f"{index.value:.{digits}f} {index.unit}".strip(), interval, lengths, limit
+
+
+HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit, for information")
+
+
+def rows_of(manoeuvre: Manoeuvre) -> list[list[str]]:
+    """One row an index."""
+    return [[words(name), *cells(index)] for name, index in manoeuvre.indices.items()]
+
+
+def headline(manoeuvre: Manoeuvre) -> str:
+    """Time, name and side in one line."""
+    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
+    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
+    return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.name}{side}, {seconds:.0f} s"
+
+
+def subline(manoeuvre: Manoeuvre) -> str:
+    """Settings, current and notes."""
+    parts = [f"{words(name)} {value:.3g}" for name, value in manoeuvre.settings.items()]
+    if manoeuvre.current:
+        each = manoeuvre.current.as_json()
+        parts.append(f"drift {each['speed_mps']:.2f} m/s to {each['direction_deg']:.0f} deg")
+    return "; ".join([", ".join(parts), *manoeuvre.notes])
+
+
+def screen(found: Found) -> Group:
+    """A table a manoeuvre for the terminal."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    blocks: list[Any] = [Text(f"{found.recording}: {count_text(found.manoeuvres)}", style="bold")]
+    for each in found.manoeuvres:
+        table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
+        for title in HEADER:
+            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=title != HEADER[-1])
+        for row in rows_of(each):
+            table.add_row(*(Text(cell) for cell in row))
+        blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
+    return Group(*blocks)
+
+
+def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
+    """How many of which kind.
+
+    >>> count_text(())
+    'no manoeuvre found'
+    """
+    kinds = [each.kind for each in manoeuvres]
+    counts = [f"{kinds.count(kind)} {kind.replace('_', ' ')}" for kind in dict.fromkeys(kinds)]
+    return ", ".join(counts) or "no manoeuvre found"
+
+
+def write_report(found: Sequence[Found], folder: Path, length_m: float | None = None) -> tuple[Path, Path]:
+    """Write ``manoeuvres.json`` and ``manoeuvres.html``, a picture of each manoeuvre in it.
+
+    Raises :class:`StorageError`.
+    """
+    plain = folder / "manoeuvres.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        plain.write_text(json.dumps(summary(found, length_m), indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(plain, error) from error
+    return plain, _page(found, length_m).write(folder / "manoeuvres.html")
+
+
+def _page(found: Sequence[Found], length_m: float | None) -> Any:
+    from analysis.manoeuvre_plots import drawer, title_of
+    from analysis.manoeuvres.motion import motion_of
+    from analysis.page import Page
+
+    page = Page("Manoeuvres", "Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information")
+    for each in found:
+        page.heading(f"{Path(each.recording).name}: {count_text(each.manoeuvres)}")
+        motion = motion_of(each.table) if each.manoeuvres else None
+        for manoeuvre in each.manoeuvres:
+            if motion is not None:
+                page.figure(*drawer(motion, manoeuvre, length_m), title_of(manoeuvre))
+            page.text(subline(manoeuvre))
+            page.table(list(HEADER), rows_of(manoeuvre))
+    return page
