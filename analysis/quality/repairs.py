@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
 from acquisition.channels import BY_NAME
@@ -25,17 +24,15 @@ from acquisition.recording.tables import write_table
 from analysis.frames import NANO, times_ns, utc_index
 from analysis.history import KEY, history_of, with_step
 from analysis.quality import heading_wrap as wrapped
-from analysis.quality import orders, wind
+from analysis.quality import orders, rebuilt_path, wind
 from analysis.quality.findings import Finding, Flags
-from analysis.quality.runs import Bools, Floats, Samples, samples_of
+from analysis.quality.runs import Bools, Floats, integral, samples_of
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
 Columns = dict[str, Floats]
 
 _LONGEST_HOLE_S = 10.0
 _LONGEST_HOLE_WITH_RATE_S = 60.0
-_TIED_OVER = pd.Timedelta(seconds=60)
-_POSITION = ("north_m", "east_m")
 _SPEED = ("surge_mps", "sway_mps")
 
 
@@ -194,7 +191,7 @@ def on_the_circle(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> t
     rate = samples_of(table, "yaw_rate_dps")
     rated = name == "heading_deg" and rate.rows.size > 1
     since_s = _since_s(table)
-    path_deg = np.interp(since_s, rate.time_s, _integral(rate)) if rated else np.zeros(len(table))
+    path_deg = np.interp(since_s, rate.time_s, integral(rate)) if rated else np.zeros(len(table))
     sound = np.flatnonzero(np.isfinite(value) & ~wrong)
     left_deg = unwrap(value[sound] - path_deg[sound])
     filled = path_deg + np.interp(since_s, since_s[sound], left_deg)
@@ -219,55 +216,14 @@ def scaled_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> t
 
 
 def rebuilt_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
-    """Positions from the path that speeds and heading give, tied to the recorded ones over 60 s.
-
-    A complementary filter: fast motion from the integrated velocity, slow from the positions. What lies between
-    the two is passed through a running median, which leaps do not move, and a running mean. Where positions and
-    path part for good (a clock that was set, a hole that was interpolated) the two sides are tied each by itself.
-    """
-    if any(not samples_of(table, name).rows.size for name in (*_POSITION, "heading_deg", *_SPEED)):
+    """Positions from the path that speeds and heading give: :func:`analysis.quality.rebuilt_path.rebuilt`."""
+    rebuilt = rebuilt_path.rebuilt(table)
+    if rebuilt is None:
         return "", {}
-    path_m = _path(table, _since_s(table))
-    both = np.flatnonzero(table[list(_POSITION)].notna().all(axis=1))
-    off_m = table[list(_POSITION)].to_numpy(dtype=float)[both] - path_m[both]
-    side = _sides(off_m)
-    tied_m = _tied(off_m, side, utc_index(table)[both])
-    columns = {}
-    for number, name in enumerate(_POSITION):
-        value = table[name].to_numpy(dtype=float, copy=True)
-        value[both] = path_m[both, number] + tied_m[:, number]
-        columns[name] = value
-    return "positions rebuilt from speeds and heading, tied to the recorded ones over 60 s", columns
-
-
-def _sides(off_m: Floats) -> NDArray[np.intp]:
-    """The number of the stretch each position belongs to, between steps far beyond what jitter makes here: [n]."""
-    step_m = np.hypot(*np.diff(off_m, axis=0).T)
-    leap = step_m > 6.0 * np.quantile(step_m, 0.995) if step_m.size else np.zeros(0, np.bool_)
-    return np.concatenate([[0], np.cumsum(leap)])
-
-
-def _tied(off_m: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex) -> Floats:
-    """Running median and mean of the distance between positions and path, on each side by itself: [n, 2]."""
-    parts = np.split(np.arange(side.size), np.flatnonzero(np.diff(side)) + 1)
-    tied = []
-    for part in parts:
-        off = pd.DataFrame(off_m[part], index=times[part])
-        typical = off.rolling(_TIED_OVER, center=True).median()
-        tied.append(typical.rolling(_TIED_OVER, center=True).mean().to_numpy())
-    return np.concatenate(tied)
-
-
-def _path(table: pd.DataFrame, since_s: Floats) -> Floats:
-    """North and east of the way that the speeds over ground and the heading give since the start: [rows, 2]."""
-    surge, sway = (samples_of(table, name) for name in _SPEED)
-    heading = samples_of(table, "heading_deg")
-    ahead, aside = (np.interp(since_s, each.time_s, each.value) for each in (surge, sway))
-    psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
-    north_mps = ahead * np.cos(psi) - aside * np.sin(psi)
-    east_mps = ahead * np.sin(psi) + aside * np.cos(psi)
-    rows = np.arange(since_s.size)
-    return np.column_stack([_integral(Samples(rows, since_s, each)) for each in (north_mps, east_mps)])
+    tie = f"tied to the recorded ones over {rebuilt.tie_s:.0f} s"
+    if not np.isfinite(rebuilt.tie_s):
+        tie = "which leave it by whole jumps that do not even out, and tie it by their median alone"
+    return f"positions rebuilt from speeds and heading, {tie}", rebuilt.columns
 
 
 def steadiest_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
@@ -290,12 +246,6 @@ def held(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str,
 def _since_s(table: pd.DataFrame) -> Floats:
     time_ns = times_ns(table)
     return np.asarray((time_ns - time_ns[0]) / NANO)
-
-
-def _integral(rate: Samples) -> Floats:
-    """By the trapezoidal rule, from 0 at the first sample."""
-    steps = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.time_s)
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 _REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], tuple[str, Columns]]] = {

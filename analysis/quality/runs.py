@@ -65,6 +65,12 @@ def median_step_s(time_s: Floats) -> float:
     return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
 
 
+def integral(rate: Samples) -> Floats:
+    """By the trapezoidal rule, from 0 at the first sample."""
+    steps = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.time_s)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
 def mark(flags: pd.DataFrame, name: str, judged: Ints, wrong: Ints, flag: Quality = Quality.BAD) -> None:
     """Write into a check's fresh ``flags``: the ``judged`` rows of a channel are good but for the ``wrong``."""
     column = flags[name].to_numpy(copy=True)
