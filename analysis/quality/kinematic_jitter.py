@@ -54,7 +54,9 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     if usable.sum() < _FEWEST_STRETCHES or not moved[usable].sum() > 0.0:
         return Jitter(0.0, np.inf, 0.0, 0.0)
     ratio = ahead[usable].sum() / max(float(aside[usable].sum()), 1e-12)
-    return _of_stretches((ahead - aside)[usable], moved[usable], ratio)
+    return _of_stretches(
+        np.asarray(ahead - aside, dtype=float)[usable], np.asarray(moved, dtype=float)[usable], ratio
+    )
 
 
 def _of_stretches(excess_m2: Floats, moved_m2: Floats, ratio: float) -> Jitter:

@@ -17,6 +17,8 @@ The third parameter, the delay of the measured level, moves no model: its slope 
 """
 
 _JUMP = 6.0
+_RATE_WIDTH_S = 1.0
+_MEAN_WIDTH_S = 5.0
 _LEAST_JUMP = 0.05
 _MOST_JUMPS = 0.6
 _NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot spoil
@@ -28,11 +30,13 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
     """The model of a motion; the speeds' stamps are the time."""
     heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
     first, last = motion.heading.time_s[[0, -1]]
+    width = max(_RATE_WIDTH_S, motion.heading.interval_s)
 
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, offset, _, heading_late_s, forward, starboard = values
-        times = np.clip(grid_s + heading_late_s, first, last)
-        true, turning = heading_at(times)[:, 0] - offset, heading_at(times, 1)
+        times = np.clip(grid_s + heading_late_s, first + width, last - width)
+        true = heading_at(times)[:, 0] - offset
+        turning = (heading_at(times + width) - heading_at(times - width)) / (2.0 * width)
         moving = rotated(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
@@ -47,13 +51,21 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
 
 
 def turn_model(motion: Motion, grid_s: Floats) -> Model:
-    """The heading by the integrated yaw rate, whose stamps are the time; factor, bias and delay of the heading."""
+    """The heading by the integrated yaw rate, whose stamps are the time; factor, bias and delay of the heading.
+
+    The slope by the factor is the smoothed heading: unlike the integrated yaw rate it shares no noise with what
+    is left, which would make the factor too small (an instrumental variable).
+    """
+    from scipy.ndimage import uniform_filter1d
+
     rate = spline(motion.yaw_rate)(grid_s)
     turned, elapsed = integral(grid_s, rate), (grid_s - grid_s[0])[:, np.newaxis]
+    size = 2 * int(0.5 * _MEAN_WIDTH_S / motion.step_s) + 1
+    smooth = uniform_filter1d(spline(motion.heading)(grid_s), size, axis=0)
 
     def model(values: Floats) -> tuple[Floats, Floats]:
         factor, bias, _ = values
-        slopes = (turned, elapsed, -factor * rate - bias)
+        slopes = (smooth / factor, elapsed, -factor * rate - bias)
         return factor * turned + bias * elapsed, np.stack(slopes, axis=1)
 
     return model

@@ -51,6 +51,8 @@ _WHAT = {
     "starboard": "positions measured to starboard of the point of the speeds",
 }
 
+_PLURAL = ("north_m", "surge_mps")
+
 
 def motion(table: pd.DataFrame) -> Checked:
     """Check the motion channels of a table of raw samples against each other.
@@ -177,7 +179,7 @@ def _delay(
         return None
     low, high = seconds - 1.96 * error, seconds + 1.96 * error
     way = "late" if seconds > 0.0 else "early"
-    text = f"{_WHAT[cause]} are stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
+    text = f"{_WHAT[cause]} {'are' if cause in _PLURAL else 'is'} stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
     rivals = "; or ".join(_rival(name, size) for name, size in explanation.rivals)
     if seconds < 0.0 and cause == "north_m":
         text += ", or all the others as much too late"
