@@ -23,8 +23,11 @@ from acquisition.recording.tables import write_table
 from acquisition.table_files import RawTable, numbers, read_raw, times
 from acquisition.trial import Trial
 
-LABELS = frozenset({"window", "second", "trial", "leg", "start"})
+LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our own exports that are no channels; they are passed over."""
+
+BESIDE = ("_flag", "_sigma")
+"""How columns of our own exports end that say something of a channel; they are passed over too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +158,7 @@ def _standard(raw: RawTable, ignore_unknown: bool) -> TableFile:
             why=f"it has {', '.join(near or given[:6])}",
             fix="name it so, or say with a map which it is (--columns)",
         )
-    unknown = tuple(name for name in given if name not in BY_NAME and name != "time" and name not in LABELS)
+    unknown = tuple(name for name in given if name not in BY_NAME and name != "time" and not _is_ours(name))
     if unknown and not ignore_unknown:
         raise InputError(
             f"has unknown columns {', '.join(_with_hint(name) for name in unknown)}",
@@ -166,6 +169,12 @@ def _standard(raw: RawTable, ignore_unknown: bool) -> TableFile:
     table = pd.DataFrame({name: numbers(raw, name) for name in names}, index=times(raw, "time"))
     trial = raw.trial if raw.trial.name else replace(raw.trial, name=raw.path.stem)
     return TableFile(table, trial, dict.fromkeys(names, "table"), unknown)
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a column is one of our own exports that is no channel."""
+    stems = {name, *(name.removesuffix(ending) for ending in BESIDE)}
+    return not stems.isdisjoint(LABELS) or (name not in BY_NAME and not stems.isdisjoint(BY_NAME))
 
 
 def _with_hint(name: str) -> str:

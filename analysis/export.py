@@ -30,6 +30,7 @@ from analysis.table import checked_delays_ns
 WRITERS = ("parquet", "csv", "mat")
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
 FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
+_RATE_UNITS = {"surge_mps2": "m/s2", "sway_mps2": "m/s2", "yaw_dps2": "deg/s2"}
 _LONGEST_MATLAB_NAME = 63
 _RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
 
@@ -85,8 +86,8 @@ def unit_of(column: str) -> str:
     """The unit of an exported column; a standard deviation has its channel's, and an unknown column none."""
     if column.endswith(FLAG_SUFFIX):
         return FLAG_MEANING
-    channel = BY_NAME.get(column.removesuffix(SIGMA_SUFFIX))
-    return channel.unit if channel else ""
+    name = column.removesuffix(SIGMA_SUFFIX)
+    return BY_NAME[name].unit if name in BY_NAME else _RATE_UNITS.get(name, "")
 
 
 def with_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:

@@ -1,0 +1,85 @@
+"""From a recording to the table that is asked for: repaired, delays removed, resampled, smoothed, with flags.
+
+The steps come in the order in which each needs the one before: a repair knows the samples that were flagged, a
+delay is only seen once they are repaired, and a smoother has to have the times right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import pandas as pd
+
+from acquisition.recording.reader import Recording
+from analysis.export import SIGMA_SUFFIX, with_flags
+from analysis.history import with_step
+from analysis.resample import resample, resample_recording
+from analysis.table import table_of, without_delays
+
+SMOOTHED_RATE_HZ = 1.0
+"""The rate of a smoothed table for which none is given."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preparation:
+    """What is to be done with a recording's samples before they are written as a table.
+
+    Without ``rate_hz`` [Hz] the raw samples stay as they are, unless ``smooth`` asks for a rate.
+    """
+
+    rate_hz: float | None = None
+    repair: bool = False
+    remove_delays: bool = False
+    smooth: bool = False
+    flags: bool = False
+
+
+def prepared(recording: Recording, how: Preparation) -> pd.DataFrame:
+    """The recording's table, the steps that were done in its history.
+
+    Raises :class:`acquisition.errors.DataShortageError` for a recording without samples,
+    :class:`acquisition.errors.InputError` where smoothing lacks position or heading.
+    """
+    if how == Preparation(rate_hz=how.rate_hz) and how.rate_hz is not None:
+        return resample_recording(recording, how.rate_hz)  # needs no joined table
+    raw = table_of(recording)
+    table, flags, delays = raw, None, dict[str, float]()
+    if how.repair or how.flags:
+        from analysis.quality.check import check_recording
+        from analysis.quality.repairs import repair
+
+        quality = check_recording(recording, raw)
+        table = repair(raw, quality.findings, quality.flags).table if how.repair else raw
+        flags = quality.flags if how.flags else None
+    if how.remove_delays:
+        from analysis.quality.motion_checks import delays_of, motion
+
+        delays = delays_of(motion(table).findings)
+    result = _at_rate(table, how, delays)
+    return result if flags is None else with_flags(result, flags, delays)
+
+
+def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:
+    if how.smooth:
+        return smoothed(table, how.rate_hz or SMOOTHED_RATE_HZ, delays)
+    if how.rate_hz is not None:
+        return resample(table, how.rate_hz, delays=delays)
+    return without_delays(table, delays) if delays else table
+
+
+def smoothed(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
+    """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
+
+    The motion channels and their rates of change come from :func:`analysis.smooth.smooth`, a column
+    ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
+    """
+    from analysis.smooth import smooth
+
+    motion = smooth(without_delays(table, delays) if delays else table, rate_hz)
+    result = resample(table, rate_hz, delays=delays)
+    states, sigmas = (each.reindex(result.index) for each in (motion.states, motion.standard_deviations()))
+    result = with_step(result, "smooth", rate_hz=float(rate_hz))
+    for name in states.columns:
+        result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
+    return result
