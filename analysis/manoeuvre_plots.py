@@ -187,7 +187,7 @@ def _dimensions(
 def _said(manoeuvre: Manoeuvre, name: str) -> str:
     index = manoeuvre.indices[name]
     words = name.removesuffix("_current_removed").removesuffix("_m").replace("_", " ")
-    return f"{words}\n{index.value:.0f}±{max(0.5 * (index.high - index.low), 0.5):.0f} m"
+    return f"{words}\n{index.value:.1f}±{max(0.5 * (index.high - index.low), 0.1):.1f} m"
 
 
 def _dimension(axes: Axes, begin: tuple[float, float], end: tuple[float, float], text: str) -> Artist:

@@ -14,7 +14,7 @@ import numpy as np
 from analysis.manoeuvres.indices import Current
 from analysis.manoeuvres.motion import Floats, Motion
 
-LEAST_TURN_DEG = 540.0
+LEAST_TURN_DEG = 510.0
 _SETTLED_DEG = 120.0
 _FEWEST_PAIRS = 10
 
@@ -33,7 +33,7 @@ def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Float
 
 
 def current_of(motion: Motion, start: float, end: float) -> Current | None:
-    """The drift with its interval, None where the ship turned less than 540 deg."""
+    """The drift with its interval, None where the ship turned less than 510 deg."""
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned < LEAST_TURN_DEG:
         return None

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.motion import Floats, Motion, motion_of, noise_of
+from analysis.manoeuvres.motion import Floats, Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.noise import WIDEST_S, smoothed
 from analysis.manoeuvres.segments import Plateau, plateaus, tolerance_of
 from analysis.manoeuvres.straight_runs import accelerations, speed_runs, stops
@@ -121,10 +121,11 @@ def helm_of(motion: Motion) -> Floats:
 
 def held_helm(motion: Motion, helm: Floats) -> list[Plateau]:
     """The plateaus of the helm that are off the middle and steady enough to be an order."""
-    least = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm))
+    least, tolerance = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm)), tolerance_of(helm, _LEAST_STEP_DEG)
     return [
-        each
-        for each in plateaus(helm, motion.step_s, tolerance_of(helm, _LEAST_STEP_DEG))
+        replace(each, first=each.first + offset, end=each.end + offset)
+        for offset, end in stretches(~motion.broken)
+        for each in plateaus(helm[offset:end], motion.step_s, tolerance)
         if least <= abs(each.level) <= _WIDEST_HELM_DEG
         and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
     ]

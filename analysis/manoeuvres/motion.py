@@ -35,6 +35,9 @@ _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 3.0
 
 
+_SCALARS = ("origin_ns", "path_sd_m")
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
@@ -42,7 +45,8 @@ class Motion:
     ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180 and means nothing where no
     drive runs. ``thrust`` is the sum of n|n| along the bow of both shafts [rpm^2]. ``known`` says where pose
     and speeds were measured; elsewhere they are interpolated. ``broken`` says where position or heading jump as
-    no ship does, as where a piece was cut out of a recording: nothing reaches across it.
+    no ship does, as where a piece was cut out of a recording: nothing reaches across it. ``path_sd_m`` is the
+    standard deviation of a point of the path, by how the positions wander about it.
     """
 
     origin_ns: int
@@ -60,6 +64,7 @@ class Motion:
     tunnel_rpm: Floats
     known: NDArray[np.bool_]
     broken: NDArray[np.bool_]
+    path_sd_m: float = 0.0
 
     @property
     def step_s(self) -> float:
@@ -78,7 +83,7 @@ class Motion:
     def rows(self, first: int, end: int) -> Motion:
         """The rows from ``first`` up to ``end``."""
         part = slice(max(first, 0), end)
-        arrays = {f.name: getattr(self, f.name)[part] for f in fields(self) if f.name != "origin_ns"}
+        arrays = {f.name: getattr(self, f.name)[part] for f in fields(self) if f.name not in _SCALARS}
         return replace(self, **arrays)
 
     def between(self, start_s: float, end_s: float) -> Motion:
@@ -127,11 +132,13 @@ def motion_of(table: pd.DataFrame) -> Motion:
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
-    north, east = (way + _smooth_between(rest, broken, step_s) for way, rest in zip(reckoned, apart, strict=True))
+    slow = [_smooth_between(rest, broken, step_s) for rest in apart]
+    wander = float(np.hypot(*(_wander_m(rest - fit, step_s) for rest, fit in zip(apart, slow, strict=True))))
+    north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     helm, thrust, port_rpm, starboard_rpm = _drives(grid)
     tunnel = filled(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
     return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust,
-                  port_rpm, starboard_rpm, tunnel, known & ~broken, broken)  # fmt: skip
+                  port_rpm, starboard_rpm, tunnel, known & ~broken, broken, wander)  # fmt: skip
 
 
 def filled(values: Floats) -> Floats:
@@ -219,6 +226,14 @@ def _smooth_between(values: Floats, broken: NDArray[np.bool_], step_s: float) ->
     for first, end in stretches(~broken):
         result[first:end] = local_quadratic(values[first:end], _PATH_HALF_WIDTH_S / step_s)
     return result
+
+
+def _wander_m(rest: Floats, step_s: float) -> float:
+    """How far the path may be off: the spread of the means of ten seconds of what the fit left, of which two make
+    the width of the fit."""
+    rows = max(1, round(0.5 * _PATH_HALF_WIDTH_S / step_s))
+    means = rest[: rest.size // rows * rows].reshape(-1, rows).mean(axis=1)
+    return float(_NORMAL_MAD * np.median(np.abs(means)) / np.sqrt(2.0)) if means.size else 0.0
 
 
 def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, int]]:

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from analysis.manoeuvres.indices import unit_of
 from analysis.manoeuvres.motion import MEASURED, Floats, Motion
 from analysis.smooth import local_quadratic
 
@@ -36,7 +37,26 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 def smoothed(motion: Motion, half_width: float) -> Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
     rows = half_width / motion.step_s
-    return motion.measuring({name: local_quadratic(getattr(motion, name), rows) for name in MEASURED})
+    return motion.measuring({name: _quadratic(getattr(motion, name), rows) for name in MEASURED})
+
+
+def _quadratic(values: Floats, half_width: float) -> Floats:
+    """:func:`analysis.smooth.local_quadratic` of values without holes, as one convolution away from the ends.
+
+    The fit of a symmetric weight w at its middle is a weighted sum with w (m4 - m2 k^2) / (m0 m4 - m2^2).
+    """
+    reach = int(np.ceil(half_width))
+    if reach < 3 or values.size < 6 * reach:
+        return local_quadratic(values, half_width)
+    offset = np.arange(-reach, reach + 1) / half_width
+    weight = 0.5 + 0.5 * np.cos(np.pi * np.clip(offset, -1.0, 1.0))
+    m0, m2, m4 = (float(np.sum(weight * offset**k)) for k in (0, 2, 4))
+    kernel = weight * (m4 - m2 * offset**2) / (m0 * m4 - m2**2)
+    smooth = np.empty_like(values)
+    smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
+    smooth[:reach] = local_quadratic(values[: 3 * reach], half_width)[:reach]
+    smooth[-reach:] = local_quadratic(values[-3 * reach :], half_width)[-reach:]
+    return smooth
 
 
 def measured_with_intervals(
@@ -61,8 +81,12 @@ def measured_with_intervals(
         again = smoothed(_with_noise(smooth, spectra, random), half_width)
         moved = executes_s + motion.step_s * unsure_rows * random.uniform(-1.0, 1.0, executes_s.shape)
         repeats.append(measure(again, moved))
-    return {name: _believed(value, np.array([each.get(name, np.nan) for each in repeats]))
-            for name, value in values.items()}  # fmt: skip
+    path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a way are off
+    found = {}
+    for name, value in values.items():
+        believed, within = _believed(value, np.array([each.get(name, np.nan) for each in repeats]))
+        found[name] = believed, float(np.hypot(within, path_within)) if unit_of(name) == "m" else within
+    return found
 
 
 def _believed(value: float, repeats: Floats) -> tuple[float, float]:

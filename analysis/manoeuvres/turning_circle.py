@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.manoeuvres.current import LEAST_TURN_DEG, current_of, drift_pairs, without_current
-from analysis.manoeuvres.indices import Manoeuvre, index_of, with_limits
+from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg, with_limits
 from analysis.manoeuvres.limits import ADVANCE_LENGTHS, INITIAL_TURNING_LENGTHS, TACTICAL_DIAMETER_LENGTHS
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals, smoothed
@@ -71,7 +71,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
     whole = abs(turned) >= LEAST_CIRCLE_DEG
     return Manoeuvre(
         kind="turning_circle" if whole else "course_change",
-        name=f"{'turning circle' if whole else 'turn'} {abs(each.level):.0f} deg",
+        name=f"{'turning circle' if whole else 'turn'} {nominal_deg(each.level):.0f} deg",
         start=motion.utc(start),
         end=motion.utc(end),
         side="starboard" if turned > 0 else "port",

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, with_limits
+from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, nominal_deg, with_limits
 from analysis.manoeuvres.limits import INITIAL_TURNING_LENGTHS, overshoot_limit_deg
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
@@ -96,7 +96,7 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float |
     limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m if length_m else None
     return Manoeuvre(
         kind="zigzag",
-        name=f"zigzag {angle:.0f}/{switch:.0f}",
+        name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch):.0f}",
         start=motion.utc(executes[0]),
         end=motion.utc(executes[-1]),
         side="starboard" if _first_side(part, executes) > 0 else "port",

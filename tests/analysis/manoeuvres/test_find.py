@@ -1,0 +1,141 @@
+"""What was sailed is found, with its kind, side and settings; what was not is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.channels import NAMES
+from acquisition.errors import InputError
+from analysis.frames import NANO, times_ns
+from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from tests.analysis.conftest import steady_table, table_at
+from tests.analysis.manoeuvres.conftest import Sail
+
+
+def kinds(found: tuple[Manoeuvre, ...]) -> list[str]:
+    return [each.kind for each in found]
+
+
+@pytest.mark.parametrize(
+    ("vessel", "sea", "azimuth", "switch"),
+    [("gunnerus_short", "calm", 10, 10), ("gunnerus_long", "moderate", 20, 20), ("gunnerus_long", "gentle", 10, 20)],
+)
+def test_a_zigzag_is_one_zigzag_with_its_angles(
+    sail: Sail, vessel: str, sea: str, azimuth: int, switch: int
+) -> None:
+    (found,) = find_manoeuvres(sail(vessel, sea, f"zigzag_{azimuth}_{switch}", 300.0).recorded)
+    assert (found.kind, found.side, found.name) == ("zigzag", "port", f"zigzag {azimuth}/{switch}")
+    assert found.settings["azimuth_deg"] == pytest.approx(azimuth, abs=0.5)
+    assert found.settings["switch_deg"] == pytest.approx(switch, abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("vessel", "sea", "azimuth"), [("gunnerus_short", "calm", 30), ("gunnerus_long", "gentle", 20)]
+)
+def test_turning_circles_to_both_sides(sail: Sail, vessel: str, sea: str, azimuth: int) -> None:
+    found = find_manoeuvres(sail(vessel, sea, f"turning_circle_{azimuth}", 800.0).recorded)
+    circles = [each for each in found if each.kind == "turning_circle"]
+    assert [each.side for each in circles][:2] == ["port", "starboard"]
+    assert [each.settings["azimuth_deg"] for each in circles][:2] == pytest.approx([azimuth, -azimuth], abs=0.5)
+    assert set(kinds(found)) <= {"turning_circle", "speed_run"}
+
+
+def test_the_execute_is_the_first_change_of_the_command(sail: Sail) -> None:
+    """The trial steers for 30 s before the first turn."""
+    trial = sail("gunnerus_long", "gentle", "turning_circle_20", 800.0)
+    circle = next(each for each in find_manoeuvres(trial.recorded) if each.kind == "turning_circle")
+    assert (circle.start - trial.recorded.index[0]).total_seconds() == pytest.approx(30.0, abs=0.5)
+
+
+def test_speed_runs_are_paired_and_give_speed_through_the_water_and_current(sail: Sail) -> None:
+    trial = sail("gunnerus_short", "gentle", "reciprocal", 420.0)
+    runs = [each for each in find_manoeuvres(trial.recorded) if each.kind == "speed_run"]
+    pair = [each for each in runs if each.settings.get("reciprocal_pair") == 1.0]
+    assert len(pair) == 2
+    ahead = trial.current_mps[0] * np.cos(np.deg2rad(pair[0].settings["heading_deg"]))
+    along = pair[0].indices["current_along_mps"]
+    assert along.value == pytest.approx(ahead, abs=0.08)  # the wind does the rest
+    water = [each.indices["speed_through_water_mps"].value for each in pair]
+    assert water[0] == water[1]
+
+
+def test_stops_are_found_and_say_that_the_ship_still_had_way(sail: Sail) -> None:
+    found = find_manoeuvres(sail("gunnerus_long", "calm", "stopping", 320.0).recorded)
+    stop = next(each for each in found if each.kind == "stopping")
+    assert stop.name == "stopping without thrust"
+    assert stop.notes == ("the ship still had way on her at the end",)
+    assert stop.indices["track_reach_m"].value >= stop.indices["head_reach_m"].value > 50.0
+
+
+def test_single_thrusters_and_the_tunnel_thruster(sail: Sail) -> None:
+    found = find_manoeuvres(sail("gunnerus_short", "gentle", "one_thruster", 260.0).recorded)
+    names = [each.name for each in found if each.kind == "thruster_test"]
+    assert names[:2] == ["port thruster alone", "starboard thruster alone"]
+    found = find_manoeuvres(sail("gunnerus_short", "calm", "tunnel_test", 200.0).recorded)
+    tests = [each for each in found if each.kind == "thruster_test"]
+    assert [(each.name, each.side) for each in tests] == [
+        ("tunnel thruster to starboard", "starboard"), ("tunnel thruster to port", "port")]  # fmt: skip
+
+
+def test_a_programme_holds_each_kind_and_invents_no_zigzag(sail: Sail) -> None:
+    found = find_manoeuvres(sail("gunnerus_short", "moderate", "programme", 3000.0).recorded)
+    zigzags = [each.name for each in found if each.kind == "zigzag"]
+    assert zigzags == ["zigzag 20/20"] * 4 + ["zigzag 10/10"]
+    assert kinds(found).count("turning_circle") == 2
+    assert {"speed_run", "stopping"} <= set(kinds(found))
+
+
+def test_a_straight_voyage_holds_no_manoeuvre_but_a_speed_run() -> None:
+    table = steady_table(600, noise_rpm=0.3, noise_deg=0.2)
+    table = table.assign(port_angle_deg=0.0, starboard_angle_deg=0.0, heading_deg=40.0, surge_mps=5.0, sway_mps=0.0)
+    seconds = np.arange(600.0)
+    course = np.deg2rad(40.0)
+    table = table.assign(north_m=5.0 * np.cos(course) * seconds, east_m=5.0 * np.sin(course) * seconds,
+                         yaw_rate_dps=0.0, tunnel_rpm=0.0)  # fmt: skip
+    (run,) = find_manoeuvres(table, length_m=30.0)
+    assert run.kind == "speed_run"
+    assert run.indices["speed_over_ground_mps"].value == pytest.approx(5.0)
+    assert run.indices["distance_m"].lengths == pytest.approx(5.0 * 599 / 30.0)
+
+
+def test_a_ship_at_rest_does_nothing() -> None:
+    table = table_at(np.arange(300.0), {name: np.zeros(300) for name in NAMES})
+    assert find_manoeuvres(table) == ()
+
+
+def test_a_table_without_speeds_is_refused() -> None:
+    with pytest.raises(InputError, match="surge_mps"):
+        find_manoeuvres(steady_table(60).drop(columns="surge_mps"))
+
+
+def test_a_cut_in_a_recording_ends_a_zigzag(sail: Sail) -> None:
+    """Where a piece is missing, position and heading jump while the speeds do not."""
+    table = sail("gunnerus_short", "calm", "zigzag_20_20", 300.0).recorded
+    times = times_ns(table)
+    keep = np.r_[0:280, 345:600]
+    cut = table.iloc[keep].set_axis(table.index[: keep.size], axis=0)
+    assert times.size == 600
+    found = find_manoeuvres(cut)
+    at = table.index[280]
+    assert len(found) == 2
+    assert not any(each.start < at < each.end for each in found)
+
+
+def test_marks_name_a_manoeuvre_and_let_a_short_one_count(sail: Sail) -> None:
+    table = sail("gunnerus_short", "calm", "zigzag_20_20", 300.0).recorded.iloc[:56]
+    assert "zigzag" not in kinds(find_manoeuvres(table))
+    start = int(times_ns(table)[0])
+    events = [(start, "zigzag run 3 start"), (start + 28 * NANO, "zigzag run 3 end")]
+    (found,) = find_manoeuvres(table, events=events)
+    assert (found.kind, found.name) == ("zigzag", "zigzag run 3")
+
+
+def test_kinds_do_not_depend_on_the_order_of_rows_or_on_holes(sail: Sail) -> None:
+    table = sail("gunnerus_short", "calm", "zigzag_10_10", 300.0).recorded
+    holes = table.copy()
+    holes.iloc[100:103, :6] = np.nan
+    shuffled = holes.iloc[np.random.default_rng(0).permutation(len(holes))]
+    (found,) = find_manoeuvres(pd.DataFrame(shuffled))
+    assert found.kind == "zigzag"
