@@ -25,19 +25,30 @@ def check(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for quality.json, flags.parquet, quality.html.")
     ] = None,
+    repair: Annotated[
+        Path | None, typer.Option("--repair", help="Write a recording with what is certain put right.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Say what is wrong with a recording."""
     from acquisition.recording.reader import read_recording
     from analysis.quality.check import check_recording
+    from analysis.table import table_of
 
     recording = read_recording(file)
-    quality = check_recording(recording)
+    table = table_of(recording)
+    quality = check_recording(recording, table)
     if output is not None:
         from analysis.quality.page import write_quality
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), str(file)):
             typer.echo(path, err=True)
+    if repair is not None:
+        from analysis.quality.repairs import write_repaired
+
+        for each in write_repaired(recording, table, quality.findings, repair, quality.flags).repairs:
+            typer.echo(f"repaired {each.code}: {each.text}, {each.changed:,} values", err=True)
+        typer.echo(repair, err=True)
     if as_json:
         typer.echo(json.dumps(quality.as_json()))
         return

@@ -16,6 +16,7 @@ from analysis.frames import index_of, times_ns, utc_index
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.findings import Check, Checked, Finding, worst
 from analysis.quality.heading_wrap import heading_wrap
+from analysis.quality.motion_checks import motion
 from analysis.quality.orders import orders
 from analysis.quality.samples import Integers, Mask, column_samples, samples_of, times_of
 from analysis.quality.stuck import following_rates
@@ -25,7 +26,7 @@ from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import wind
 from analysis.table import table_of
 
-CHECKS: tuple[Check, ...] = (heading_wrap, orders, thruster_feedback, wind)
+CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
 GRAVITY = ("clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled", "stuck",
@@ -34,6 +35,7 @@ GRAVITY = ("clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "p
            "quantised", "time_jitter", "duplicate")  # fmt: skip
 """Codes of findings, the gravest first; others come behind."""
 
+_PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}
 _EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time_jitter"}),
                  "stuck": frozenset({"feedback_frozen"})}  # fmt: skip
 
@@ -207,8 +209,13 @@ def _merged(
 
 
 def _named(findings: tuple[Finding, ...], name: str) -> bool:
-    """Whether a finding is about this channel."""
-    return any(finding.channel == ALL or name in finding.channel for finding in findings)
+    """Whether a finding is about this channel, or about the pair of which it is the other half."""
+    return any(
+        finding.channel == ALL
+        or name in finding.channel
+        or (finding.code not in WORDS and _PAIRS.get(name, name) in finding.channel)
+        for finding in findings
+    )
 
 
 def _gravity(finding: Finding) -> tuple[int, pd.Timestamp, str]:

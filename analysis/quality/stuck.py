@@ -99,6 +99,8 @@ def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:
     if moved.size < _SHORTEST // 2 or (not always_moves and np.mean(moved[1:] * moved[:-1] < 0.0) < _TURNING):
         return False
     repeats = (np.sum(steps == 0.0) + 1.0) / (steps.size + 2.0)
+    if repeats > 0.5:  # stairs, as a held order goes up and down, are no noise
+        return False
     edges = np.flatnonzero(np.concatenate([[True], steps != 0.0, [True]]))
     return bool(total * repeats**length < _LIKELY and length >= 5 * np.diff(edges).max())
 

@@ -44,6 +44,9 @@ def _who(channel: str) -> str:
     return "every channel" if channel == ALL else channel
 
 
+CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
+"""Codes whose flagged samples `--repair` may turn into gaps without asking."""
+
 WORDS: dict[str, Words] = {
     "gap": Words(
         lambda channel, found, largest: f"{_who(channel)} is silent {_times(len(found))}, "
@@ -121,7 +124,9 @@ def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
     words, largest = WORDS[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
     start, end = stamp(min(each.start_ns for each in found)), stamp(max(each.end_ns for each in found))
     estimate = words.estimate(found, largest)
-    return Finding(code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate)
+    return Finding(
+        code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate, code in CERTAIN
+    )
 
 
 def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
