@@ -38,6 +38,9 @@ Row = dict[str, Any]
 """One recording in the index: plain values by name, see :func:`process`."""
 
 SUMMARY = "summary.json"
+NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing with `seatrial recover`"
+"""The remark on a recording that was cut off: done, and explained."""
+
 _LONGEST_DAYS = 31  # of one recording; whoever claims more had his clock set while he recorded
 _COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
 _THUMBNAIL_POINTS = 60
@@ -185,7 +188,7 @@ def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     trial = recording.trial
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
-        "cause": "; ".join(products.shortfalls),
+        "cause": "; ".join(products.shortfalls) or ("" if recording.closed else NOT_CLOSED),
         "vessel": trial.vessel,
         "trial": trial.name,
         "place": trial.place,
@@ -206,13 +209,18 @@ def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
 
 
 def distance_m(one_hz: pd.DataFrame) -> float | None:
-    """The distance sailed over ground [m]: between means of its position over 5 s, straight across holes."""
+    """The distance sailed over ground [m]: between means of its position over 5 s, straight across holes.
+
+    ``None`` where there are not two of them.
+    """
     if not {"north_m", "east_m"} <= set(one_hz.columns):
         return None
     position = one_hz[["north_m", "east_m"]].to_numpy()
     steps = position[: len(position) // _COURSE_STEP_S * _COURSE_STEP_S].reshape(-1, _COURSE_STEP_S, 2)
     means = steps.mean(axis=1)
     means = means[np.isfinite(means).all(axis=1)]
+    if len(means) < 2:
+        return None
     return float(np.hypot(*np.diff(means, axis=0).T).sum())
 
 

@@ -1,0 +1,118 @@
+"""A season of small recordings to run a batch over, sound ones and broken ones."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acquisition.angles import wrap_360
+from acquisition.channels import NAMES
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
+from tests.analysis.conftest import table_at
+
+
+def sailed(seconds: int = 120, rate_hz: float = 2.0, seed: int = 0, yaw_rate_dps: float = 1.0) -> pd.DataFrame:
+    """All 13 channels of a ship that turns at 3 m/s with held thrusters, consistent up to white noise."""
+    random = np.random.default_rng(seed)
+    time_s = np.arange(int(seconds * rate_hz)) / rate_hz
+    heading = np.radians(350.0 + yaw_rate_dps * time_s)
+    step = 3.0 / rate_hz
+
+    def noise(size: float) -> np.ndarray:
+        return size * random.standard_normal(time_s.size)
+
+    values = {
+        "north_m": step * np.cumsum(np.cos(heading)) + noise(0.02),
+        "east_m": step * np.cumsum(np.sin(heading)) + noise(0.02),
+        "heading_deg": wrap_360(np.degrees(heading) + noise(0.05)),
+        "surge_mps": 3.0 + noise(0.01),
+        "sway_mps": noise(0.01),
+        "yaw_rate_dps": yaw_rate_dps + noise(0.02),
+        "wind_direction_deg": wrap_360(358.0 + noise(3.0)),
+        "wind_speed_mps": 5.0 + noise(0.2),
+        "port_rpm": 120.0 + noise(0.1),
+        "port_angle_deg": -5.0 + noise(0.02),
+        "starboard_rpm": 120.0 + noise(0.1),
+        "starboard_angle_deg": -5.0 + noise(0.02),
+        "tunnel_rpm": noise(0.1),
+    }
+    return table_at(time_s, {name: values[name] for name in NAMES})
+
+
+def write_season(folder: Path, tables: list[pd.DataFrame], count: int) -> list[Path]:
+    """``count`` recordings below ``folder``, in a folder a day of eight, each with its own trial."""
+    paths = []
+    for number in range(count):
+        path = folder / f"day_{number // 8 + 1:02d}" / f"trial_{number + 1:03d}.mcap"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        trial = Trial(name=f"trial {number + 1}", vessel="gunnerus_short", place="Trondheimsfjord")
+        write_table(tables[number % len(tables)], path, trial, source="simulated")
+        paths.append(path)
+    return paths
+
+
+def _text(path: Path, sound: Path) -> None:
+    path.write_text("time,heading_deg\n2022-10-27T08:00:00Z,351.2\n")
+
+
+def _cut(path: Path, sound: Path) -> None:
+    content = sound.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+
+
+def _only(names: tuple[str, ...]) -> Callable[[Path, Path], None]:
+    def write(path: Path, sound: Path) -> None:
+        write_table(sailed()[list(names)], path, Trial(name=path.stem))
+
+    return write
+
+
+def _heading_of_nan(path: Path, sound: Path) -> None:
+    write_table(sailed().assign(heading_deg=np.nan), path, Trial(name=path.stem))
+
+
+def _wrong_magic(path: Path, sound: Path) -> None:
+    path.write_bytes(b"\x89MCAP1" + sound.read_bytes()[6:])
+
+
+def _damaged_chunk(path: Path, sound: Path) -> None:
+    content = bytearray(sound.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 200] = bytes(each ^ 0x5A for each in content[middle : middle + 200])
+    path.write_bytes(content)
+
+
+BROKEN: dict[str, Callable[[Path, Path], None]] = {
+    "empty": lambda path, sound: path.write_bytes(b"") and None,
+    "text": _text,
+    "cut": _cut,
+    "no_channels": _only(()),
+    "no_position": _only(tuple(name for name in NAMES if name not in ("north_m", "east_m"))),
+    "heading_of_nan": _heading_of_nan,
+    "one_channel": _only(("wind_speed_mps",)),
+    "wrong_magic": _wrong_magic,
+    "folder": lambda path, sound: path.mkdir(),
+    "damaged_chunk": _damaged_chunk,
+}
+"""Ten ways in which a recording can be broken, each made from a sound one."""
+
+
+def write_broken(folder: Path, sound: Path) -> None:
+    """One file below ``folder`` for each of :data:`BROKEN`, called by it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, make in BROKEN.items():
+        make(folder / f"{name}.mcap", sound)
+
+
+def hashes(out: Path) -> dict[str, str]:
+    """The SHA-256 of every file below a folder, by its relative path."""
+    return {
+        path.relative_to(out).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(out.rglob("*"))
+        if path.is_file()
+    }

@@ -1,0 +1,280 @@
+"""A batch: every recording gets its row, whatever happens to the others, to a worker or to the batch itself."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from acquisition.errors import DataShortageError, InputError, SeatrialError, SourceError, StorageError
+from analysis.batch import Summary, recordings_below, result_names, run_batch
+from analysis.batch_index import read_index
+from analysis.batch_job import MARKS, MOST_ATTEMPTS, Job, attempt
+from analysis.one_recording import NOT_CLOSED, Options, Row, process
+from seatrial import app
+from tests.analysis.season import BROKEN, hashes, sailed, write_broken, write_season
+
+SOUND = 6
+
+
+@pytest.fixture(scope="module")
+def season(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six sound recordings and the ten broken ones."""
+    folder = tmp_path_factory.mktemp("season")
+    paths = write_season(folder, [sailed(60, seed=seed, yaw_rate_dps=seed - 1.0) for seed in range(3)], SOUND)
+    write_broken(folder / "broken", paths[0])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scheduler() -> Iterator[str]:
+    """The address of a cluster of two worker processes."""
+    distributed = import_module("distributed")
+    with distributed.LocalCluster(
+        n_workers=2,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address="127.0.0.1:0",
+        silence_logs="CRITICAL",
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.fixture(scope="module")
+def first_run(season: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Summary, Path]:
+    out = tmp_path_factory.mktemp("out")
+    return run_batch(season, out, scheduler=scheduler), out
+
+
+@pytest.fixture
+def one(season: Path, tmp_path: Path) -> Path:
+    """A folder with one sound recording, to go wrong with."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    shutil.copy(season / "day_01" / "trial_001.mcap", folder)
+    return folder
+
+
+def by_name(summary: Summary) -> dict[str, Row]:
+    return {row["name"]: row for row in summary.rows}
+
+
+def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[Summary, Path]) -> None:
+    summary, out = first_run
+    rows = by_name(summary)
+    assert len(rows) == SOUND + len(BROKEN)
+    assert {f"day_01/trial_{number + 1:03d}" for number in range(SOUND)} <= {
+        name for name, row in rows.items() if row["status"] == "done" and not row["cause"]
+    }
+    for name in BROKEN:
+        row = rows[f"broken/{name}"]
+        assert row["status"] == "failed" or (name == "cut" and row["cause"] == NOT_CLOSED)
+        assert row["cause"]
+        assert "\n" not in row["cause"]
+    words = {
+        "empty": "empty file", "text": "not an MCAP", "no_channels": "holds no channel",
+        "one_channel": "has no north_m",
+        "no_position": "has no north_m, east_m", "heading_of_nan": "has no heading_deg", "folder": "is a folder",
+        "wrong_magic": "not an MCAP", "damaged_chunk": "damaged",
+    }  # fmt: skip
+    assert {name: word for name, word in words.items() if word not in rows[f"broken/{name}"]["cause"]} == {}
+    assert sorted(name for _, names in summary.failures for name in names) == sorted(
+        name for name, row in rows.items() if row["status"] == "failed"
+    )
+    assert not [path for path in out.rglob(".*") if path.name != ".lock"]
+
+
+def test_the_index_has_a_row_for_each_with_its_path(first_run: tuple[Summary, Path], season: Path) -> None:
+    summary, out = first_run
+    index = read_index(out / "index.parquet")
+    assert list(index["name"]) == [row["name"] for row in summary.rows]
+    assert all((season / path).exists() for path in index["path"])
+    done = index[index["status"] == "done"]
+    assert (done["windows_kept"] >= 0).all()
+    assert done["sha256"].str.len().eq(64).all()
+
+
+def test_a_second_run_computes_nothing_and_changes_nothing(
+    season: Path, scheduler: str, first_run: tuple[Summary, Path]
+) -> None:
+    first, out = first_run
+    before, times = hashes(out), {path: path.stat().st_mtime_ns for path in out.rglob("table.parquet")}
+    shares: list[float] = []
+    second = run_batch(season, out, scheduler=scheduler, progress=shares.append)
+    assert (second.done, second.reused) == (first.done, first.done)
+    assert hashes(out) == before
+    touched = {path for path, at in times.items() if path.stat().st_mtime_ns != at}
+    assert touched == set()
+    assert shares == sorted(shares)
+    assert (len(shares), shares[-1]) == (len(second.rows), 1.0)
+
+
+def test_what_was_made_by_a_worker_has_the_bytes_of_what_is_made_here(
+    season: Path, first_run: tuple[Summary, Path], tmp_path: Path
+) -> None:
+    name = "day_01/trial_002"
+    process(season / f"{name}.mcap", tmp_path / "result", Options(), name)
+    assert hashes(tmp_path / "result") == hashes(first_run[1] / name)
+
+
+def test_other_options_and_again_compute_anew(one: Path, scheduler: str, tmp_path: Path) -> None:
+    def reused(stride_s: int, again: bool = False) -> int:
+        options = Options(stride_s=stride_s)
+        return run_batch(one, tmp_path / "out", scheduler=scheduler, options=options, again=again).reused
+
+    assert [reused(5), reused(7), reused(7), reused(7, again=True)] == [0, 0, 1, 0]
+
+
+def test_a_recording_that_has_become_bad_loses_its_result(one: Path, scheduler: str, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert run_batch(one, out, scheduler=scheduler).done == 1
+    (one / "trial_001.mcap").write_bytes(b"")
+    assert run_batch(one, out, scheduler=scheduler).failed == 1
+    assert not (out / "trial_001").exists()
+
+
+def _troubled(job: Job) -> Row:
+    """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
+    from analysis import batch_job
+
+    once, last = Path(job.out).parent / "died_once", job.name[-1]
+
+    def work(path: Path, folder: Path, options: Options, name: str) -> Row:
+        if last == "2" or (last == "1" and not once.exists()):
+            once.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        if last == "3":
+            raise RuntimeError(f"never {name}\nseen")
+        if last == "4":
+            time.sleep(600.0)
+        folder.mkdir()
+        return {"status": "done", "cause": ""}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batch_job, "process", work)
+        return attempt(replace(job, timeout_s=1.0 if last == "4" else None))
+
+
+def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_done(
+    season: Path, scheduler: str, tmp_path: Path
+) -> None:
+    summary = run_batch(season / "day_01", tmp_path / "out", scheduler=scheduler, task=_troubled)
+    causes = {row["name"]: row["cause"] for row in summary.rows}
+    assert {name for name, cause in causes.items() if not cause} == {"trial_001", "trial_005", "trial_006"}
+    assert f"its worker died {MOST_ATTEMPTS} times" in causes["trial_002"]
+    assert causes["trial_003"].startswith("RuntimeError: never trial_003 seen (test_batch.py:")
+    assert causes["trial_004"] == "took longer than 1 s"
+    assert (summary.done, summary.failed, len(summary.failures)) == (3, 3, 3)
+
+
+def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path) -> None:
+    began = time.monotonic()
+    with pytest.raises(SourceError, match="no scheduler can be reached") as caught:
+        run_batch(one, tmp_path / "out", scheduler="tcp://127.0.0.1:9")
+    assert time.monotonic() - began < 12.0
+    assert "\n" not in str(caught.value)
+
+
+def test_an_address_that_is_none_is_one_error(one: Path, tmp_path: Path) -> None:
+    with pytest.raises(SeatrialError):
+        run_batch(one, tmp_path / "out", scheduler="nonsense")
+
+
+def test_two_batches_do_not_write_into_one_folder(one: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    with (out / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(StorageError, match="another batch"):
+            run_batch(one, out)
+
+
+def test_folders_that_cannot_be_are_refused(one: Path, tmp_path: Path) -> None:
+    (tmp_path / "bare").mkdir()
+    with pytest.raises(DataShortageError, match="no recording"):
+        run_batch(tmp_path / "bare", tmp_path / "out")
+    with pytest.raises(InputError, match="does not exist"):
+        run_batch(tmp_path / "nowhere", tmp_path / "out")
+    with pytest.raises(InputError, match="is no folder"):
+        run_batch(one / "trial_001.mcap", tmp_path / "out")
+    with pytest.raises(InputError, match="lie in the output folder"):
+        run_batch(one, tmp_path)
+
+
+def test_what_lies_in_the_output_folder_is_no_recording_of_the_season(one: Path) -> None:
+    (one / "out" / "x").mkdir(parents=True)
+    (one / "out" / "x" / "left.mcap").touch()
+    (one / ".trial_009.mcap").touch()
+    assert [path.stem for path in recordings_below(one, (one / "out").resolve())] == ["trial_001"]
+
+
+_PART = st.text("ab._", min_size=1, max_size=4).filter(lambda part: set(part) != {"."})
+_PATH = st.lists(_PART, min_size=1, max_size=3).map(lambda parts: "/".join(parts) + ".mcap")
+
+
+@given(st.lists(_PATH, unique=True, max_size=12))
+def test_no_result_stands_where_another_stands_or_inside_it(paths: list[str]) -> None:
+    names = result_names([*paths, "index.html.mcap", f"{MARKS}.mcap"])
+    assert len(set(names)) == len(names)
+    parents = {parent.as_posix() for name in names for parent in Path(name).parents}
+    assert not (set(names) & (parents | {"index.html", "index.parquet", MARKS, ".lock"}))
+
+
+def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_path: Path) -> None:
+    (one / "empty.mcap").touch()
+    arguments = ["batch", str(one), "-o", str(tmp_path / "out"), "--workers", "2", "--json"]
+    outcome = CliRunner().invoke(app, arguments)
+    assert outcome.exit_code == 1
+    assert json.loads(outcome.stdout) == {
+        "recordings": 2, "done": 1, "reused": 0, "failed": 1,
+        "failures": [{"cause": "is an empty file; give a recording that holds data", "recordings": ["empty"]}],
+        "index": str(tmp_path / "out" / "index.html"),
+    }  # fmt: skip
+    assert outcome.stderr.splitlines()[0].startswith("1 failed: is an empty file")
+
+
+def start_command(folder: Path, out: Path, *arguments: str) -> subprocess.Popen[bytes]:
+    """The command in a process group of its own, as a terminal has it."""
+    command = [sys.executable, "-m", "seatrial", "batch", str(folder), "-o", str(out), *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+
+
+def wait_for_results(out: Path, count: int, limit_s: float = 60.0) -> None:
+    """Until so many results are complete."""
+    until = time.monotonic() + limit_s
+    while len(list(out.rglob("summary.json"))) < count:
+        assert time.monotonic() < until, "no result in time"
+        time.sleep(0.05)
+
+
+def test_interrupted_and_resumed_is_as_never_interrupted(
+    season: Path, first_run: tuple[Summary, Path], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    running = start_command(season, out, "--workers", "1")
+    wait_for_results(out, 1)
+    os.killpg(running.pid, signal.SIGINT)  # the workers hear it too, as from a terminal
+    _, said = running.communicate(timeout=30)
+    assert running.returncode == 130, said.decode()
+    assert said.decode().splitlines() == [
+        "seatrial: interrupted; what is done stays, the same command goes on from there"
+    ]
+    assert not (out / "index.html").exists()
+    resumed = start_command(season, out, "--workers", "1", "--json")
+    printed, _ = resumed.communicate(timeout=60)
+    assert 0 < json.loads(printed)["reused"] < json.loads(printed)["done"]
+    assert hashes(out) == hashes(first_run[1])

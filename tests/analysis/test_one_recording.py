@@ -1,0 +1,185 @@
+"""What is made of one recording: complete or not there, the same bytes each time, honest about what is missing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from acquisition.channels import NAMES
+from acquisition.errors import DataShortageError, InputError, StorageError
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
+from analysis import one_recording
+from analysis.one_recording import SUMMARY, Options, cause_of, distance_m, plain, process, reusable, thumbnail
+from analysis.parquet import read_parquet
+from analysis.windows import read_windows
+from tests.analysis.conftest import table_at
+from tests.analysis.season import hashes, sailed
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recordings") / "trial_1.mcap"
+    write_table(sailed(), path, Trial(name="trial 1", vessel="gunnerus_short", place="Trondheim"))
+    return path
+
+
+@pytest.fixture(scope="module")
+def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("results") / "trial_1"
+    process(recording, folder)
+    return folder
+
+
+def test_a_result_is_a_folder_of_products_that_say_where_they_come_from(recording: Path, result: Path) -> None:
+    row = json.loads((result / SUMMARY).read_text())
+    table, metadata = read_parquet(result / "table.parquet")
+    assert list(table.columns[: len(NAMES)]) == list(NAMES)
+    assert json.loads(metadata["provenance"]) == row["provenance"]
+    assert row["provenance"]["bytes"] == recording.stat().st_size
+    assert read_windows(result / "windows.parquet").kept == row["windows_kept"] > 0
+    assert row["provenance"]["sha256"] in (result / "page.html").read_text()
+    assert (row["status"], row["cause"], row["samples"]) == ("done", "", 13 * 240)
+
+
+def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "another" / "place" / recording.name
+    elsewhere.parent.mkdir(parents=True)
+    elsewhere.write_bytes(recording.read_bytes())
+    process(elsewhere, tmp_path / "out")
+    assert hashes(tmp_path / "out") == hashes(result)
+    assert not any(str(tmp_path).encode() in path.read_bytes() for path in (tmp_path / "out").iterdir())
+
+
+def test_a_result_is_used_again_only_for_the_same_recording_options_and_name(
+    recording: Path, result: Path, tmp_path: Path
+) -> None:
+    assert reusable(recording, result, Options()) == json.loads((result / SUMMARY).read_text())
+    assert reusable(recording, result, Options(stride_s=7)) is None
+    assert reusable(recording, result, Options(), name="another") is None
+    assert reusable(recording, tmp_path, Options()) is None
+    changed = tmp_path / recording.name
+    changed.write_bytes(recording.read_bytes() + b"\0")
+    assert reusable(changed, result, Options()) is None
+
+
+def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process(recording, tmp_path / "out")
+    before = hashes(tmp_path)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(one_recording, "write_json", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        process(recording, tmp_path / "out", Options(stride_s=7))
+    assert hashes(tmp_path) == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_result_takes_an_earlier_ones_place_and_nothing_elses(recording: Path, tmp_path: Path) -> None:
+    first, second = (process(recording, tmp_path / "out", Options(stride_s=stride)) for stride in (5, 7))
+    assert first["windows_candidates"] > second["windows_candidates"]
+    assert json.loads((tmp_path / "out" / SUMMARY).read_text()) == second
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("mine")
+    with pytest.raises(StorageError, match="no result of an earlier batch"):
+        process(recording, tmp_path / "notes")
+    assert (tmp_path / "notes" / "mine.txt").read_text() == "mine"
+
+
+def test_of_an_incomplete_recording_what_can_be_made_is_made(tmp_path: Path) -> None:
+    path = tmp_path / "no_position.mcap"
+    write_table(sailed().drop(columns=["north_m", "east_m"]), path, Trial())
+    row = process(path, tmp_path / "out")
+    assert row["status"] == "failed"
+    assert "north_m, east_m" in row["cause"]
+    assert str(tmp_path) not in row["cause"]
+    assert (row["distance_m"], row["track"], row["windows_kept"]) == (None, "", None)
+    assert len(read_parquet(tmp_path / "out" / "table.parquet")[0]) == 120
+    assert "north_m, east_m" in (tmp_path / "out" / "page.html").read_text()
+
+
+def test_a_clock_that_was_set_by_years_is_an_error_and_not_a_table_of_years(tmp_path: Path) -> None:
+    table = sailed(seconds=20)
+    late = pd.DatetimeIndex(table.index) + pd.Timedelta(days=3650)
+    path = tmp_path / "jump.mcap"
+    write_table(pd.concat([table, table.set_axis(late.rename("time"), axis=0)]), path, Trial())
+    with pytest.raises(DataShortageError, match="3,650 days"):
+        process(path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_no_recording_is_one_error(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").mkdir()
+    for name in ("x.mcap", "not_there.mcap"):
+        with pytest.raises(InputError, match=name):
+            process(tmp_path / name, tmp_path / "out")
+
+
+@given(st.floats(0.5, 12.0), st.floats(-2.0, 2.0), st.floats(0.0, 360.0))
+def test_the_distance_is_that_of_the_arc(speed_mps: float, yaw_rate_dps: float, heading_deg: float) -> None:
+    time_s = np.arange(600.0)
+    heading = np.radians(heading_deg + yaw_rate_dps * time_s)
+    track = table_at(
+        time_s,
+        {"north_m": np.cumsum(speed_mps * np.cos(heading)), "east_m": np.cumsum(speed_mps * np.sin(heading))},
+    )
+    assert distance_m(track) == pytest.approx(599.0 * speed_mps, rel=0.02)
+
+
+def test_the_noise_of_a_position_does_not_add_up_to_a_voyage() -> None:
+    random = np.random.default_rng(1)
+    time_s = np.arange(600.0)
+    noisy = table_at(
+        time_s, {name: 3.0 * time_s + 0.5 * random.standard_normal(600) for name in ("north_m", "east_m")}
+    )
+    assert distance_m(noisy) == pytest.approx(599.0 * 3.0 * np.sqrt(2.0), rel=0.02)
+    assert distance_m(noisy.assign(north_m=np.nan)) is None
+
+
+@given(st.lists(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), min_size=2, max_size=200))
+def test_a_thumbnail_is_small_and_inside_its_frame(points: list[tuple[float, float]]) -> None:
+    north, east = zip(*points, strict=True)
+    drawn = [
+        tuple(map(float, point.split(",")))
+        for point in thumbnail(table_at(np.arange(len(points)), {"north_m": north, "east_m": east})).split()
+    ]
+    assert 1 <= len(drawn) <= 60
+    assert all(0.0 <= value <= 100.0 for point in drawn for value in point)
+
+
+def test_a_thumbnail_has_north_up_and_east_to_the_right() -> None:
+    track = table_at(np.arange(2), {"north_m": [0.0, 10.0], "east_m": [0.0, 10.0]})
+    (x0, y0), (x1, y1) = (map(float, point.split(",")) for point in thumbnail(track).split())
+    assert x1 > x0
+    assert y1 < y0
+
+
+def test_one_cause_reads_the_same_for_every_recording_that_has_it() -> None:
+    errors = [InputError("is an empty file", where=f"/data/{name}", fix="give another") for name in "ab"]
+    assert {cause_of(error) for error in errors} == {"is an empty file; give another"}
+    with pytest.raises(ValueError, match="Expecting") as caught:
+        json.loads("{")
+    assert cause_of(caught.value).startswith("JSONDecodeError: ")
+    assert "(decoder.py:" in cause_of(caught.value)
+
+
+@given(
+    st.recursive(st.none() | st.floats() | st.integers() | st.text(), lambda inner: st.lists(inner), max_leaves=20)
+)
+def test_whatever_comes_out_is_json(value: object) -> None:
+    json.loads(json.dumps(plain(value), allow_nan=False))
+
+
+def test_numbers_and_times_of_other_libraries_become_plain() -> None:
+    value = {"a": np.float32(np.nan), "b": np.arange(2), "c": pd.Timestamp("2022-10-27T00:00:00Z")}
+    assert plain(value) == {"a": None, "b": [0, 1], "c": "2022-10-27T00:00:00+00:00"}
