@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from acquisition.angles import difference, wrap_360
 from acquisition.channels import BY_NAME, COMMAND
@@ -26,6 +27,8 @@ _LARGEST_DEG = 45.0
 """An angle whose steps scatter so widely (wind in a calm) that the limit would be larger is not judged."""
 _LONGEST_STEP = 5.0
 """Steps longer than so many usual ones are holes: what happened there is not known."""
+_FEWEST_SPOILT = 0.1
+_LUCK = 1e-4
 _CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
 """Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
 
@@ -39,7 +42,7 @@ def heading_wrap(table: pd.DataFrame) -> Checked:
     names = tuple(name for name in JUDGED if name in table)
     flags, index, findings = no_flags(table, names), utc_index(table), []
     for name in names:
-        series = samples_of(table, name)
+        series = _possible(table, name)
         wrong, places = _found(table, name, series)
         mark(flags, name, series.rows, series.rows[wrong])
         if places:
@@ -51,7 +54,7 @@ def heading_wrap(table: pd.DataFrame) -> Checked:
 def straight_through(table: pd.DataFrame, name: str) -> Bools:
     """Whether each value of an angle lies on a straight line through its seam: [rows]."""
     wrong = np.zeros(len(table), np.bool_)
-    series = samples_of(table, name)
+    series = _possible(table, name)
     wrong[series.rows[_found(table, name, series)[0]]] = True
     return wrong
 
@@ -64,12 +67,19 @@ def _finding(name: str, start: pd.Timestamp, end: pd.Timestamp, samples: int, pl
                    {"samples": float(samples), "places": float(places)}, certain=True)  # fmt: skip
 
 
+def _possible(table: pd.DataFrame, name: str) -> Samples:
+    """The values that are angles; a sentinel is none, and no place on a line either."""
+    series, channel = samples_of(table, name), BY_NAME[name]
+    held = (series.value >= channel.low) & (series.value <= channel.high)
+    return Samples(series.rows[held], series.time_s[held], series.value[held])
+
+
 def _found(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
     """The wrong samples [n] and the number of places, none where chance would do as well.
 
     A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
-    passes east, so the circle is turned, and what is found then is what chance brings. Angles
-    without a measured rate must show three places.
+    passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
+    of the passages, and at other places too. Angles without a measured rate must show three places.
     """
     nothing = np.zeros(series.rows.size, np.bool_), 0
     if series.rows.size < 4:
@@ -80,13 +90,14 @@ def _found(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
     from_seam = wrap_360(series.value - BY_NAME[name].low)
-    wrong, places = _lines(series.time_s, from_seam, expected_deg, limit_deg)
+    lines = _lines(series.time_s, from_seam, expected_deg, limit_deg)
+    if lines.places < (1 if name == "heading_deg" else 3) or lines.could_be_spikes():
+        return nothing
     turned = [
-        _lines(series.time_s, wrap_360(from_seam + turn), expected_deg, limit_deg)[1]
-        for turn in (_CONTROL_TURNS_DEG if places else ())
+        _lines(series.time_s, wrap_360(from_seam + turn), expected_deg, limit_deg).places
+        for turn in _CONTROL_TURNS_DEG
     ]
-    enough = 1 if name == "heading_deg" else 3
-    return (wrong, places) if places >= enough and places > 3 * max(turned, default=0) else nothing
+    return (lines.wrong, lines.places) if lines.places > 3 * max(turned) else nothing
 
 
 def _expected_steps(table: pd.DataFrame, name: str, series: Samples) -> Floats:
@@ -112,8 +123,27 @@ class _Group:
     at_seam: bool
 
 
-def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> tuple[Bools, int]:
-    """The samples on lines across the circle, of angles counted from the seam, and the number of lines."""
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """The samples on lines across the circle [n], on how many ``places``, and what speaks for spikes instead."""
+
+    wrong: Bools
+    places: int
+    spoilt_passages: int
+    sound_passages: int
+    elsewhere: int
+    """Excursions of the same kind that have nothing to do with the seam."""
+
+    def could_be_spikes(self) -> bool:
+        """Whether few of the passages are spoilt, or no more than the excursions elsewhere let expect."""
+        passages = self.spoilt_passages + self.sound_passages
+        share = _LUCK + 3.0 * self.elsewhere / self.wrong.size
+        by_chance = float(stats.binom.sf(self.spoilt_passages - 1, passages, min(share, 1.0)))
+        return self.spoilt_passages < _FEWEST_SPOILT * passages or by_chance > 0.01
+
+
+def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_deg: float) -> _Lines:
+    """Lines across the circle of angles that are counted from the seam."""
     step_deg = np.diff(from_seam_deg)
     hole = np.diff(time_s) > _LONGEST_STEP * median_step_s(time_s)
     wild = (np.abs(step_deg - expected_deg) > limit_deg) & ~hole
@@ -136,7 +166,9 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
     swings = [each for each in usable if each.turns == 0 and each.at_seam and len(sure) >= 3]
     for each in (*sure, *swings):
         wrong[each.first + 1 : each.last] |= np.abs(each.off_deg) > limit_deg
-    return wrong, int(runs(wrong)[0].size)
+    passes = (np.abs(step_deg) > whole_deg) & ~wrong[:-1] & ~wrong[1:]
+    elsewhere = sum(each.turns == 0 and not each.at_seam for each in usable)
+    return _Lines(wrong, int(runs(wrong)[0].size), len(sure), int(passes.sum()), int(elsewhere))
 
 
 def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit_deg: float) -> _Group:

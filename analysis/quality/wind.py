@@ -28,7 +28,7 @@ _PIECE_S = 40.0
 """Pieces for the jackknife: several blocks, as what is new in a block is hardly correlated with the next."""
 _FEWEST_BLOCKS = 18
 _FEWEST_PIECES = 8
-_CHANCE = 1e-4
+_CHANCE = 1e-3
 _EVIDENCE = 12.0
 """Natural logarithm of a likelihood ratio: 9 is what chance does once in 10 000, if gusts were Gaussian."""
 _CLEARLY = 1.2
