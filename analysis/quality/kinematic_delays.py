@@ -47,11 +47,14 @@ class Explanation:
         return float(self.sizes[place]), float(self.standard_errors[place])
 
 
-def explain(fit: Kinematics) -> Explanation:
-    """The simplest adequate explanation of the delays and the lever arm; no cause where all is well."""
+def explain(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
+    """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
+
+    ``jitter_s2`` is the variance of the positions' stamps: by chance they are late on the whole.
+    """
     best = Explanation((), np.empty(0), np.empty(0), 0.0)
     for count in range(4):
-        tried = sorted((_explained(fit, causes) for causes in combinations(CAUSES, count)), key=_order)
+        tried = sorted((_explained(fit, causes, jitter_s2) for causes in combinations(CAUSES, count)), key=_order)
         best = tried[0]
         if best.misfit <= _ADEQUATE:
             rivals = [each for each in tried[1:] if each.misfit <= best.misfit + _AS_WELL and count == 1]
@@ -64,7 +67,7 @@ def _order(tried: Explanation) -> float:
     return tried.misfit
 
 
-def _explained(fit: Kinematics, causes: tuple[str, ...]) -> Explanation:
+def _explained(fit: Kinematics, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
     places = [NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
     # The spread of few blocks is less known than a normal deviate's: widened as Student's t is at 95 %.
@@ -72,6 +75,7 @@ def _explained(fit: Kinematics, causes: tuple[str, ...]) -> Explanation:
     covariance = fit.covariance[np.ix_(places, places)] * np.outer(wider, wider) + np.diag(
         (0.5 * _SMALLEST) ** 2 / 9.0
     )
+    covariance[0, 0] += jitter_s2 / max(fit.informative[places[0]], 1.0)
     inverse = np.linalg.inv(covariance)
     design = np.array([CAUSES[cause] for cause in causes]).reshape(-1, len(OBSERVED)).T
     normal = design.T @ inverse @ design

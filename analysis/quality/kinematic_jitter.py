@@ -17,7 +17,8 @@ from analysis.quality.kinematic_path import interpolated, path_model
 from analysis.quality.kinematic_series import GROUPS, Floats, isolated, rotated, samples_of
 from analysis.quality.kinematics import Kinematics, quantile
 
-_STRETCH_S = 30.0
+_SHORT_S = 30.0
+_LONG_S = 120.0
 _FEWEST_SAMPLES = 8
 _FEWEST_STRETCHES = 5
 _BROKEN = 30.0
@@ -25,63 +26,101 @@ _BROKEN = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """Variance of the stamps [s2] with its standard error, and how many times it makes along exceed across."""
+    """Variance of the stamps [s2] with its standard error and how many stretches tell it.
 
-    variance_s2: float
-    standard_error_s2: float
-    excess: float
-    stretches: float
+    ``surplus`` is by how many of its standard errors the variance along exceeds that across in short stretches,
+    whose many tell it best, and ``ratio`` the one over the other.
+    """
+
+    variance_s2: float = 0.0
+    standard_error_s2: float = np.inf
+    stretches: float = 0.0
+    surplus: float = 0.0
+    surplus_stretches: float = 0.0
+    ratio: float = 0.0
 
     @property
     def seconds(self) -> float:
         return float(np.sqrt(max(self.variance_s2, 0.0)))
 
-    def interval(self, probability: float = 0.95) -> tuple[float, float]:
-        """Of the standard deviation [s]."""
-        half = quantile(0.5 + 0.5 * probability, self.stretches) * self.standard_error_s2
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the standard deviation [s]."""
+        half = quantile(0.975, self.stretches) * self.standard_error_s2
         low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0))
         return float(low), float(high)
 
 
+@dataclass(frozen=True, slots=True)
+class _Errors:
+    """Of each raw position: when [s], by how much north and east [n, 2], and the velocity of the ship [n, 2]."""
+
+    time_s: Floats
+    error: Floats
+    velocity: Floats
+
+
 def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
-    """The jitter of the positions in a table about the motion that was fitted to it."""
-    along, across, speed, stretch = _errors(table, fit)
-    count = np.bincount(stretch)
-    moved, ahead, aside = (np.bincount(stretch, each**2) for each in (speed, along, across))
-    usable = count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0])))
-    size = (ahead + aside) / np.maximum(count, 1)
-    usable &= size <= _BROKEN * np.median(size[usable]) if usable.any() else usable
-    if usable.sum() < _FEWEST_STRETCHES or not moved[usable].sum() > 0.0:
-        return Jitter(0.0, np.inf, 0.0, 0.0)
-    ratio = ahead[usable].sum() / max(float(aside[usable].sum()), 1e-12)
-    return _of_stretches(
-        np.asarray(ahead - aside, dtype=float)[usable], np.asarray(moved, dtype=float)[usable], ratio
+    """The jitter of the positions in a table about the motion that was fitted to it.
+
+    The line of a stretch takes some of a jitter that lasts for seconds away with it, by as much as the stretch is
+    short: the size is what stretches of 60 and 120 s lead to in the limit of long ones.
+    """
+    errors = _errors(table, fit)
+    short, *halves = (_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S))
+    long = _sums(errors, _LONG_S)
+    usable, enough = _usable(long), _usable(short)
+    if usable.sum() < _FEWEST_STRETCHES or not long[1][usable].sum() > 0.0:
+        return Jitter()
+    half = halves[0][2] - halves[0][3]
+    half = np.pad(half, (0, 2 * len(usable) - len(half))).reshape(-1, 2).sum(axis=1)
+    size = _of_stretches((2.0 * (long[2] - long[3]) - half)[usable], long[1][usable])
+    variance, error, telling = _of_stretches((short[2] - short[3])[enough], short[1][enough])
+    ratio = short[2][enough].sum() / max(float(short[3][enough].sum()), 1e-12)
+    return Jitter(*size, variance / max(error, 1e-12), telling, float(ratio))
+
+
+Sums = tuple[Floats, Floats, Floats, Floats]
+"""For each stretch: samples, and sums of squares of speed, of errors along and of errors across the way."""
+
+
+def _sums(errors: _Errors, seconds: float) -> Sums:
+    stretch = (errors.time_s // seconds).astype(np.int64)
+    left = np.column_stack([_about_lines(column, stretch) for column in errors.error.T])
+    body = rotated(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), left)
+    speed2 = (errors.velocity**2).sum(axis=1)
+    count, moved, along, across = (
+        np.bincount(stretch, each).astype(float) for each in (np.ones(stretch.size), speed2, *(body**2).T)
     )
+    return count, moved, along, across
 
 
-def _of_stretches(excess_m2: Floats, moved_m2: Floats, ratio: float) -> Jitter:
+def _usable(sums: Sums) -> NDArray[np.bool_]:
+    """Stretches with samples enough and without breaks."""
+    count, _, along, across = sums
+    usable = count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0])))
+    size = (along + across) / np.maximum(count, 1)
+    return np.asarray(usable & (size <= _BROKEN * np.median(size[usable])) if usable.any() else usable)
+
+
+def _of_stretches(excess_m2: Floats, moved_m2: Floats) -> tuple[float, float, float]:
+    """The ratio of sums, its standard error by leaving out stretches, and how many tell it."""
     count, total, base = excess_m2.size, excess_m2.sum(), moved_m2.sum()
     without = (total - excess_m2) / np.maximum(base - moved_m2, 1e-12)
     error = np.sqrt((count - 1) / count * ((without - without.mean()) ** 2).sum())
-    telling = base**2 / (moved_m2**2).sum()
-    return Jitter(float(total / base), float(error), float(ratio), float(telling))
+    return float(total / base), float(error), float(base**2 / (moved_m2**2).sum())
 
 
-def _errors(table: pd.DataFrame, fit: Kinematics) -> tuple[Floats, Floats, Floats, NDArray[np.int64]]:
-    """Errors along and across the way [m], speed [m/s] and number of the stretch, of each raw position."""
-    motion, values = fit.motion, fit.parameters[:6]
+def _errors(table: pd.DataFrame, fit: Kinematics) -> _Errors:
+    motion, parameters = fit.motion, fit.parameters[:6]
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
-    path, slopes = path_model(motion, grid_s)(values)
+    path, slopes = path_model(motion, grid_s)(parameters)
     raw = samples_of(table, GROUPS["north_m"])
-    within = (raw.time_s - values[2] >= grid_s[0]) & (raw.time_s - values[2] <= grid_s[-1])
-    time_s = raw.time_s[within]
-    at = interpolated(time_s - values[2], grid_s, np.hstack([path, -slopes[:, 2]]))
+    times = raw.time_s - parameters[2]
+    within = (times >= grid_s[0]) & (times <= grid_s[-1])
+    at = interpolated(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
     error = raw.levels[within] - at[:, :2]
     sound = ~isolated(error)
-    stretch = (time_s[sound] // _STRETCH_S).astype(np.int64)
-    left = np.column_stack([_about_lines(column, stretch) for column in error[sound].T])
-    body = rotated(-np.arctan2(at[sound, 3], at[sound, 2]), left)
-    return body[:, 0], body[:, 1], np.hypot(at[sound, 2], at[sound, 3]), stretch
+    return _Errors(times[within][sound], error[sound], at[sound, 2:])
 
 
 def _about_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:

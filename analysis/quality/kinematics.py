@@ -132,10 +132,16 @@ class _Frame:
 
 
 def _fitted(level: Samples, model: Model, prior: Floats, frame: _Frame) -> Solution:
-    """Levels fitted as they are and, where that shows them to jump, without their jumps."""
+    """Levels fitted as they are or, where they jump and that tells more, without their jumps.
+
+    To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
+    """
     solution = _gauss_newton(level, model, prior, frame)
     steady = without_jumps(level, model, frame.grid_s, solution.parameters)
-    return solution if steady is level else _gauss_newton(steady, model, prior, frame)
+    if steady is level:
+        return solution
+    other = _gauss_newton(steady, model, prior, frame)
+    return min(solution, other, key=lambda each: float(np.linalg.slogdet(each.covariance)[1]))
 
 
 def _gauss_newton(level: Samples, model: Model, prior: Floats, frame: _Frame) -> Solution:

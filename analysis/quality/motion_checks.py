@@ -32,6 +32,7 @@ _SMALLEST = {
 }
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_JITTER_S = 0.15
+_LEAST_RATIO = 2.0
 _SMALLEST_ARM_M = 0.5
 _SYSTEMATIC = {
     "speed_factor": 2e-4,
@@ -73,7 +74,8 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     """What a fit to a table says in words."""
     index = utc_index(table)
     start, end = index.min(), index.max()
-    explanation = explain(fit)
+    jitter = stamp_jitter(table, fit)
+    explanation = explain(fit, jitter.variance_s2 if _jitters(jitter) else 0.0)
     found = [
         _speed_scale(fit, start, end),
         _yaw_rate_scale(fit, start, end),
@@ -81,7 +83,7 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         _heading_offset(fit, start, end),
         *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
         _arm(explanation, start, end),
-        _jitter(stamp_jitter(table, fit), start, end),
+        _jitter(jitter, start, end),
     ]
     return tuple(each for each in found if each is not None)
 
@@ -179,7 +181,8 @@ def _delay(
         return None
     low, high = seconds - 1.96 * error, seconds + 1.96 * error
     way = "late" if seconds > 0.0 else "early"
-    text = f"{_WHAT[cause]} {'are' if cause in _PLURAL else 'is'} stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
+    verb = "are" if cause in _PLURAL else "is"
+    text = f"{_WHAT[cause]} {verb} stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
     rivals = "; or ".join(_rival(name, size) for name, size in explanation.rivals)
     if seconds < 0.0 and cause == "north_m":
         text += ", or all the others as much too late"
@@ -210,13 +213,17 @@ def _arm(explanation: Explanation, start: pd.Timestamp, end: pd.Timestamp) -> Fi
     )  # fmt: skip
 
 
+def _jitters(jitter: Jitter) -> bool:
+    surely = jitter.surplus > quantile(1.0 - CHANCE, jitter.surplus_stretches)
+    return surely and jitter.seconds >= _SMALLEST_JITTER_S and jitter.ratio >= _LEAST_RATIO
+
+
 def _jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    surely = jitter.interval(1.0 - CHANCE)[0] > 0.0
-    if not surely or jitter.seconds < _SMALLEST_JITTER_S or jitter.excess < 2.0:
+    if not _jitters(jitter):
         return None
     low, high = jitter.interval()
     text = (
-        f"The positions err along the way, with {jitter.excess:.0f} times the variance across: their stamps jitter"
+        f"The positions err along the way, with {jitter.ratio:.0f} times the variance across: their stamps jitter"
         f" by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
     )
     return Finding(
