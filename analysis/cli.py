@@ -17,6 +17,7 @@ def mount(app: typer.Typer) -> None:
     app.command("export", help="Write a recording as a table: Parquet, CSV or .mat.")(export)
     app.command("windows", help="Cut the windows in which the thrusters were held.")(windows)
     app.command("manoeuvres", help="Find the manoeuvres and their indices.")(manoeuvres)
+    app.command("smooth", help="The ship's motion from a Kalman smoother, with its covariance.")(smooth)
     app.command("batch", help="All of it for every recording below a folder, with one index; resumes.")(batch)
 
 
@@ -97,14 +98,26 @@ def windows(
     output: Output,
     horizon: Annotated[int, typer.Option(min=1, help="The length of a window [s].")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    keep_moving: Annotated[
+        bool, typer.Option("--keep-moving", help="Keep windows in which a thruster moved, marked in `held`.")
+    ] = False,
+    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    remove_delays: Annotated[
+        bool, typer.Option("--remove-delays", help="Take estimated delays of channels off their times before.")
+    ] = False,
+    starts: Annotated[
+        bool, typer.Option("--starts/--no-starts", help="Smoothed start states beside, in NAME.starts.parquet.")
+    ] = True,
     as_json: AsJson = False,
 ) -> None:
     """Cut held windows out of recordings."""
     from acquisition.progress import bar
-    from analysis.windows import tables_of_recordings, windows_of_tables, write_windows
+    from analysis.window_starts import Cutting, windows_of_recordings
+    from analysis.windows import write_windows
 
+    how = Cutting(horizon, stride, keep_moving, repair, remove_delays, starts)
     with bar("windows") as progress:
-        found = windows_of_tables(tables_of_recordings(files, progress), horizon, stride)
+        found = windows_of_recordings(files, how, progress)
     write_windows(found, output)
     summary = {
         "recordings": len(files),
@@ -112,13 +125,16 @@ def windows(
         "kept": found.kept,
         "dropped": found.dropped,
     }
+    if keep_moving:
+        summary["moving"] = found.moving
     if as_json:
         typer.echo(json.dumps(summary))
         return
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
     recordings = "1 recording" if len(files) == 1 else f"{len(files)} recordings"
+    kept = "kept" if keep_moving else "held"
     typer.echo(
-        f"{found.kept} of {found.candidates} windows of {horizon} s held, in {found.legs} legs of {recordings}; "
+        f"{found.kept} of {found.candidates} windows of {horizon} s {kept}, in {found.legs} legs of {recordings}; "
         f"dropped: {reasons}",
         err=True,
     )
@@ -154,6 +170,33 @@ def manoeuvres(
             typer.echo(path, err=as_json)
 
 
+def smooth(
+    file: Annotated[Path, typer.Argument(help="A recording.")],
+    output: Output,
+    rate: Annotated[float, typer.Option(help="So many rows a second.")] = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Smooth a recording's motion."""
+    from analysis.smooth import smooth as smooth_table
+    from analysis.smooth import summary_of, write_smoothed
+    from analysis.table import read_table
+
+    smoothed = smooth_table(read_table(file), rate)
+    write_smoothed(smoothed, output)
+    summary = summary_of(smoothed)
+    if as_json:
+        typer.echo(json.dumps(summary))
+        return
+    noise = smoothed.noise
+    typer.echo(
+        f"{summary['rows']:,} rows, {summary['missing']:,} of them in gaps; noise {noise.position_m:.3g} m, "
+        f"{noise.heading_rad * 57.29578:.3g} deg, {noise.speed_mps:.3g} m/s, "
+        f"{noise.yaw_rate_radps * 57.29578:.3g} deg/s; {sum(summary['rejected'].values()):,} samples refused",
+        err=True,
+    )
+    typer.echo(output)
+
+
 def batch(
     folder: Annotated[Path, typer.Argument(help="A folder with recordings, in folders below it too.")],
     output: Output,
@@ -163,6 +206,8 @@ def batch(
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     length: Annotated[float | None, typer.Option(help="The ship's length [m], for distances in lengths.")] = None,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
+    no_smooth: Annotated[bool, typer.Option("--no-smooth", help="No smoother: no uncertainties.")] = False,
+    no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, sooner.")] = False,
     again: Annotated[bool, typer.Option("--again", help="Compute what is there anew.")] = False,
     timeout: Annotated[float | None, typer.Option(min=0.1, help="Give a recording up after so many s.")] = None,
     as_json: AsJson = False,
@@ -174,7 +219,7 @@ def batch(
     from analysis.batch import run_batch
     from analysis.one_recording import Options
 
-    options = Options(not no_repair, horizon, stride, length)
+    options = Options(not no_repair, not no_smooth, not no_pictures, horizon, stride, length)
     try:
         with bar("batch") as progress:
             summary = run_batch(

@@ -13,8 +13,9 @@ import math
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -23,21 +24,32 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import BY_NAME, NAMES
+from acquisition.channels import NAMES
 from acquisition.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.trial import software_version
+from analysis.export import FLAG_MEANING, SIGMA_SUFFIX, unit_of
 from analysis.frames import NANO, times_ns
-from analysis.history import history_of
+from analysis.history import history_of, with_step
+from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
 from analysis.parquet import write_parquet
+from analysis.quality.check import DataQuality, check_recording
+from analysis.quality.repairs import Repair, Repaired, repair
 from analysis.resample import resample
+from analysis.smooth import Smoothed, smooth
 from analysis.table import require, table_of
+from analysis.window_starts import with_starts
 from analysis.windows import HeldWindows, held_windows, write_windows
 
 Row = dict[str, Any]
 """One recording in the index: plain values by name, see :func:`process`."""
 
 SUMMARY = "summary.json"
+GRADES = ("good", "suspect", "bad")
+KEY_INDICES = frozenset({
+    "first_overshoot_deg", "second_overshoot_deg", "overshoot_mean_deg", "advance_m", "transfer_m",
+    "tactical_diameter_m", "steady_diameter_m", "speed_mps", "track_reach_m", "head_reach_m",
+})  # fmt: skip
 NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing with `seatrial recover`"
 """The remark on a recording that was cut off: done, and explained."""
 
@@ -50,11 +62,14 @@ _THUMBNAIL_POINTS = 60
 class Options:
     """What a result depends on besides its recording.
 
-    ``repair`` applies the repairs that are certain; windows cover ``horizon_s`` [s] and are tried every
+    ``repair`` applies the repairs that are certain, ``smooth`` gives the motion its standard deviations,
+    ``pictures`` go on the page (the two that take time); windows cover ``horizon_s`` [s] and are tried every
     ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths.
     """
 
     repair: bool = True
+    smooth: bool = True
+    pictures: bool = True
     horizon_s: int = 15
     stride_s: int = 5
     length_m: float | None = None
@@ -62,13 +77,30 @@ class Options:
 
 @dataclass(slots=True)
 class Products:
-    """All that came of one recording. ``shortfalls`` says in one line each what could not be made, and why."""
+    """All that came of one recording.
+
+    ``table`` has the raw samples, after repairs if there were any; ``one_hz`` is it once a second, motion from
+    the smoother with a column ``<name>_sigma`` beside each where that was made. ``shortfalls`` says in one line
+    each what could not be made, and why.
+    """
 
     recording: Recording
+    quality: DataQuality
     table: pd.DataFrame
     one_hz: pd.DataFrame
+    repairs: tuple[Repair, ...] = ()
     windows: HeldWindows | None = None
+    manoeuvres: tuple[Manoeuvre, ...] = ()
     shortfalls: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """A step that may turn out to be impossible: that is a shortfall, said once, and not the end."""
+        try:
+            yield
+        except SeatrialError as error:
+            if (cause := cause_of(error)) not in self.shortfalls:
+                self.shortfalls.append(cause)
 
 
 def provenance_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
@@ -98,12 +130,13 @@ def provenance_of(path: Path, options: Options, name: str = "") -> dict[str, Any
 def process(path: Path | str, folder: Path | str, options: Options | None = None, name: str = "") -> Row:
     """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
 
-    ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are
-    to be joined need different ones. Written are ``table.parquet`` (1 Hz), ``windows.parquet``, ``page.html``
-    and ``summary.json``, which is the row that is returned: what the recording is, counts, ``status`` and
-    ``cause``. What can be made of an incomplete recording is made; its status is ``failed`` and its cause
-    says what is missing. Raises :class:`InputError` for what is no recording, :class:`DataShortageError` for one
-    without samples, :class:`StorageError` when a result cannot be written.
+    ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are to
+    be joined need different ones. Written are ``quality.json`` and ``flags.parquet``, ``table.parquet`` (1 Hz),
+    ``windows.parquet``, ``manoeuvres.json``, ``page.html`` and ``summary.json``, which is the row that is
+    returned: what the recording is, counts, ``status`` and ``cause``. What can be made of an incomplete recording
+    is made; its status is ``failed`` and its cause says what is missing. Raises :class:`InputError` for what is
+    no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a result cannot
+    be written.
     """
     path, folder, options = Path(path), Path(folder), options or Options()
     provenance = provenance_of(path, options, name)
@@ -145,19 +178,32 @@ def reusable(path: Path, folder: Path, options: Options, name: str = "") -> Row 
 
 
 def analysed(path: Path, options: Options, name: str = "") -> Products:
-    """The analysis of one recording, step by step; a step that cannot be done is a shortfall, not an end."""
+    """The analysis of one recording, step by step; what its channels do not allow is left out and said."""
     recording = read_recording(path)
-    table = table_of(recording)
-    name = name or path.stem
-    table.attrs["recording"] = name  # not its path, which differs from place to place
-    _refuse_endless(table, path)
-    products = Products(recording, table, resample(table, 1.0))
-    try:
-        require(products.one_hz, where=str(path))
-        products.windows = held_windows(products.one_hz, options.horizon_s, options.stride_s, trial=name)
-    except SeatrialError as error:
-        products.shortfalls.append(cause_of(error))
+    raw = table_of(recording)
+    raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
+    _refuse_endless(raw, path)
+    quality = check_recording(recording, raw)
+    mended = repair(raw, quality.findings, quality.flags) if options.repair else Repaired(raw, ())
+    one_hz = resample(mended.table, 1.0)
+    products = Products(recording, quality, mended.table, one_hz, mended.repairs)
+    with products.step():
+        require(one_hz)
+        products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name or path.stem)
+        products.manoeuvres = find_manoeuvres(mended.table, options.length_m, recording.events)
+        if options.smooth:
+            motion = smooth(mended.table, 1.0)
+            products.one_hz = _with_motion(one_hz, motion)
+            products.windows = with_starts(products.windows, {name or path.stem: motion})
     return products
+
+
+def _with_motion(one_hz: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
+    """The motion and its rates of change from the smoother, the standard deviation of each beside it."""
+    states, sigmas = (each.reindex(one_hz.index) for each in (motion.states, motion.standard_deviations()))
+    both = {str(name): states[name] for name in states}
+    both |= {f"{name}{SIGMA_SUFFIX}": sigmas[name] for name in sigmas}
+    return with_step(one_hz, "smooth", rate_hz=1.0).assign(**both)
 
 
 def _refuse_endless(table: pd.DataFrame, path: Path) -> None:
@@ -198,6 +244,12 @@ def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "samples": sum(int(series.value.size) for series in recording.series.values()),
         "channels": sum(name in recording.series for name in NAMES),
         "closed": recording.closed,
+        "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
+        "findings": len(products.quality.findings),
+        "findings_by_code": dict(Counter(each.code for each in products.quality.findings)),
+        "repairs": len(products.repairs),
+        "manoeuvres": dict(Counter(each.kind for each in products.manoeuvres)),
+        "indices": key_indices(products.manoeuvres),
         "windows_kept": windows.kept if windows else None,
         "windows_candidates": windows.candidates if windows else None,
         "windows_dropped": windows.dropped if windows else {},
@@ -206,6 +258,15 @@ def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "provenance": dict(provenance),
     }
     return dict(plain(row))
+
+
+def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:
+    """The indices that a season is compared by: the median of each over a recording's manoeuvres of a kind."""
+    values: dict[str, list[float]] = {}
+    for each in manoeuvres:
+        for name in KEY_INDICES & set(each.indices):
+            values.setdefault(f"{each.kind}_{name}", []).append(each.indices[name].value)
+    return {name: float(np.median(values[name])) for name in sorted(values)}
 
 
 def distance_m(one_hz: pd.DataFrame) -> float | None:
@@ -255,20 +316,22 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
+    """All files of a result, each with its origin and history in it."""
     from analysis.recording_page import recording_page
 
-    about = {"provenance": json.dumps(plain(provenance)), "history": _texts(history_of(products.one_hz))}
-    trial = json.dumps(plain(products.recording.trial.as_metadata()))
-    units = {str(name): BY_NAME[name].unit for name in products.one_hz.columns if name in BY_NAME}
-    write_parquet(products.one_hz, folder / "table.parquet", units, {**about, "trial": trial, "rate_hz": "1.0"})
+    origin = {"provenance": plain(provenance), "history": plain(history_of(products.one_hz))}
+    about = {key: json.dumps(value) for key, value in origin.items()}
+    trial = {"trial": json.dumps(plain(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
+    units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name)))}
+    write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
+    write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
+    repairs = [asdict(each) for each in products.repairs]
+    write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
+    write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
     if products.windows is not None:
         write_windows(products.windows, folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
-
-
-def _texts(steps: Iterable[Mapping[str, Any]]) -> str:
-    return json.dumps([plain(step) for step in steps])
 
 
 def clear_partials(out: Path) -> None:

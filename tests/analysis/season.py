@@ -13,7 +13,11 @@ from acquisition.angles import wrap_360
 from acquisition.channels import NAMES
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from analysis.one_recording import Options
 from tests.analysis.conftest import table_at
+
+QUICK = Options(smooth=False, pictures=False)
+"""For tests of what is around the analysis: without the steps that take most of the time."""
 
 
 def sailed(seconds: int = 120, rate_hz: float = 2.0, seed: int = 0, yaw_rate_dps: float = 1.0) -> pd.DataFrame:

@@ -26,9 +26,10 @@ from analysis.batch_index import read_index
 from analysis.batch_job import MARKS, MOST_ATTEMPTS, Job, attempt
 from analysis.one_recording import NOT_CLOSED, Options, Row, process
 from seatrial import app
-from tests.analysis.season import BROKEN, hashes, sailed, write_broken, write_season
+from tests.analysis.season import BROKEN, QUICK, hashes, sailed, write_broken, write_season
 
 SOUND = 6
+FAST = ("--no-smooth", "--no-pictures")
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def scheduler() -> Iterator[str]:
 @pytest.fixture(scope="module")
 def first_run(season: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Summary, Path]:
     out = tmp_path_factory.mktemp("out")
-    return run_batch(season, out, scheduler=scheduler), out
+    return run_batch(season, out, scheduler=scheduler, options=QUICK), out
 
 
 @pytest.fixture
@@ -114,7 +115,7 @@ def test_a_second_run_computes_nothing_and_changes_nothing(
     first, out = first_run
     before, times = hashes(out), {path: path.stat().st_mtime_ns for path in out.rglob("table.parquet")}
     shares: list[float] = []
-    second = run_batch(season, out, scheduler=scheduler, progress=shares.append)
+    second = run_batch(season, out, scheduler=scheduler, options=QUICK, progress=shares.append)
     assert (second.done, second.reused) == (first.done, first.done)
     assert hashes(out) == before
     touched = {path for path, at in times.items() if path.stat().st_mtime_ns != at}
@@ -127,13 +128,13 @@ def test_what_was_made_by_a_worker_has_the_bytes_of_what_is_made_here(
     season: Path, first_run: tuple[Summary, Path], tmp_path: Path
 ) -> None:
     name = "day_01/trial_002"
-    process(season / f"{name}.mcap", tmp_path / "result", Options(), name)
+    process(season / f"{name}.mcap", tmp_path / "result", QUICK, name)
     assert hashes(tmp_path / "result") == hashes(first_run[1] / name)
 
 
 def test_other_options_and_again_compute_anew(one: Path, scheduler: str, tmp_path: Path) -> None:
     def reused(stride_s: int, again: bool = False) -> int:
-        options = Options(stride_s=stride_s)
+        options = replace(QUICK, stride_s=stride_s)
         return run_batch(one, tmp_path / "out", scheduler=scheduler, options=options, again=again).reused
 
     assert [reused(5), reused(7), reused(7), reused(7, again=True)] == [0, 0, 1, 0]
@@ -141,9 +142,9 @@ def test_other_options_and_again_compute_anew(one: Path, scheduler: str, tmp_pat
 
 def test_a_recording_that_has_become_bad_loses_its_result(one: Path, scheduler: str, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    assert run_batch(one, out, scheduler=scheduler).done == 1
+    assert run_batch(one, out, scheduler=scheduler, options=QUICK).done == 1
     (one / "trial_001.mcap").write_bytes(b"")
-    assert run_batch(one, out, scheduler=scheduler).failed == 1
+    assert run_batch(one, out, scheduler=scheduler, options=QUICK).failed == 1
     assert not (out / "trial_001").exists()
 
 
@@ -236,7 +237,7 @@ def test_no_result_stands_where_another_stands_or_inside_it(paths: list[str]) ->
 
 def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_path: Path) -> None:
     (one / "empty.mcap").touch()
-    arguments = ["batch", str(one), "-o", str(tmp_path / "out"), "--workers", "2", "--json"]
+    arguments = ["batch", str(one), "-o", str(tmp_path / "out"), "--workers", "2", *FAST, "--json"]
     outcome = CliRunner().invoke(app, arguments)
     assert outcome.exit_code == 1
     assert json.loads(outcome.stdout) == {
@@ -249,7 +250,7 @@ def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_p
 
 def start_command(folder: Path, out: Path, *arguments: str) -> subprocess.Popen[bytes]:
     """The command in a process group of its own, as a terminal has it."""
-    command = [sys.executable, "-m", "seatrial", "batch", str(folder), "-o", str(out), *arguments]
+    command = [sys.executable, "-m", "seatrial", "batch", str(folder), "-o", str(out), *FAST, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,13 @@ from acquisition.errors import DataShortageError, InputError, StorageError
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
 from analysis import one_recording
-from analysis.one_recording import SUMMARY, Options, cause_of, distance_m, plain, process, reusable, thumbnail
+from analysis.one_recording import SUMMARY, cause_of, distance_m, plain, process, reusable, thumbnail
 from analysis.parquet import read_parquet
 from analysis.windows import read_windows
 from tests.analysis.conftest import table_at
-from tests.analysis.season import hashes, sailed
+from tests.analysis.season import QUICK, hashes, sailed
+
+SMOOTHED = replace(QUICK, smooth=True)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +36,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results") / "trial_1"
-    process(recording, folder)
+    process(recording, folder, SMOOTHED)
     return folder
 
 
@@ -43,6 +46,11 @@ def test_a_result_is_a_folder_of_products_that_say_where_they_come_from(recordin
     assert list(table.columns[: len(NAMES)]) == list(NAMES)
     assert json.loads(metadata["provenance"]) == row["provenance"]
     assert row["provenance"]["bytes"] == recording.stat().st_size
+    assert (table["north_m_sigma"] > 0).all()
+    flags, _ = read_parquet(result / "flags.parquet")
+    assert (len(flags), set(flags.columns)) == (240, set(NAMES))
+    assert set(json.loads((result / "quality.json").read_text())) >= {"channels", "findings", "provenance"}
+    assert "manoeuvres" in json.loads((result / "manoeuvres.json").read_text())
     assert read_windows(result / "windows.parquet").kept == row["windows_kept"] > 0
     assert row["provenance"]["sha256"] in (result / "page.html").read_text()
     assert (row["status"], row["cause"], row["samples"]) == ("done", "", 13 * 240)
@@ -52,7 +60,7 @@ def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result
     elsewhere = tmp_path / "another" / "place" / recording.name
     elsewhere.parent.mkdir(parents=True)
     elsewhere.write_bytes(recording.read_bytes())
-    process(elsewhere, tmp_path / "out")
+    process(elsewhere, tmp_path / "out", SMOOTHED)
     assert hashes(tmp_path / "out") == hashes(result)
     assert not any(str(tmp_path).encode() in path.read_bytes() for path in (tmp_path / "out").iterdir())
 
@@ -60,19 +68,19 @@ def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result
 def test_a_result_is_used_again_only_for_the_same_recording_options_and_name(
     recording: Path, result: Path, tmp_path: Path
 ) -> None:
-    assert reusable(recording, result, Options()) == json.loads((result / SUMMARY).read_text())
-    assert reusable(recording, result, Options(stride_s=7)) is None
-    assert reusable(recording, result, Options(), name="another") is None
-    assert reusable(recording, tmp_path, Options()) is None
+    assert reusable(recording, result, SMOOTHED) == json.loads((result / SUMMARY).read_text())
+    assert reusable(recording, result, replace(QUICK, stride_s=7)) is None
+    assert reusable(recording, result, SMOOTHED, name="another") is None
+    assert reusable(recording, tmp_path, SMOOTHED) is None
     changed = tmp_path / recording.name
     changed.write_bytes(recording.read_bytes() + b"\0")
-    assert reusable(changed, result, Options()) is None
+    assert reusable(changed, result, SMOOTHED) is None
 
 
 def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process(recording, tmp_path / "out")
+    process(recording, tmp_path / "out", QUICK)
     before = hashes(tmp_path)
 
     def interrupted(*_: object) -> None:
@@ -80,13 +88,13 @@ def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
 
     monkeypatch.setattr(one_recording, "write_json", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        process(recording, tmp_path / "out", Options(stride_s=7))
+        process(recording, tmp_path / "out", replace(QUICK, stride_s=7))
     assert hashes(tmp_path) == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 def test_a_result_takes_an_earlier_ones_place_and_nothing_elses(recording: Path, tmp_path: Path) -> None:
-    first, second = (process(recording, tmp_path / "out", Options(stride_s=stride)) for stride in (5, 7))
+    first, second = (process(recording, tmp_path / "out", replace(QUICK, stride_s=stride)) for stride in (5, 7))
     assert first["windows_candidates"] > second["windows_candidates"]
     assert json.loads((tmp_path / "out" / SUMMARY).read_text()) == second
     (tmp_path / "notes").mkdir()
@@ -99,7 +107,7 @@ def test_a_result_takes_an_earlier_ones_place_and_nothing_elses(recording: Path,
 def test_of_an_incomplete_recording_what_can_be_made_is_made(tmp_path: Path) -> None:
     path = tmp_path / "no_position.mcap"
     write_table(sailed().drop(columns=["north_m", "east_m"]), path, Trial())
-    row = process(path, tmp_path / "out")
+    row = process(path, tmp_path / "out", QUICK)
     assert row["status"] == "failed"
     assert "north_m, east_m" in row["cause"]
     assert str(tmp_path) not in row["cause"]
