@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.angles import difference
-from acquisition.channels import POSE, VELOCITY
+from acquisition.channels import BY_NAME
 from analysis.frames import NANO, times_ns
 from analysis.kalman import Floats, Start, Steps
 
@@ -63,11 +63,8 @@ def motion_values(table: pd.DataFrame) -> Floats:
     columns = [
         table[name].to_numpy(dtype=float) if name in table else np.full(len(table), np.nan) for name in CHANNELS
     ]
-    return np.stack(columns, axis=1) * np.where([name in TURNED for name in CHANNELS], np.pi / 180.0, 1.0)
-
-
-TURNED = frozenset({"heading_deg", "yaw_rate_dps"})
-assert set(CHANNELS) == {*POSE, *VELOCITY}
+    factors = [np.pi / 180.0 if BY_NAME[name].unit.startswith("deg") else 1.0 for name in CHANNELS]
+    return np.stack(columns, axis=1) * np.array(factors)
 
 
 def internal_step_s(time_ns: Counts, values: Floats, fastest_hz: float = FASTEST_HZ) -> float:
@@ -111,7 +108,7 @@ def _mean(step: Counts, values: Floats, steps: int) -> Floats:
     """The mean of the values of each step, NaN where there is none."""
     count = np.bincount(step, minlength=steps)
     total = np.bincount(step, values, minlength=steps)
-    return np.divide(total, count, out=np.full(steps, np.nan), where=count > 0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def heading_steps(data: Binned, heading_rad: float, yaw_rate_radps: float) -> Steps:
@@ -152,7 +149,7 @@ def motion_steps(data: Binned, heading_rad: Floats, noise: Floats) -> Steps:
 
 
 def horizontal_steps(steps: Steps, heading: Floats) -> Steps:
-    """Position and speeds with the heading and its derivatives given [steps, 3 or more]: what north and east explain."""
+    """Position and speeds with the heading and its derivatives given [steps, 3 or more]."""
     some = slice(NORTH, SWAY + 1)
     row = steps.row[:, some].copy()
     value = steps.value[:, some] - np.einsum("kcj,kj->kc", row[:, :, :3], heading[:, :3])

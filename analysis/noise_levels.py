@@ -188,7 +188,7 @@ class _Search:
         levels = np.exp(logs)
         laws: list[Law] = [WhiteJerk(float(levels[2]))]
         if levels.size > 3:
-            laws.append(WaveMotion(*(float(each) for each in levels[3:])))
+            laws.append(WaveMotion(float(levels[3]), float(levels[4]), float(levels[5])))
         model = Model(tuple(each for each in self.quantities for _ in laws), tuple(laws) * len(self.quantities))
         total = 0.0
         for number, (steps, start) in enumerate(self.parts):

@@ -11,8 +11,10 @@ shows in :attr:`Smoothed.consistency`; check and repair a recording first.
 from __future__ import annotations
 
 import itertools
+import json
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from acquisition.angles import wrap_360
 from acquisition.channels import POSE
 from acquisition.errors import InputError
 from analysis.frames import NANO, index_of, times_ns
-from analysis.history import with_step
+from analysis.history import history_of, with_step
 from analysis.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
 from analysis.motion_model import (
     BODY,
@@ -40,6 +42,7 @@ from analysis.motion_model import (
     motion_values,
 )
 from analysis.noise_levels import NoiseLevels, estimate_levels
+from analysis.parquet import write_parquet
 from analysis.slow_motion import local_quadratic, smooth_motion
 from analysis.smoothing_consistency import Consistency, consistency_of
 from analysis.table import require
@@ -63,7 +66,8 @@ class Smoothed:
     channels, and the rates of change of surge, sway [m/s2] and yaw rate [deg/s2]. ``covariance`` [rows, 9, 9] is
     theirs in the same order in SI, angles in radians. ``slow`` and ``slow_covariance`` are the same without the
     swing in waves, and the same altogether where the data show none. Rows inside long gaps are NaN. ``rejected``
-    has the index of the table it was made from and a column for each motion channel, true where a sample was refused.
+    has the index of the table it was made from and a column for each motion channel, true where a sample was
+    refused.
     """
 
     states: pd.DataFrame
@@ -242,25 +246,29 @@ def _rejected(
     table: pd.DataFrame, data: Binned, noise: NoiseLevels, gate: Gate, innovations: _Innovations
 ) -> pd.DataFrame:
     """Which samples were refused: those of a refused step that lie off themselves, or all where none does."""
-    values, there = motion_values(table), data.step_of >= 0
-    step = np.maximum(data.step_of, 0)
-    offset_s = (times_ns(table) - data.epoch_ns) / NANO - data.time_s[step]
-    state = innovations.mean[step]
+    flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
+    concerned: Flags = np.asarray(innovations.refused.any(axis=1))
+    rows = np.flatnonzero((data.step_of >= 0) & concerned[data.step_of])
+    values, step = motion_values(table.iloc[rows]), data.step_of[rows]
+    refused = innovations.refused[step] & np.isfinite(values)
+    offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
+    off = np.abs(_apart(values, innovations.mean[step], offset_s)) > np.sqrt(gate.limit) * noise.by_channel
+    for channel in range(len(CHANNELS)):
+        some = refused[:, channel] & off[:, channel]
+        explained = np.bincount(step[some], minlength=data.time_s.size) > 0
+        flags[rows, channel] = some | (refused[:, channel] & ~explained[step])
+    return pd.DataFrame(flags, index=table.index, columns=list(CHANNELS))
+
+
+def _apart(values: Floats, state: Floats, offset_s: Floats) -> Floats:
+    """Samples minus what the states [rows, 9] say ``offset_s`` later [rows, channels]."""
     moved = state.copy()
     moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
-    body, _ = body_states(moved, np.zeros((len(table), 9, 9)))
-    order = [BODY.index(name) for name in CHANNELS]
-    apart = values - body[:, order]
+    body, _ = body_states(moved, np.zeros((len(moved), 9, 9)))
+    apart = values - body[:, [BODY.index(name) for name in CHANNELS]]
     apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
-    off = np.abs(apart) > np.sqrt(gate.limit) * noise.by_channel
-    refused = innovations.refused[step] & there[:, None] & np.isfinite(values)
-    flags = {}
-    for number, name in enumerate(CHANNELS):
-        some = refused[:, number] & off[:, number]
-        explained = np.bincount(step[some], minlength=data.time_s.size) > 0
-        flags[name] = some | (refused[:, number] & ~explained[step])
-    return pd.DataFrame(flags, index=table.index)
+    return apart
 
 
 def _in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> NDArray[np.bool_]:
@@ -293,3 +301,19 @@ def summary_of(smoothed: Smoothed) -> dict[str, Any]:
         "rejected": {str(name): int(count) for name, count in smoothed.rejected.sum().items()},
         "consistency": smoothed.consistency.as_json(),
     }
+
+
+def write_smoothed(smoothed: Smoothed, path: Path | str) -> None:
+    """Write a result as Parquet: states, the 21 elements of their covariance, and the slow states.
+
+    Units stand on the columns, the figures of :func:`summary_of` and the history in the metadata. Raises
+    :class:`acquisition.errors.StorageError` when the file cannot be written.
+    """
+    slow = smoothed.slow.add_prefix("slow_")
+    rows = pd.concat([smoothed.states, smoothed.covariance_columns(), slow], axis=1)
+    units = {name: _UNITS[name.rsplit("_", 1)[1]] for name in (*BODY, *map(str, slow.columns))}
+    figures = {"smoothing": summary_of(smoothed), "history": history_of(smoothed.states)}
+    write_parquet(rows, path, units, {key: json.dumps(each) for key, each in figures.items()})
+
+
+_UNITS = {"m": "m", "deg": "deg", "mps": "m/s", "dps": "deg/s", "mps2": "m/s2", "dps2": "deg/s2"}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,10 @@ REASONS = ("gap", "missing_data", "azimuth_moved", "rpm_moved", "tunnel_moved")
 """Why a candidate is dropped, in the order in which the reasons are asked."""
 
 COLUMNS = ("window", "second", *NAMES, "trial", "leg", "start")
-"""The columns of the long table of windows."""
+"""The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes after them."""
+
+MOVED = ("azimuth_moved", "rpm_moved", "tunnel_moved")
+"""The reasons for which a window is whole but not held."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,7 @@ class HeldWindows:
 
     ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
     channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
-    of ``dropped``.
+    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.window_starts.with_starts`.
     """
 
     rows: pd.DataFrame
@@ -54,11 +57,19 @@ class HeldWindows:
     dropped: dict[str, int]
     horizon_s: int = 15
     stride_s: int = 5
+    starts: pd.DataFrame | None = None
 
     @property
     def legs(self) -> int:
         """The number of legs among the kept windows."""
         return int(self.rows["leg"].nunique())
+
+    @property
+    def moving(self) -> int:
+        """The number of kept windows in which a thruster moved: 0 unless they were asked for."""
+        if "held" not in self.rows:
+            return 0
+        return int((~self.rows.loc[self.rows["second"] == 0, "held"]).sum())
 
 
 def held_windows(
@@ -67,10 +78,14 @@ def held_windows(
     stride_s: int = 5,
     tolerances: Tolerances | None = None,
     trial: str = "trial",
+    *,
+    keep_moving: bool = False,
 ) -> HeldWindows:
     """The held windows of a table of one row a second, as :func:`analysis.resample.resample` gives it.
 
-    ``trial`` names the recording; windows and legs carry it. A table shorter than the horizon has no
+    ``trial`` names the recording; windows and legs carry it. With ``keep_moving`` windows in which only a
+    thruster moved are kept too, and a column ``held`` tells them apart; legs are then as long as windows follow
+    each other without a break. A table shorter than the horizon has no
     candidates. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
     """
     if horizon_s < 2 or stride_s < 1:
@@ -80,13 +95,24 @@ def held_windows(
         )
     start_ns, values, there = _every_second(table)
     if start_ns.size < horizon_s + 1:
-        return _assembled(values, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
+        empty = _assembled(values, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
+        return _marked(empty, np.empty(0, dtype=bool)) if keep_moving else empty
     reason = _reasons(values, there, horizon_s + 1, stride_s, tolerances or Tolerances())
-    starts = np.flatnonzero(reason == len(REASONS)).astype(np.int64) * stride_s
-    counts = np.bincount(reason, minlength=len(REASONS) + 1)
-    dropped = {name: int(count) for name, count in zip(REASONS, counts[:-1], strict=True) if count}
+    wanted = reason == len(REASONS)
+    if keep_moving:
+        wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
+    starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
+    counts = np.bincount(reason[~wanted], minlength=len(REASONS))
+    dropped = {name: int(count) for name, count in zip(REASONS, counts, strict=True) if count}
     account = (int(reason.size), dropped)
-    return _assembled(values, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
+    result = _assembled(values, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
+    return _marked(result, reason[wanted] == len(REASONS)) if keep_moving else result
+
+
+def _marked(windows: HeldWindows, held_ones: Flags) -> HeldWindows:
+    """Windows with the column ``held``, from a flag for each window."""
+    marks = np.repeat(held_ones, windows.horizon_s + 1)
+    return replace(windows, rows=windows.rows.assign(held=marks))
 
 
 def _every_second(table: pd.DataFrame) -> tuple[Counts, Floats, Flags]:
@@ -196,7 +222,7 @@ def tables_of_recordings(
 ) -> dict[str, pd.DataFrame]:
     """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's."""
     tables = {}
-    for number, (path, trial) in enumerate(zip(paths, _trial_names(paths), strict=True)):
+    for number, (path, trial) in enumerate(zip(paths, trial_names(paths), strict=True)):
         tables[trial] = resample_recording(read_recording(path), 1.0, part_percent=part_percent)
         progress((number + 1) / len(paths))
     return tables
@@ -208,10 +234,10 @@ def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, s
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
     parts = [held_windows(table, horizon_s, stride_s, trial=trial) for trial, table in tables.items()]
-    return _some(joined(parts), ", ".join(tables))
+    return nothing_held_is_an_error(joined(parts), ", ".join(tables))
 
 
-def _trial_names(paths: Sequence[Path]) -> list[str]:
+def trial_names(paths: Sequence[Path]) -> list[str]:
     """The files' names without suffix, numbered where two files in different folders are called the same."""
     stems = [Path(path).stem for path in paths]
     return [
@@ -242,7 +268,8 @@ def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
     return HeldWindows(rows, candidates, offset, ordered, parts[0].horizon_s, parts[0].stride_s)
 
 
-def _some(windows: HeldWindows, where: str) -> HeldWindows:
+def nothing_held_is_an_error(windows: HeldWindows, where: str) -> HeldWindows:
+    """The windows as they are. Raises :class:`DataShortageError` with the counts by reason if there is none."""
     if windows.kept:
         return windows
     reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items())
@@ -257,7 +284,8 @@ def _some(windows: HeldWindows, where: str) -> HeldWindows:
 def write_windows(windows: HeldWindows, path: Path | str) -> None:
     """Write the windows as Parquet, the account of the candidates in the file's metadata.
 
-    Raises :class:`acquisition.errors.StorageError` when the file cannot be written.
+    Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
+    :class:`acquisition.errors.StorageError` when a file cannot be written.
     """
     account = {
         "candidates": windows.candidates,
@@ -268,6 +296,14 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     }
     units = {name: BY_NAME[name].unit for name in NAMES} | {"second": "s"}
     write_parquet(windows.rows, path, units, {"windows": json.dumps(account)})
+    if windows.starts is not None:
+        states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
+        write_parquet(windows.starts, starts_path(path), states, {"covariance": "SI, angles in radians"})
+
+
+def starts_path(path: Path | str) -> Path:
+    """Where the starts of windows are that are written to ``path``."""
+    return Path(path).with_suffix(".starts.parquet")
 
 
 def read_windows(path: Path | str) -> HeldWindows:
@@ -275,4 +311,15 @@ def read_windows(path: Path | str) -> HeldWindows:
     rows, metadata = read_parquet(path)
     if "windows" not in metadata or set(COLUMNS) - set(rows.columns):
         raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
-    return HeldWindows(rows[list(COLUMNS)], **json.loads(metadata["windows"]))
+    names = [*COLUMNS, *(["held"] if "held" in rows else [])]
+    return HeldWindows(rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path))
+
+
+def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
+    """The starts beside a file of windows, unless they are of other windows."""
+    if not starts_path(path).is_file():
+        return None
+    starts, _ = read_parquet(starts_path(path))
+    first, keys = rows.loc[rows["second"] == 0], ["window", "trial", "start"]
+    same = set(keys) <= set(starts.columns) and len(first) == len(starts)
+    return starts if same and all((first[key].to_numpy() == starts[key].to_numpy()).all() for key in keys) else None

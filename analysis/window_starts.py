@@ -1,0 +1,93 @@
+"""Where the windows start from: the smoothed motion at second 0 of each, with how sure it is.
+
+A prediction starts from a state that nobody measured without noise. Here it is the Kalman smoother's, with its
+covariance, from the raw samples at their own times (:mod:`analysis.smooth`): the motion as perfect sensors would
+have measured it, the swing in waves included, and beside it the ship's own slow motion without that swing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+
+from acquisition.channels import BY_NAME, POSE, VELOCITY
+from acquisition.recording.reader import read_recording
+from analysis.prepare import Preparation, prepared
+from analysis.resample import resample
+from analysis.smooth import COVARIANCE_NAMES, Smoothed, smooth
+from analysis.windows import HeldWindows, held_windows, joined, nothing_held_is_an_error, trial_names
+
+STATES = (*POSE, *VELOCITY)
+SLOW = tuple(f"slow_{name}" for name in STATES)
+START_COLUMNS = ("window", "trial", "leg", "start", *STATES, *COVARIANCE_NAMES, *SLOW)
+"""The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
+
+START_UNITS = {name: BY_NAME[name].unit for name in STATES} | {
+    f"slow_{name}": BY_NAME[name].unit for name in STATES
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Cutting:
+    """How windows are cut out of recordings.
+
+    ``keep_moving`` keeps those in which a thruster moved; ``repair`` and ``remove_delays`` put right before what
+    a check is certain of; ``starts`` adds where they start from.
+    """
+
+    horizon_s: int = 15
+    stride_s: int = 5
+    keep_moving: bool = False
+    repair: bool = False
+    remove_delays: bool = False
+    starts: bool = True
+
+
+def with_starts(windows: HeldWindows, motion: Mapping[str, Smoothed]) -> HeldWindows:
+    """The windows with ``starts``, from the smoothed motion of each of their trials at whole seconds.
+
+    One row a window in the order of their numbers; NaN where the motion has no estimate.
+    """
+    first = windows.rows.loc[windows.rows["second"] == 0, ["window", "trial", "leg", "start"]]
+    parts = [_starts(first[first["trial"] == trial], each) for trial, each in motion.items()]
+    filled = [part for part in parts if len(part)] or parts[:1]
+    starts = pd.concat(filled).sort_values("window", ignore_index=True) if filled else None
+    return replace(windows, starts=starts)
+
+
+def _starts(first: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
+    at = pd.DatetimeIndex(first["start"])
+    columns = (
+        motion.states[list(STATES)],
+        motion.covariance_columns(),
+        motion.slow[list(STATES)].set_axis(list(SLOW), axis=1),
+    )
+    values = [each.reindex(at).reset_index(drop=True) for each in columns]
+    return pd.concat([first.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)]
+
+
+def windows_of_recordings(
+    paths: Sequence[Path], how: Cutting | None = None, progress: Callable[[float], None] = lambda share: None
+) -> HeldWindows:
+    """The windows of recordings, by the trial's name, which is the file's, with their starts.
+
+    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
+    """
+    cutting = how or Cutting()
+    parts, motion, names = [], {}, trial_names(paths)
+    for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
+        raw = Preparation(repair=cutting.repair, remove_delays=cutting.remove_delays)
+        simple = not (cutting.starts or cutting.repair or cutting.remove_delays)
+        table = prepared(read_recording(path), replace(raw, rate_hz=1.0) if simple else raw)
+        seconds = table if simple else resample(table, 1.0)
+        parts.append(
+            held_windows(seconds, cutting.horizon_s, cutting.stride_s, trial=trial, keep_moving=cutting.keep_moving)
+        )
+        if cutting.starts and parts[-1].kept:
+            motion[trial] = smooth(table, 1.0)
+        progress((number + 1) / len(paths))
+    windows = nothing_held_is_an_error(joined(parts), ", ".join(names))
+    return with_starts(windows, motion) if cutting.starts else windows
