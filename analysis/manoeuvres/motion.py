@@ -32,7 +32,7 @@ FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
 _GLITCH_DEG, _GLITCH_SIGMAS = 3.0, 8.0
 _NORMAL_MAD = 1.4826
-_JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 3.0
+_JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
 
 
 _SCALARS = ("origin_ns", "path_sd_m")
@@ -99,6 +99,12 @@ class Motion:
         last = min(end_s + margin_s, float(after[0]) - self.step_s if after.size else np.inf)
         return self.between(first, last)
 
+    def row_before(self, row: int, seconds: float) -> int:
+        """The row so long before another, or the first after a break that lies between."""
+        first = max(0, row - round(seconds / self.step_s))
+        breaks = np.flatnonzero(self.broken[first:row])
+        return first + int(breaks[-1]) + 1 if breaks.size else first
+
     def at(self, name: str, time_s: float) -> float:
         """One column at any time, between rows on the straight line."""
         return float(np.interp(time_s, self.time_s, getattr(self, name)))
@@ -133,12 +139,12 @@ def motion_of(table: pd.DataFrame) -> Motion:
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
     slow = [_smooth_between(rest, broken, step_s) for rest in apart]
-    wander = float(np.hypot(*(_wander_m(rest - fit, step_s) for rest, fit in zip(apart, slow, strict=True))))
+    spread = float(np.hypot(_wander_m(apart[0] - slow[0], step_s), _wander_m(apart[1] - slow[1], step_s)))
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     helm, thrust, port_rpm, starboard_rpm = _drives(grid)
     tunnel = filled(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
     return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust,
-                  port_rpm, starboard_rpm, tunnel, known & ~broken, broken, wander)  # fmt: skip
+                  port_rpm, starboard_rpm, tunnel, known & ~broken, broken, spread)  # fmt: skip
 
 
 def filled(values: Floats) -> Floats:
@@ -217,7 +223,7 @@ def _jumps(values: Floats, step_s: float, least: float) -> NDArray[np.bool_]:
     change = np.zeros(values.size)
     if values.size > 2 * rows:
         change[rows:-rows] = np.abs(values[2 * rows :] - values[: -2 * rows])
-    return change > max(least, _JUMP_SHARE * float(np.percentile(change, 99)))
+    return change > max(least, _JUMP_SHARE * float(np.percentile(change, 90)))
 
 
 def _smooth_between(values: Floats, broken: NDArray[np.bool_], step_s: float) -> Floats:

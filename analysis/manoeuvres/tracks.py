@@ -17,7 +17,7 @@ def level_before(motion: Motion, command: Floats, plateau: Plateau, seconds: flo
     The change itself is where the command is nearer to the plateau than to where it was before.
     """
     rows = round(seconds / motion.step_s)
-    first = max(0, plateau.first - 4 * rows)
+    first = motion.row_before(plateau.first, 4.0 * seconds)
     ahead = command[first : plateau.first + 1]
     start = float(np.median(ahead[: max(rows, 1)]))
     share = (ahead - start) / (plateau.level - start) if plateau.level != start else np.zeros(ahead.size)
@@ -32,6 +32,7 @@ def approach_of(motion: Motion, execute: float) -> dict[str, float]:
     Speed, heading (also as it runs on without jumps), the turn of heading
     and the change of speed in a second (how steady the approach was).
     """
+    execute = float(np.clip(execute, motion.time_s[0], motion.time_s[-1]))
     before = motion.between(execute - APPROACH_S, execute)
     if before.time_s.size < 2:
         before = motion.between(execute - 1.5 * motion.step_s, execute + 1.5 * motion.step_s)

@@ -45,7 +45,7 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float)
 
 def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float | None) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, that a held helm is."""
-    earliest = max(0, each.first - round(15.0 / motion.step_s))
+    earliest = motion.row_before(each.first, 15.0)
     start, half = execute_s(motion.time_s, helm, each, level_before(motion, helm, each), earliest)
     end = float(motion.time_s[each.end - 1])
     part = motion.around(start, end, _MARGIN_S)

@@ -71,7 +71,7 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
     The last column is the end of the last swing.
     """
     first = chain[0]
-    earliest = max(0, first.first - round(15.0 / motion.step_s))
+    earliest = motion.row_before(first.first, 15.0)
     times = [execute_s(motion.time_s, helm, first, level_before(motion, helm, first), earliest)]
     for last, each in pairwise(chain):
         times.append(execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2))
@@ -112,11 +112,20 @@ def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, flo
     heading = np.interp(executes[:-1], part.time_s, part.heading_deg)
     return {
         "azimuth_deg": float(np.median([abs(each.level) for each in chain])),
-        "switch_deg": float(np.median(np.abs(np.diff(heading[1:])))) / 2.0,
+        "switch_deg": _switch_deg(heading),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(both[1, :-1] - both[0, :-1])),
         **approach_settings(part, executes[0]),
     }
+
+
+def _switch_deg(heading: Floats) -> float:
+    """Half of the turn between executes; with two executes the turn from the approach."""
+    return (
+        float(np.median(np.abs(np.diff(heading[1:])))) / 2.0
+        if heading.size > 2
+        else float(abs(np.diff(heading)[0]))
+    )
 
 
 def _first_side(motion: Motion, executes: Floats) -> float:
