@@ -1,0 +1,209 @@
+"""Exports: the same values come back from all three kinds, and every product says where it comes from."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.io import loadmat
+from typer.testing import CliRunner
+
+from acquisition.channels import BY_NAME, NAMES
+from acquisition.errors import InputError, StorageError
+from acquisition.recording.reader import read_recording
+from acquisition.recording.tables import write_table
+from acquisition.tabular import import_table
+from acquisition.trial import Trial
+from analysis.export import export_table, matlab_name, provenance_of, with_flags
+from analysis.history import history_of, with_step
+from analysis.prepare import Preparation, prepared
+from analysis.resample import resample
+from analysis.table import read_table
+from seatrial import app
+from tests.analysis.conftest import steady_table, table_at
+
+KINDS = [".csv", ".parquet", ".mat"]
+TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two minutes under way at 5 Hz, with a stretch of headings missing."""
+    from hybrid.truth.trial import simulate_trial
+
+    table, _ = simulate_trial("gunnerus_short", "calm", "zigzag_20_20", 120.0, 5.0, 3)
+    table.iloc[100:110, 2] = np.nan
+    path = tmp_path_factory.mktemp("export") / "voyage.mcap"
+    write_table(table, path, TRIAL)
+    return path
+
+
+def about(path: Path) -> dict[str, Any]:
+    """The metadata of a product, whichever kind it is."""
+    if path.suffix == ".parquet":
+        texts = pq.read_schema(path).metadata
+        return {key: json.loads(texts[f"seatrial.{key}".encode()]) for key in ("units", "trial", "provenance")}
+    if path.suffix == ".csv":
+        return dict(json.loads(path.with_name(f"{path.name}.json").read_text(encoding="utf-8")))
+    loaded = loadmat(path, simplify_cells=True)
+    provenance = {**loaded["provenance"]}
+    provenance["options"], provenance["history"] = (json.loads(provenance[key]) for key in ("options", "history"))
+    return {"units": loaded["units"], "trial": loaded["trial"], "provenance": provenance}
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    values=st.lists(st.floats(-1e6, 1e6) | st.just(np.nan), min_size=1, max_size=20).filter(
+        lambda values: bool(np.isfinite(values).any())
+    ),
+    start_us=st.integers(0, 10**12),
+    suffix=st.sampled_from(KINDS),
+)
+def test_any_number_comes_back_to_the_last_bit(
+    tmp_path_factory: pytest.TempPathFactory, values: list[float], start_us: int, suffix: str
+) -> None:
+    """Times to the microsecond, which is what seconds since 1970 in a .mat can tell."""
+    folder = tmp_path_factory.mktemp("any")
+    table = table_at(np.arange(len(values)), {"north_m": values})
+    table.index += pd.Timedelta(microseconds=start_us)
+    export_table(table, folder / f"any{suffix}")
+    import_table(folder / f"any{suffix}", folder / "any.mcap", allow_missing=True)
+    pd.testing.assert_frame_equal(read_table(folder / "any.mcap"), table.dropna(), check_exact=True)
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_every_product_says_where_it_comes_from(recording: Path, tmp_path: Path, suffix: str) -> None:
+    table = resample(with_step(read_table(recording), "repair", text="put right"), 2.0)
+    written = export_table(table, tmp_path / f"voyage{suffix}", 2.0, {"rate_hz": 2.0, "repair": True})
+    assert all(path.exists() for path in written)
+    said = about(tmp_path / f"voyage{suffix}")
+    assert {name: said["units"][name] for name in NAMES} == {name: BY_NAME[name].unit for name in NAMES}
+    assert said["trial"]["vessel"] == "gunnerus_long"
+    provenance = said["provenance"]
+    assert provenance["recording"] == "voyage.mcap"
+    assert provenance["recording_sha256"] == hashlib.sha256(recording.read_bytes()).hexdigest()
+    assert provenance["software_version"].startswith("seatrial")
+    assert provenance["options"] == {"rate_hz": 2.0, "repair": True}
+    assert [step["step"] for step in provenance["history"]] == ["repair", "resample"]
+
+
+def test_the_same_table_gives_the_same_bytes(recording: Path, tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        for suffix in (".csv", ".parquet"):
+            export_table(read_table(recording), tmp_path / name / f"table{suffix}")
+    for path in (tmp_path / "first").iterdir():
+        assert path.read_bytes() == (tmp_path / "second" / path.name).read_bytes()
+
+
+def test_a_csv_opens_without_options(recording: Path, tmp_path: Path) -> None:
+    export_table(read_table(recording), tmp_path / "voyage.csv")
+    frame = pd.read_csv(tmp_path / "voyage.csv")
+    assert list(frame.columns) == ["time", *NAMES]
+    assert frame["north_m"].dtype == float
+    assert pd.to_datetime(frame["time"]).dt.tz is not None
+
+
+def test_names_are_such_that_matlab_takes_them(tmp_path: Path) -> None:
+    assert matlab_name("port_rpm") == "port_rpm"
+    assert matlab_name("2nd speed (m/s)") == "x2nd_speed__m_s_"
+    assert len(matlab_name("a" * 80)) == 63
+    table = table_at([0, 1], {"starboard_order_angle_deg": [1.0, 2.0]}).assign(starboard_order_angle_deg_sigma=0.1)
+    export_table(table, tmp_path / "long.mat")
+    loaded = loadmat(tmp_path / "long.mat", simplify_cells=True)
+    assert loaded["starboard_order_angle_deg_sigma"].tolist() == [0.1, 0.1]
+    assert loaded["units"]["starboard_order_angle_deg_sigma"] == "deg"
+
+
+def test_a_recording_that_is_gone_has_no_hash(tmp_path: Path) -> None:
+    table = steady_table(3)
+    assert provenance_of(table)["recording_sha256"] is None
+    table.attrs["recording"] = str(tmp_path / "gone.mcap")
+    assert provenance_of(table)["recording"] == "gone.mcap"
+    assert provenance_of(table)["recording_sha256"] is None
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_a_product_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / f"table{suffix}").mkdir()
+    with pytest.raises(StorageError, match="cannot be written"):
+        export_table(steady_table(3), tmp_path / f"table{suffix}")
+    assert [path.name for path in tmp_path.iterdir()] == [f"table{suffix}"]
+    with pytest.raises(InputError, match="parquet"):
+        export_table(steady_table(3), tmp_path / "table.xlsx")
+
+
+def test_a_row_gets_the_gravest_flag_of_the_samples_it_stands_for() -> None:
+    raw = table_at(np.arange(0.0, 4.1, 0.25), {"surge_mps": np.ones(17), "north_m": np.full(17, np.nan)})
+    flags = pd.DataFrame({"surge_mps": np.ones(17, np.uint8), "north_m": np.full(17, 9, np.uint8)}, index=raw.index)
+    flags.loc[raw.index[7], "surge_mps"] = 4  # at 1.75 s: of the second at 2
+    flags.loc[raw.index[12], "surge_mps"] = 3  # at 3 s
+    result = with_flags(resample(raw), flags)
+    assert result["surge_mps_flag"].tolist() == [1, 1, 4, 3, 1]
+    assert result["north_m_flag"].tolist() == [9] * 5
+    late = with_flags(resample(raw, delays={"surge_mps": 1.0}), flags, {"surge_mps": 1.0})
+    assert late["surge_mps_flag"].tolist() == [1, 1, 4, 3, 1]
+    assert late.index[0] == raw.index[0] - pd.Timedelta(seconds=1)
+    pd.testing.assert_series_equal(with_flags(raw, flags)["surge_mps_flag"], flags["surge_mps"], check_names=False)
+
+
+def run(*arguments: str) -> Any:
+    return CliRunner().invoke(app, ["export", *arguments])
+
+
+@pytest.fixture(scope="module")
+def everything(recording: Path) -> pd.DataFrame:
+    """Uncertainties, flags, repairs and delays in one table."""
+    how = Preparation(smooth=True, flags=True, repair=True, remove_delays=True)
+    return prepared(read_recording(recording), how)
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+def test_a_product_with_everything_in_it_imports_again(
+    everything: pd.DataFrame, tmp_path: Path, suffix: str
+) -> None:
+    """Columns that say something of a channel are passed over, and the channels have their values."""
+    export_table(everything, tmp_path / f"all{suffix}")
+    said = about(tmp_path / f"all{suffix}")
+    assert said["provenance"]["history"][-1]["step"] == "smooth"
+    assert (said["units"]["north_m_sigma"], said["units"]["surge_mps2"]) == ("m", "m/s2")
+    import_table(tmp_path / f"all{suffix}", tmp_path / "again.mcap")
+    again = read_table(tmp_path / "again.mcap")
+    pd.testing.assert_frame_equal(again, everything[list(NAMES)].loc[again.index], check_freq=False)
+    assert everything[list(NAMES)].drop(again.index).isna().all(axis=None)
+
+
+def test_a_smoothed_table_has_its_uncertainties_and_its_flags(everything: pd.DataFrame, recording: Path) -> None:
+    motion = everything.dropna(subset="north_m")
+    assert len(motion) > 100
+    assert (motion[[f"{name}_sigma" for name in NAMES[:6]]] > 0).all(axis=None)
+    assert set(everything["heading_deg_flag"].unique()) <= {1, 2, 3, 4, 9}
+    plain = resample(read_table(recording))
+    assert (everything["port_rpm"] - plain["port_rpm"]).abs().max() < 1e-9
+    assert (motion["heading_deg_sigma"] < 1.0).all()
+
+
+def test_the_command_writes_what_was_asked_for(recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "voyage.csv"
+    done = run(str(recording), "-o", str(path), "--remove-delays", "--rate", "2")
+    assert done.exit_code == 0, done.output
+    assert done.stdout.strip() == str(path)
+    assert "voyage.csv.json" in done.stderr
+    options = {"rate_hz": 2.0, "repair": False, "remove_delays": True, "smooth": False, "flags": False}
+    assert about(path)["provenance"]["options"] == options
+    assert len(pd.read_csv(path)) == pytest.approx(240, abs=2)
+
+
+def test_raw_export_with_flags_keeps_every_row(recording: Path, tmp_path: Path) -> None:
+    assert run(str(recording), "-o", str(tmp_path / "raw.parquet"), "--flags").exit_code == 0
+    frame, table = pd.read_parquet(tmp_path / "raw.parquet"), read_table(recording)
+    pd.testing.assert_frame_equal(frame[list(NAMES)], table, check_exact=True, check_freq=False)
+    assert (frame["heading_deg_flag"][table["heading_deg"].isna()] == 9).all()
+    assert not history_of(table)
