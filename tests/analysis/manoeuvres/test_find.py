@@ -20,7 +20,11 @@ def kinds(found: tuple[Manoeuvre, ...]) -> list[str]:
 
 @pytest.mark.parametrize(
     ("vessel", "sea", "azimuth", "switch"),
-    [("gunnerus_short", "calm", 10, 10), ("gunnerus_long", "moderate", 20, 20), ("gunnerus_long", "gentle", 10, 20)],
+    [
+        ("gunnerus_short", "calm", 10, 10),
+        ("gunnerus_long", "moderate", 20, 20),
+        ("gunnerus_long", "gentle", 10, 20),
+    ],
 )
 def test_a_zigzag_is_one_zigzag_with_its_angles(
     sail: Sail, vessel: str, sea: str, azimuth: int, switch: int

@@ -1,0 +1,74 @@
+"""The command, its JSON and its page; the pictures' marks."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+from matplotlib.figure import Figure
+from typer.testing import CliRunner
+
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
+from analysis.manoeuvre_plots import draw
+from analysis.manoeuvres import find_manoeuvres
+from analysis.manoeuvres.motion import motion_of
+from analysis.plots import STYLE
+from seatrial import app
+from tests.analysis.manoeuvres.conftest import Sail
+
+
+@pytest.fixture(scope="module")
+def recording(sail: Sail, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("manoeuvres") / "zigzag.mcap"
+    table = sail("gunnerus_short", "calm", "zigzag_20_20", 300.0).recorded.iloc[:300]
+    write_table(table, path, Trial(name="zigzag"), source="simulated")
+    return path
+
+
+def test_json_has_the_keys_of_the_contract_and_nothing_else_on_stdout(recording: Path) -> None:
+    run = CliRunner().invoke(app, ["manoeuvres", str(recording), "--json", "--length", "28.9"])
+    assert run.exit_code == 0, run.output
+    (found,) = json.loads(run.stdout)["recordings"]
+    assert found["recording"] == str(recording)
+    assert [each["kind"] for each in found["manoeuvres"]] == ["zigzag"]
+
+
+def test_a_table_a_manoeuvre_for_people(recording: Path) -> None:
+    run = CliRunner().invoke(app, ["manoeuvres", str(recording)], env={"COLUMNS": "140"})
+    assert run.exit_code == 0, run.output
+    assert "zigzag 20/20 to port" in run.stdout
+    assert "overshoot 1" in run.stdout
+
+
+def test_a_folder_with_json_and_a_page(recording: Path, tmp_path: Path) -> None:
+    run = CliRunner().invoke(app, ["manoeuvres", str(recording), "-o", str(tmp_path / "out")])
+    assert run.exit_code == 0, run.output
+    assert json.loads((tmp_path / "out" / "manoeuvres.json").read_text())["recordings"]
+    html = (tmp_path / "out" / "manoeuvres.html").read_text()
+    assert html.count("data:image/png") == 1
+
+
+def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "no.mcap").write_text("nothing")
+    run = CliRunner().invoke(app, ["manoeuvres", str(tmp_path / "no.mcap")])
+    assert run.exit_code != 0
+
+
+def test_pictures_are_to_scale_and_mark_every_overshoot(sail: Sail) -> None:
+    for manoeuvre, kind in (("zigzag_20_20", "zigzag"), ("turning_circle_30", "turning_circle")):
+        table = sail("gunnerus_short", "calm", manoeuvre, 300.0 if kind == "zigzag" else 800.0).recorded
+        found = next(each for each in find_manoeuvres(table) if each.kind == kind)
+        with mpl.rc_context(STYLE):
+            figure = Figure()
+            draw(figure, motion_of(table), found, 28.9)
+        first = figure.axes[0]
+        texts = [text.get_text() for text in first.texts]
+        if kind == "zigzag":
+            overshoots = [name for name in found.indices if name.startswith("overshoot") and name[-5].isdigit()]
+            assert len(texts) == len(overshoots)
+        else:
+            assert first.get_aspect() == 1.0
+            assert sum("advance" in text for text in texts) == 1
