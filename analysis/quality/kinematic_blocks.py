@@ -84,12 +84,12 @@ def _bands(count: int) -> NDArray[np.int64]:
 
 
 def _noise(left: Floats, bands: NDArray[np.int64]) -> Floats:
-    """Variance at each frequency [k], robust, and at least that of all higher ones."""
-    power = np.median(left**2, axis=(0, 1)) / _CHI2_MEDIAN
-    sizes = np.diff(np.append(bands, power.size))
-    level = np.add.reduceat(power, bands) / sizes
-    falling = np.maximum.accumulate(level[::-1])[::-1]
-    return np.repeat(np.maximum(falling, 1e-18), sizes)
+    """Variance of each component at each frequency [c, k], robust, and at least that of all higher ones."""
+    power = np.median(left**2, axis=0) / _CHI2_MEDIAN
+    sizes = np.diff(np.append(bands, power.shape[-1]))
+    level = np.add.reduceat(power, bands, axis=-1) / sizes
+    falling = np.maximum.accumulate(level[:, ::-1], axis=-1)[:, ::-1]
+    return np.repeat(np.maximum(falling, 1e-18), sizes, axis=-1)
 
 
 def _trust(ratio: Floats, bands: NDArray[np.int64]) -> Floats:
