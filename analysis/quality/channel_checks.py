@@ -6,7 +6,6 @@ A flag of 1 says that the check saw nothing wrong, 3 that the value deserves a l
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
 _BLOCK = 64
-_POSSIBLE_RATE = {("command", "rpm"): 40.0, ("command", "deg"): 20.0, ("environment", "m/s"): 2.0,
+_POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("environment", "m/s"): 2.0,
                   ("environment", "deg"): 10.0, ("velocity", "m/s"): 0.3, ("velocity", "deg/s"): 1.0}  # fmt: skip
 _POSSIBLE_ACCELERATION = {("pose", "m"): 0.5, ("pose", "deg"): 2.0}
 
@@ -33,13 +32,13 @@ def gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | Non
     report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a late first sample
     and an early last one, beyond 10 s.
     """
-    times = np.unique(times_of(samples))
-    if times.size < 2:
-        return []
+    times = np.sort(times_of(samples))
     steps = np.diff(times)
-    limit = 2.5 * max(float(np.median(steps)), float(np.quantile(steps, 0.95)))
+    if not np.any(steps > 0):
+        return []
+    limit = 2.5 * float(np.quantile(steps[steps > 0], [0.5, 0.95]).max())
     places = np.flatnonzero(steps > limit)
-    found = [Stretch(int(times[at]), int(times[at + 1]), steps[at] / NANO) for at in places]
+    found = [Stretch(int(times[at]), int(times[at + 1]), float(steps[at]) / NANO) for at in places]
     for first, last in ((start_ns, int(times[0])), (int(times[-1]), end_ns)):
         if first is not None and last is not None and last - first > max(limit, 10 * NANO):
             found.append(Stretch(first, last, (last - first) / NANO))
@@ -70,7 +69,7 @@ def time_backwards(samples: pd.Series[Any]) -> tuple[Flags, list[Stretch]]:
     if times.size:
         behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps = np.flatnonzero(np.diff(times) < 0)
-    found = [Stretch(int(times[at + 1]), int(times[at]), (times[at] - times[at + 1]) / NANO) for at in steps]
+    found = [Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO) for at in steps]
     return flags_where(behind, Quality.SUSPECT, samples.to_numpy(dtype=float)), found
 
 
@@ -94,7 +93,7 @@ def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
         possible = 2.0 * _sustained_step(values)
         for width in range(1, WIDEST_SPIKE + 1):
             away, leaving, span = _leaving(seconds, values, slope, width)
-            noise = np.maximum(noise, _neighbourhood(away, 0.8 if width == 1 else 0.95))
+            noise = np.maximum(noise, _neighbourhood(away, 0.8 if width == 1 else 0.9))
             limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(possible, _possible(channel, span)))
             starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
             starts = starts[leaving[starts] > 2.0 * _beside(seconds, values, slope, starts, width)]
@@ -159,10 +158,10 @@ def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Integers, wi
 def _neighbourhood(leaving: Floats, share: float) -> Floats:
     """What this share of the samples about each one stays below: the largest of three blocks of 64."""
     blocks = max(leaving.size // _BLOCK, 1)
-    edges = np.linspace(0, leaving.size, blocks + 1).astype(int)
-    scale = np.array([np.quantile(leaving[a:b], share) for a, b in pairwise(edges)])
+    length = min(_BLOCK, leaving.size)
+    scale = np.quantile(leaving[: blocks * length].reshape(blocks, length), share, axis=1)
     wide = np.maximum(scale, np.maximum(np.append(scale[1:], scale[-1]), np.insert(scale[:-1], 0, scale[0])))
-    return np.repeat(wide, np.diff(edges))
+    return np.pad(np.repeat(wide, length), (0, leaving.size - blocks * length), mode="edge")
 
 
 def _possible(channel: Channel, span_s: Floats) -> Floats:

@@ -20,6 +20,7 @@ EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0}
 _COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}
 _DEGREES_OF_POSITION = 2e-7
 _FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
+_MOST = 200_000
 
 
 def everyday_resolution(channel: Channel) -> float:
@@ -29,14 +30,29 @@ def everyday_resolution(channel: Channel) -> float:
     return _COARSER.get((channel.group, channel.unit), EVERYDAY[channel.unit])
 
 
-def grid_step(steps: Floats) -> float:
-    """The step of the grid that consecutive values move on, 0 where there is none.
+def grid_step(values: Floats) -> float:
+    """The step of the grid that values move on, 0 where there is none.
 
-    ``steps`` are differences of consecutive values. Changes below a hundredth of the typical one count as none.
+    It is looked for in the changes from value to value, where a grid that drifts still shows, and in the
+    distances between neighbouring values sorted by size, where it shows at any speed.
+    """
+    values = values[np.isfinite(values)]
+    if values.size > _MOST:
+        values = np.concatenate([part[: _MOST // 8] for part in np.array_split(values, 8)])
+    steps = np.diff(values)
+    noise = float(np.sqrt(np.mean(np.diff(steps, 2) ** 2) / 20.0)) if steps.size > 2 else 0.0
+    distances = np.diff(np.sort(values))
+    step = _step_of(np.abs(steps), noise) or _step_of(distances, noise)
+    return step if step and _on_plateaus(steps, step) else 0.0
+
+
+def _step_of(changes: Floats, noise: float) -> float:
+    """The step on whose multiples the changes lie. Those below a hundredth of the typical one count as none.
+
     Candidates are the smaller changes and their fractions; the largest wins on whose multiples the changes
     concentrate, by the mean of cos(2 pi change / step), which is 1 on a grid and near 0 without.
     """
-    changes = np.abs(steps[np.isfinite(steps) & (steps != 0.0)])
+    changes = changes[changes > 0.0]
     if changes.size < _FEWEST:
         return 0.0
     typical = np.median(changes[changes >= np.quantile(changes, 0.5)])
@@ -45,10 +61,8 @@ def grid_step(steps: Floats) -> float:
         return 0.0
     smaller = np.quantile(changes, [0.0, 0.01, 0.05, 0.1, 0.25, 0.5], method="lower")
     candidates = np.unique(np.concatenate([smaller / share for share in (1, 2, 3, 4)]))[::-1]
-    noise = float(np.sqrt(np.nanmean(np.diff(steps, 2) ** 2) / 20.0))
     found = (_confirmed(changes, float(each), noise) for each in candidates)
-    step = next((each for each in found if each), 0.0)
-    return step if step and _on_plateaus(steps, step) else 0.0
+    return next((each for each in found if each), 0.0)
 
 
 def _confirmed(changes: Floats, candidate: float, noise: float) -> float:
@@ -76,7 +90,7 @@ def _on_plateaus(steps: Floats, step: float) -> bool:
     multiples = np.rint(steps[np.isfinite(steps)] / step)
     changed = np.flatnonzero(multiples[:-1])
     sizes, counts = np.unique(np.abs(multiples[changed]), return_counts=True)
-    several = sizes.size > 1 and np.sort(counts)[-2] > 0.03 * changed.size
+    several = sizes.size > 0 and counts.max() < 0.9 * changed.size
     stops = np.mean(multiples[changed + 1] * np.sign(multiples[changed]) <= 0.0)
     return bool(several or stops > 0.2)
 
@@ -94,7 +108,7 @@ def quantised(samples: pd.Series[Any], channel: Channel) -> float:
     """
     _, _, values = in_time(samples, channel)
     steps = np.diff(values)
-    step = grid_step(steps)
+    step = grid_step(values)
     if step <= 1.05 * everyday_resolution(channel):
         return 0.0
     repeats = float(np.mean(np.abs(steps) < 0.1 * step))

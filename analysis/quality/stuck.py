@@ -67,7 +67,7 @@ def _at_rest(value: float, channel: Channel) -> bool:
 
 def _coarse(values: Floats) -> bool:
     """Whether the channel is on a grid wider than its noise, and so stands on it for a long time now and then."""
-    step = grid_step(np.diff(values))
+    step = grid_step(values)
     return step > 0.0 and step > noise_beside(values, step)
 
 

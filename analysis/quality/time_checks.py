@@ -29,7 +29,8 @@ def jitter_s(times_ns: Integers) -> float:
     A stamp that is late makes one interval longer and the next shorter by the same: intervals of a jittering
     clock are correlated by -0.5, those of a channel that reports on events are not.
     """
-    steps = np.diff(np.unique(times_ns)).astype(float)
+    steps = np.diff(np.sort(times_ns)).astype(float)
+    steps = steps[steps > 0]
     if steps.size < 50:
         return 0.0
     middle = float(np.median(steps))

@@ -1,0 +1,119 @@
+"""Grids: found with their step where they lost something, and not in what instruments commonly report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.angles import wrap_360
+from acquisition.channels import BY_NAME
+from acquisition.tabular import import_table
+from analysis.frames import NANO, index_of
+from analysis.quality.check import DataQuality, check_table
+from analysis.quality.quantisation import grid_step, quantised
+from analysis.table import read_table
+
+MAPS = Path(__file__).parents[3] / "trials" / "columns"
+NORTH, HEADING, SURGE = (BY_NAME[name] for name in ("north_m", "heading_deg", "surge_mps"))
+
+
+def track(size: int = 600, noise_m: float = 0.02, seed: int = 0) -> np.ndarray:
+    """A way that speeds up, slows down and turns back [m], at 1 Hz."""
+    speed = 4.0 * np.sin(np.arange(size) / 60.0) + np.sin(np.arange(size) / 23.0)
+    return np.cumsum(speed) + noise_m * np.random.default_rng(seed).standard_normal(size)
+
+
+def samples(values: np.ndarray) -> pd.Series:
+    return pd.Series(values, index=index_of(np.arange(values.size, dtype=np.int64) * NANO))
+
+
+@settings(max_examples=40, deadline=None)
+@given(step=st.floats(0.06, 5.0), seed=st.integers(0, 1000), offset=st.floats(-100.0, 100.0))
+def test_a_coarse_grid_is_found_with_its_step(step: float, seed: int, offset: float) -> None:
+    rounded = np.round(track(seed=seed) / step) * step + offset
+    assert quantised(samples(rounded), NORTH) == pytest.approx(step, rel=0.01)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 1000), noise_m=st.floats(0.0, 1.0))
+def test_values_of_full_resolution_have_no_grid(seed: int, noise_m: float) -> None:
+    assert grid_step(track(noise_m=noise_m, seed=seed)) == 0.0
+
+
+def test_a_constant_speed_is_no_grid_of_positions() -> None:
+    straight = 4.2 * np.arange(900) + 0.05 * np.random.default_rng(0).standard_normal(900)
+    assert quantised(samples(straight), NORTH) == 0.0
+
+
+def test_a_grid_that_drifts_is_found_by_its_steps() -> None:
+    """A projection stretches the grid by place, so that values do not lie on exact multiples of anything."""
+    values = np.round(track() / 0.09) * 0.09
+    assert quantised(samples(values + 2e-6 * np.arange(values.size)), NORTH) == pytest.approx(0.09, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "noise"),
+    [("surge_mps", 0.01, 0.03), ("heading_deg", np.rad2deg(1e-4), 0.1), ("port_rpm", 0.25, 0.3),
+     ("port_angle_deg", 1.0, 0.0), ("wind_direction_deg", 1.0, 3.0), ("north_m", 0.0111, 0.05)],
+)  # fmt: skip
+def test_what_buses_carry_is_not_found(name: str, step: float, noise: float) -> None:
+    random = np.random.default_rng(0)
+    values = 10.0 + 8.0 * np.sin(np.arange(900) / 50.0) + noise * random.standard_normal(900)
+    assert quantised(samples(np.round(values / step) * step), BY_NAME[name]) == 0.0
+
+
+def test_steps_across_north_are_steps_on_the_circle() -> None:
+    heading = wrap_360(np.round(20.0 * np.sin(np.arange(600) / 40.0)))
+    assert quantised(samples(heading), HEADING) == pytest.approx(1.0)
+
+
+def test_noise_wider_than_the_step_carries_what_lies_between() -> None:
+    values = np.sin(np.arange(2000) / 100.0) + 0.2 * np.random.default_rng(0).standard_normal(2000)
+    assert quantised(samples(np.round(values / 0.05) * 0.05), SURGE) == 0.0
+    assert quantised(samples(np.round(values / 0.5) * 0.5), SURGE) == pytest.approx(0.5)
+
+
+@pytest.fixture(scope="module")
+def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, DataQuality]:
+    """The docking of 2019, its position from degrees and minutes, and from its columns North and East."""
+    folder = tmp_path_factory.mktemp("docking")
+    source = shared_data / "gunnerus_2019_docking" / "docking_2019-11-09_part1.csv"
+    shipped = (MAPS / "gunnerus_2019_docking.toml").read_text(encoding="utf-8")
+    before, _, rest = shipped.partition("[position]")
+    after = rest[rest.index("[channels]") :].replace(
+        "[channels]", '[channels]\nnorth_m = { column = "North [m]", unit = "m" }\n'
+        'east_m = { column = "East [m]", unit = "m" }', 1)  # fmt: skip
+    maps = {"minutes": shipped, "metres": before + after}
+    found = {}
+    for name, text in maps.items():
+        (folder / f"{name}.toml").write_text(text, encoding="utf-8")
+        import_table(source, folder / f"{name}.mcap", folder / f"{name}.toml")
+        found[name] = check_table(read_table(folder / f"{name}.mcap"))
+    return found
+
+
+@pytest.mark.shared
+def test_the_docking_of_2019_is_quantised_where_it_is(docking: dict[str, DataQuality]) -> None:
+    """A ten-thousandth of a minute is 0.1858 m to the north and 0.0860 m to the east at 62.47 degrees."""
+    steps = {
+        source: {each.channel: each.estimate["step"] for each in quality.findings if each.code == "quantised"}
+        for source, quality in docking.items()
+    }
+    assert set(steps["minutes"]) == {"speed_through_water_mps"}
+    assert set(steps["metres"]) == {"speed_through_water_mps", "north_m", "east_m"}
+    assert steps["metres"]["east_m"] == pytest.approx(0.0860, rel=0.01)
+    assert steps["metres"]["north_m"] == pytest.approx(0.1858, rel=0.01)
+    assert steps["minutes"]["speed_through_water_mps"] == pytest.approx(0.1 * 1852 / 3600, rel=0.01)
+
+
+@pytest.mark.shared
+def test_nothing_else_about_the_channels_of_2019_is_found(docking: dict[str, DataQuality]) -> None:
+    own = {"gap", "stuck", "spike", "out_of_range", "duplicate", "time_backwards", "clock_jump", "time_jitter"}
+    for quality in docking.values():
+        assert not own & {each.code for each in quality.findings}
+        assert "bad" not in {each.grade for each in quality.channels.values()}
