@@ -111,15 +111,15 @@ def unit_of(name: str) -> str:
     return next((unit for suffix, unit in UNITS.items() if plain.endswith(suffix)), "")
 
 
-def nominal_deg(angle_deg: float) -> float:
-    """The angle a test was meant to have: five degrees' steps where one is within an eighth of it.
+def nominal_deg(angle_deg: float, share: float = 0.12) -> float:
+    """The angle a test was meant to have: five degrees' steps where one is within ``share`` of it.
 
     >>> nominal_deg(18.1), nominal_deg(7.6), nominal_deg(-9.4)
     (20.0, 8.0, 10.0)
     """
     angle = abs(angle_deg)
     near = 5.0 * max(1.0, round(angle / 5.0))
-    return near if abs(angle - near) <= near / 8.0 else float(round(angle))
+    return near if abs(angle - near) <= share * near else float(round(angle))
 
 
 def index_of(

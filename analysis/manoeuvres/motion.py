@@ -23,7 +23,7 @@ from acquisition.angles import circular_mean, difference, unwrap, wrap_180, wrap
 from acquisition.channels import POSE, VELOCITY
 from analysis.frames import NANO, times_ns
 from analysis.resample import resample
-from analysis.smooth import local_quadratic
+from analysis.slow_motion import local_quadratic
 from analysis.table import require
 
 Floats = NDArray[np.float64]

@@ -12,12 +12,13 @@ taken to go on at the level it has just above.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 
 import numpy as np
 
 from analysis.manoeuvres.indices import unit_of
 from analysis.manoeuvres.motion import MEASURED, Floats, Motion
-from analysis.smooth import local_quadratic
+from analysis.slow_motion import local_quadratic
 
 REPLICATES = 48
 WIDEST_S = 8.0
@@ -41,22 +42,31 @@ def smoothed(motion: Motion, half_width: float) -> Motion:
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
-    """:func:`analysis.smooth.local_quadratic` of values without holes, as one convolution away from the ends.
-
-    The fit of a symmetric weight w at its middle is a weighted sum with w (m4 - m2 k^2) / (m0 m4 - m2^2).
-    """
+    """:func:`analysis.slow_motion.local_quadratic` of values without holes: a convolution, and at the ends the
+    sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
     reach = int(np.ceil(half_width))
-    if reach < 3 or values.size < 6 * reach:
+    if reach < 6 or values.size < 4 * reach:
         return local_quadratic(values, half_width)
-    offset = np.arange(-reach, reach + 1) / half_width
-    weight = 0.5 + 0.5 * np.cos(np.pi * np.clip(offset, -1.0, 1.0))
-    m0, m2, m4 = (float(np.sum(weight * offset**k)) for k in (0, 2, 4))
-    kernel = weight * (m4 - m2 * offset**2) / (m0 * m4 - m2**2)
+    start, kernel = _weights(half_width)
     smooth = np.empty_like(values)
     smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
-    smooth[:reach] = local_quadratic(values[: 3 * reach], half_width)[:reach]
-    smooth[-reach:] = local_quadratic(values[-3 * reach :], half_width)[-reach:]
+    smooth[:reach] = start @ values[: 2 * reach]
+    smooth[-reach:] = (start @ values[: -2 * reach - 1 : -1])[::-1]
     return smooth
+
+
+@lru_cache(maxsize=64)
+def _weights(half_width: float) -> tuple[Floats, Floats]:
+    """The fit at each of the first rows as a sum over the first values [reach, 2 reach], and at any row further
+    in as a sum over those around it [2 reach + 1]."""
+    reach = int(np.ceil(half_width))
+    offset = (np.arange(2 * reach + 1) - np.arange(reach + 1)[:, np.newaxis]) / half_width
+    weight = np.where(np.abs(offset) < 1.0, 0.5 + 0.5 * np.cos(np.pi * offset), 0.0)
+    powers = offset[..., np.newaxis] ** np.arange(3)
+    normal = np.einsum("rk,rki,rkj->rij", weight, powers, powers)
+    first = np.linalg.inv(normal)[:, 0, :]
+    sums = weight * np.einsum("ri,rki->rk", first, powers)
+    return sums[:-1, :-1], sums[-1]
 
 
 def measured_with_intervals(

@@ -25,6 +25,7 @@ _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
+_SWITCH_SHARE = 0.16  # people switch early and late
 _INITIAL_TURN_DEG = 10.0
 _NUMBERED = re.compile(r"overshoot_\d+_deg")
 
@@ -96,7 +97,7 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float |
     limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m if length_m else None
     return Manoeuvre(
         kind="zigzag",
-        name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch):.0f}",
+        name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}",
         start=motion.utc(executes[0]),
         end=motion.utc(executes[-1]),
         side="starboard" if _first_side(part, executes) > 0 else "port",
