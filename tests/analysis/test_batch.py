@@ -36,7 +36,7 @@ FAST = ("--no-smooth", "--no-pictures")
 def season(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six sound recordings and the ten broken ones."""
     folder = tmp_path_factory.mktemp("season")
-    paths = write_season(folder, [sailed(60, seed=seed, yaw_rate_dps=seed - 1.0) for seed in range(3)], SOUND)
+    paths = write_season(folder, [sailed(60, 1.0, seed, yaw_rate_dps=seed - 1.0) for seed in range(3)], SOUND)
     write_broken(folder / "broken", paths[0])
     return folder
 
