@@ -49,7 +49,8 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     """First and one past the last sample of the stretches in which a noisy feedback repeats one value exactly.
 
     A stretch counts if it is longer than chance makes by the share of repeats elsewhere, and three times
-    longer than the usual repeats; not where the thruster stands still, which needs no noise.
+    longer than the usual repeats; not where the thruster stands still, which needs no noise, nor at the end of
+    the values' range, where a reading that is limited stays.
     """
     empty = np.zeros(0, np.int64)
     if series.value.size < 3 * _SHORTEST_SAMPLES or order_ramps(name, series).first.size:
@@ -64,7 +65,8 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     stops = starts + lengths
     seconds = series.time_s[stops - 1] - series.time_s[starts]
     long = ~usual & (lengths > by_chance) & (seconds >= _SHORTEST_S)
-    long &= ~_idle(table, name, series, starts)
+    limited = (series.value[starts] == series.value.max()) | (series.value[starts] == series.value.min())
+    long &= ~limited & ~_idle(table, name, series, starts)
     return starts[long], stops[long]
 
 

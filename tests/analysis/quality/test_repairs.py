@@ -1,0 +1,245 @@
+"""What is certain is put right, nearer to the truth than before, once, on the record, and never in the original."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.angles import difference, unwrap, wrap_360
+from acquisition.channels import NAMES
+from acquisition.errors import InputError
+from acquisition.frames import Quality
+from acquisition.recording.reader import read_recording
+from acquisition.recording.tables import write_table
+from acquisition.tabular import import_table
+from acquisition.trial import Trial
+from analysis.history import history_of
+from analysis.quality.findings import Checked, Finding
+from analysis.quality.heading_wrap import heading_wrap
+from analysis.quality.orders import orders
+from analysis.quality.repairs import Repaired, repair, write_repaired
+from analysis.quality.wind import wind
+from analysis.table import read_table
+from hybrid.truth.trial import simulate_trial
+from tests.analysis.conftest import table_at
+from tests.analysis.quality import faults
+from tests.analysis.test_real_recordings import MAPS, TRIALS
+
+TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)
+
+
+@pytest.fixture(scope="module")
+def sound() -> pd.DataFrame:
+    return simulate_trial("gunnerus_long", "gentle", "zigzag_20_20", 900.0, 2.0, 11)[0]
+
+
+def stated(table: pd.DataFrame, code: str, channel: str, certain: bool = True, **estimate: float) -> Finding:
+    return Finding(code, channel, table.index[0], table.index[-1], code, "", estimate, certain)
+
+
+def rms(off: object) -> float:
+    return float(np.sqrt(np.nanmean(np.square(np.asarray(off, dtype=float)))))
+
+
+def dice() -> np.random.Generator:
+    return np.random.default_rng(3)
+
+
+def test_headings_come_back_onto_the_circle(sound: pd.DataFrame) -> None:
+    spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
+    repaired = repair(spoilt, heading_wrap(spoilt).findings)
+    before, after = (
+        rms(difference(each["heading_deg"], sound["heading_deg"])) for each in (spoilt, repaired.table)
+    )
+    assert before > 10.0
+    assert after < 1.0
+    assert heading_wrap(repaired.table).findings == ()
+    assert repaired.repairs[0].changed == heading_wrap(spoilt).findings[0].estimate["samples"]
+    assert repaired.table["heading_deg"].between(0.0, 360.0, inclusive="left").all()
+
+
+def test_long_holes_become_gaps_where_no_rate_is_known() -> None:
+    at_s = np.arange(0.0, 600.0, 0.5)
+    knots_s = np.arange(0.0, 615.0, 15.0)
+    swinging = table_at(at_s, {"heading_deg": np.interp(at_s, knots_s, wrap_360(20.0 * np.sin(knots_s / 40.0)))})
+    (finding,) = heading_wrap(swinging).findings
+    repaired = repair(swinging, [finding]).table["heading_deg"]
+    assert repaired.isna().sum() == finding.estimate["samples"] > 50
+
+
+def test_speeds_are_scaled_once_for_both_findings(sound: pd.DataFrame) -> None:
+    spoilt = faults.speed_scale(0.98)(sound, dice()).table
+    findings = [stated(sound, "speed_scale", name, factor=1.0 / 0.98) for name in ("surge_mps", "sway_mps")]
+    repaired = repair(spoilt, findings)
+    for name in ("surge_mps", "sway_mps"):
+        assert repaired.table[name].to_numpy() == pytest.approx(sound[name].to_numpy(), abs=1e-12)
+    assert [each.code for each in repaired.repairs] == ["speed_scale"]
+
+
+@pytest.mark.parametrize("fault", [faults.position_time_jitter(0.6), faults.position_time_jitter(0.6, 5.0)])
+def test_positions_come_back_to_where_the_ship_was(sound: pd.DataFrame, fault: faults.Fault) -> None:
+    spoilt = fault(sound, dice()).table
+    repaired = repair(spoilt, [stated(sound, "position_time_jitter", "north_m")]).table
+    before, after = (
+        rms(table[["north_m", "east_m"]] - sound[["north_m", "east_m"]]) for table in (spoilt, repaired)
+    )
+    assert after < 0.5 * before
+
+
+def test_speeds_are_scaled_before_positions_lean_on_them(sound: pd.DataFrame) -> None:
+    spoilt = faults.position_time_jitter(0.6)(faults.speed_scale(0.9)(sound, dice()).table, dice()).table
+    findings = [
+        stated(sound, "position_time_jitter", "north_m"),
+        stated(sound, "speed_scale", "surge_mps", factor=1 / 0.9),
+    ]
+    repaired = repair(spoilt, findings)
+    assert [each.code for each in repaired.repairs] == ["speed_scale", "position_time_jitter"]
+    assert rms(repaired.table[["north_m", "east_m"]] - sound[["north_m", "east_m"]]) < 1.0
+
+
+def test_a_heading_offset_that_was_not_mended_does_not_lead_positions_astray(sound: pd.DataFrame) -> None:
+    askew = faults.heading_offset(10.0)(sound, dice()).table
+    repaired = repair(askew, [stated(sound, "position_time_jitter", "north_m")]).table
+    assert rms(repaired[["north_m", "east_m"]] - sound[["north_m", "east_m"]]) < 10.0
+
+
+def test_stamps_whose_errors_add_up_do_not_pull_the_path() -> None:
+    """On a straight run a second of the way is lost for the positions now and then, as in the trials of 2022."""
+    at_s, random = np.arange(0.0, 900.0, 0.5), dice()
+    lost_s = np.cumsum(random.random(at_s.size) < 0.02)
+    columns = {"north_m": 3.0 * (at_s - lost_s), "east_m": 4.0 * (at_s - lost_s), "surge_mps": 5.0, "sway_mps": 0.0,
+               "heading_deg": np.rad2deg(np.arctan2(4.0, 3.0))}  # fmt: skip
+    spoilt = table_at(at_s, {name: value + random.normal(0.0, 0.03, at_s.size) for name, value in columns.items()})
+    repaired = repair(spoilt, [stated(spoilt, "position_time_jitter", "north_m")]).table
+    step_m = repaired[["north_m", "east_m"]].diff(20).to_numpy()[20:]
+    way = np.hypot(step_m[:, 0], step_m[:, 1])
+    assert way == pytest.approx(50.0, abs=1.0)
+
+
+def test_apparent_wind_becomes_true(sound: pd.DataFrame) -> None:
+    spoilt = faults.wind_apparent(sound, dice()).table
+    repaired = repair(spoilt, wind(spoilt).findings).table
+    assert repaired["wind_speed_mps"].to_numpy() == pytest.approx(sound["wind_speed_mps"].to_numpy(), abs=1e-9)
+    assert rms(difference(repaired["wind_direction_deg"], sound["wind_direction_deg"])) < 1e-6
+    assert wind(repaired).findings == ()
+
+
+def test_orders_are_held(sound: pd.DataFrame) -> None:
+    spoilt = faults.order_interpolated(sound, dice())
+    repaired = repair(spoilt.table, orders(spoilt.table).findings).table
+    assert orders(repaired).findings == ()
+    for name in spoilt.channels:
+        assert rms(repaired[name] - sound[name]) <= rms(spoilt.table[name] - sound[name]) + 0.5
+
+
+def test_flagged_values_become_gaps(sound: pd.DataFrame) -> None:
+    spoilt = faults.out_of_range("surge_mps", 327.67)(sound, dice()).table
+    spoilt = faults.spikes("sway_mps", 5.0)(spoilt, dice()).table
+    flags = {"sway_mps": np.where(spoilt["sway_mps"] != sound["sway_mps"], 4, 1).astype(np.uint8)}
+    findings = [stated(sound, "out_of_range", "surge_mps"), stated(sound, "spike", "sway_mps")]
+    repaired = repair(spoilt, findings, flags)
+    for name, count in (("surge_mps", 4), ("sway_mps", 5)):
+        wrong = spoilt[name] != sound[name]
+        assert wrong.sum() == count
+        assert repaired.table.loc[wrong, name].isna().all()
+        assert (repaired.table.loc[~wrong, name] == sound.loc[~wrong, name]).all()
+    unflagged = repair(spoilt, findings)
+    assert [each.code for each in unflagged.repairs] == ["out_of_range"]
+
+
+def test_repeated_samples_become_gaps_and_keep_their_rows(sound: pd.DataFrame) -> None:
+    spoilt = faults.duplicates(sound, dice()).table
+    repaired = repair(spoilt, [stated(sound, "duplicate", "")]).table
+    assert len(repaired) == len(spoilt)
+    assert (repaired.notna().sum() == len(sound)).all()
+
+
+def test_what_is_uncertain_or_lacking_stays(sound: pd.DataFrame) -> None:
+    doubtful = stated(sound, "speed_scale", "surge_mps", certain=False, factor=2.0)
+    unknown = stated(sound, "channel_delay", "north_m", seconds=1.0)
+    lacking = stated(sound, "position_time_jitter", "north_m")
+    assert repair(sound, [doubtful, unknown]).table is sound
+    assert repair(sound[["north_m", "east_m"]], [lacking]).repairs == ()
+    assert repair(sound.drop(columns="heading_deg"), [stated(sound, "out_of_range", "heading_deg")]).repairs == ()
+
+
+CHECKS: tuple[Callable[[pd.DataFrame], Checked], ...] = (heading_wrap, orders, wind)
+
+
+@pytest.fixture(scope="module")
+def written(sound: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Repaired]:
+    folder = tmp_path_factory.mktemp("repaired")
+    spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
+    spoilt = faults.order_interpolated(faults.speed_scale(0.98)(spoilt, dice()).table, dice()).table
+    original, target = folder / "original.mcap", folder / "repaired.mcap"
+    write_table(spoilt, original, TRIAL, "test")
+    recording, table = read_recording(original), read_table(original)
+    findings = [finding for check in CHECKS for finding in check(table).findings]
+    findings.append(stated(table, "speed_scale", "surge_mps", factor=1.0 / 0.98))
+    flags = heading_wrap(table).flags
+    return original, target, write_repaired(recording, table, findings, target, flags)
+
+
+def test_a_repaired_recording_reads_as_it_was_repaired(written: tuple[Path, Path, Repaired]) -> None:
+    original, target, repaired = written
+    again = read_table(target)
+    pd.testing.assert_frame_equal(again, repaired.table, check_exact=True)
+    assert history_of(again) == history_of(repaired.table)
+    assert [step["options"]["code"] for step in history_of(again)] == [each.code for each in repaired.repairs]
+    assert history_of(again)[0]["options"]["changed"] == repaired.repairs[0].changed
+    assert again.attrs["trial"] == read_table(original).attrs["trial"]
+    assert again.attrs["sources"]["surge_mps"] == ["test repaired"]
+    assert again.attrs["sources"]["north_m"] == ["test"]
+    mended = read_recording(target).series["heading_deg"].quality
+    assert (mended == Quality.SUSPECT).sum() == repaired.repairs[0].changed
+
+
+def test_after_the_repair_nothing_is_found_and_nothing_is_left_to_do(
+    written: tuple[Path, Path, Repaired], tmp_path: Path
+) -> None:
+    _, target, _ = written
+    table = read_table(target)
+    findings = [finding for check in CHECKS for finding in check(table).findings]
+    assert findings == []
+    again = write_repaired(read_recording(target), table, findings, tmp_path / "again.mcap")
+    assert again.repairs == ()
+    assert history_of(read_table(tmp_path / "again.mcap")) == history_of(table)
+
+
+def test_the_original_is_never_touched(written: tuple[Path, Path, Repaired], tmp_path: Path) -> None:
+    original, _, _ = written
+    before = original.read_bytes()
+    recording, table = read_recording(original), read_table(original)
+    (tmp_path / "link.mcap").symlink_to(original)
+    (tmp_path / "hard.mcap").hardlink_to(original)
+    for path_ in (original, original.parent / "." / original.name, tmp_path / "link.mcap", tmp_path / "hard.mcap"):
+        with pytest.raises(InputError, match="is the recording itself"):
+            write_repaired(recording, table, [], path_)
+    assert original.read_bytes() == before
+
+
+@pytest.mark.shared
+def test_positions_of_2022_agree_with_the_speeds_afterwards(shared_data: Path, tmp_path: Path) -> None:
+    name = "gunnerus_2022_trials"
+    import_table(shared_data / name / TRIALS[name], tmp_path / "t.mcap", MAPS / f"{name}.toml")
+    table = read_table(tmp_path / "t.mcap")
+    findings = [finding for check in (heading_wrap, orders) for finding in check(table).findings]
+    findings += [
+        stated(table, "speed_scale", "surge_mps", factor=1.0203),
+        stated(table, "position_time_jitter", "north_m"),
+    ]
+    repaired = repair(table, findings).table
+    turned = np.abs(np.diff(unwrap(repaired["heading_deg"])))
+    assert np.quantile(turned, 0.999) < 4.0
+    usual = []
+    for each in (table, repaired):
+        psi = np.deg2rad(wrap_360(repaired["heading_deg"]))
+        way = np.cumsum(0.5 * (each["surge_mps"] + 1j * each["sway_mps"]).to_numpy() * np.exp(1j * psi))
+        off = (each["north_m"] + 1j * each["east_m"]).to_numpy() - way
+        usual.append(np.quantile(np.abs(off[20:] - off[:-20]), 0.95))
+    assert usual[1] < 0.1 * usual[0]
+    assert set(NAMES) <= set(repaired.columns)
