@@ -159,9 +159,11 @@ def filter_steps(steps: Steps, start: Start, model: Model, gate: Gate) -> Filter
     return Filtered(*forward_pass(*arguments(steps, start, model, gate)))
 
 
-def arguments(steps: Steps, start: Start, model: Model, gate: Gate) -> tuple[object, ...]:
-    """What the compiled recursion takes."""
-    forward, added = model.blocks_over(np.diff(steps.time_s, prepend=steps.time_s[:1]))
+def arguments(
+    steps: Steps, start: Start, model: Model, gate: Gate, blocks: tuple[Floats, Floats] | None = None
+) -> tuple[object, ...]:
+    """What the compiled recursion takes; ``blocks`` are those of the model over the intervals, if known."""
+    forward, added = blocks or model.blocks_over(np.diff(steps.time_s, prepend=steps.time_s[:1]))
     return (
         steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, start.mean,
         start.covariance, model.sizes, forward, added, gate.limit, gate.patience_s, gate.patience,

@@ -10,7 +10,7 @@ make the data more likely by more than their three numbers would by chance (Schw
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -33,7 +33,7 @@ from analysis.motion_model import (
     motion_steps,
 )
 
-STRETCHES, STEPS_OF_STRETCH = 12, 250
+STRETCHES, STEPS_OF_STRETCH = 10, 200
 _LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
 _JERKS, _LEAST_JERK, _MOST_JERK = (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 1e-7, 1e2
 _WAVE_PERIODS_S, _LONGEST_WAVE_S = (3.0, 5.0, 8.0, 12.0), 20.0
@@ -113,7 +113,8 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
     alone = [(heading_steps(part, 1.0, 1.0), first_state(part)) for part in parts]
     turning = _Search(alone, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
                       (_LEAST["heading"], _LEAST["yaw_rate"]), rules)  # fmt: skip
-    yaw = _calm(turning)[0]
+    yaw_calm = _calm(turning)
+    yaw = yaw_calm[0]
     given = [_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts]
     moving = _Search([(steps, start) for steps, start, _ in given], (1, 2), np.array([0, 0, 1, 1]), noise,
                      (_LEAST["position"], _LEAST["speed"]), rules, [added for *_, added in given])  # fmt: skip
@@ -190,12 +191,20 @@ class _Search:
         if levels.size > 3:
             laws.append(WaveMotion(float(levels[3]), float(levels[4]), float(levels[5])))
         model = Model(tuple(each for each in self.quantities for _ in laws), tuple(laws) * len(self.quantities))
+        forward, added = model.blocks_over(self.intervals_s)
+        ends = np.cumsum([0, *(steps.time_s.size for steps, _ in self.parts)])
         total = 0.0
         for number, (steps, start) in enumerate(self.parts):
+            own = slice(int(ends[number]), int(ends[number + 1]))
             variance = steps.variance * levels[self.level_of] ** 2 + (self.added[number] if self.added else 0.0)
-            seen = Steps(steps.time_s, steps.value, steps.row, variance, steps.turn, steps.jumps).seen_by(model)
-            total += float(cost_of(*arguments(seen, start.seen_by(model), model, self.gate)))
+            seen, begin = replace(steps, variance=variance).seen_by(model), start.seen_by(model)
+            total += float(cost_of(*arguments(seen, begin, model, self.gate, (forward[own], added[own]))))
         return total
+
+    @property
+    def intervals_s(self) -> Floats:
+        """The time before each step of all parts, 0 before the first of each."""
+        return np.concatenate([np.diff(steps.time_s, prepend=steps.time_s[:1]) for steps, _ in self.parts])
 
     @property
     def count(self) -> int:
@@ -242,6 +251,6 @@ def _descended(
     from scipy.optimize import minimize
 
     best = min(guesses, key=cost)
-    options = {"eps": 1e-3, "ftol": 1e-7, "maxiter": 40}
+    options = {"eps": 3e-3, "ftol": 2e-6, "maxiter": 25, "maxfun": 150}
     found = minimize(cost, best, method="L-BFGS-B", bounds=bounds, options=options)
     return np.asarray(found.x), float(found.fun)
