@@ -16,6 +16,8 @@ from acquisition.frames import Quality, Sample
 from acquisition.recording.writer import RecordingWriter
 from acquisition.trial import Trial
 
+_ROWS_TO_FLUSH = 50_000
+
 
 def write_table(
     table: pd.DataFrame,
@@ -74,3 +76,5 @@ def _write_rows(
             value = float(values[row, column])
             name, origin = names[column], sources[column]
             writer.write_sample(Sample(name, value, origin, time_ns, 0, time_ns, time_ns, "table", quality))
+        if row % _ROWS_TO_FLUSH == _ROWS_TO_FLUSH - 1:
+            writer.flush()  # or a day of samples would be gathered in memory
