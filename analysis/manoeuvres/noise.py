@@ -79,7 +79,8 @@ def measured_with_intervals(
 ) -> dict[str, tuple[float, float]]:
     """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
 
-    The moments of the commands are only known to a row: they are moved about by ``unsure_rows`` as well.
+    The moments of the commands are only known to a row: each is moved about by ``unsure_rows``, and all together
+    by as much, since what the shape of a command between rows does to one it does to all.
     """
     random = np.random.default_rng(seed)
     smooth = smoothed(motion, half_width)
@@ -89,7 +90,8 @@ def measured_with_intervals(
     repeats = []
     for _ in range(REPLICATES):
         again = smoothed(_with_noise(smooth, spectra, random), half_width)
-        moved = executes_s + motion.step_s * unsure_rows * random.uniform(-1.0, 1.0, executes_s.shape)
+        shifts = random.uniform(-1.0, 1.0, executes_s.shape) + random.uniform(-1.0, 1.0)
+        moved = executes_s + motion.step_s * unsure_rows * shifts
         repeats.append(measure(again, moved))
     path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a way are off
     found = {}

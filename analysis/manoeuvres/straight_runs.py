@@ -198,7 +198,7 @@ def _change_of_speed(
 ) -> Manoeuvre:
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
-    width = half_width_s(part, (end - start) / 4.0)
+    width = half_width_s(part, (end - start) / 2.0)
     found = measured_with_intervals(part, np.array([start, end]), width, measure)
     indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
@@ -222,11 +222,16 @@ def _change_of_speed(
 
 def acceleration_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """Time and way to 90 % of the change of speed; ``executes`` holds the start and the end of the thrust [s]."""
+    from scipy.optimize import isotonic_regression
+
     start, end = float(executes[0]), float(executes[1])
-    final = float(motion.between(end - _LOOK_S, end).surge_mps.mean())
+    final = float(motion.between(end - max(_LOOK_S, 0.2 * (end - start)), end).surge_mps.mean())
     first = float(motion.between(start - _LOOK_S, start).surge_mps.mean())
     goal = first + REACHED_SHARE * (final - first)
-    reached = crossing_s(motion.time_s, motion.surge_mps, goal, start, end)
+    # Noise makes the first crossing of a level early and the last one late; a curve that only rises has one.
+    rising = motion.between(start, end)
+    speed = np.asarray(isotonic_regression(rising.surge_mps).x, dtype=float)
+    reached = crossing_s(rising.time_s, speed, goal, start, end)
     return {
         "initial_speed_mps": first,
         "final_speed_mps": final,

@@ -144,18 +144,18 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
     executes = both[0]
     heading, steady = _deviation_deg(motion, executes)
     values = _overshoots(motion, heading, both)
-    inside = motion.between(executes[0], executes[-1])
     if executes.size >= 5:
         values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3]))
     if steady:
         tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, executes[0], executes[2])
         back_s = crossing_s(motion.time_s, -heading, 0.0, executes[1], executes[-1])
         approach_mps = approach_of(motion, executes[0])["approach_mps"]
+        swinging = motion.between(executes[1], executes[-1])
         values |= {
             "initial_turning_time_s": executes[1] - executes[0],
             "initial_turning_m": distance_m(motion, executes[0], tenth_s),
             "reach_s": back_s - executes[0],
-            "speed_loss": 1.0 - float(inside.speed_mps.min()) / approach_mps,
+            "speed_loss": 1.0 - float(swinging.speed_mps.mean()) / approach_mps,
         }
     return values
 
