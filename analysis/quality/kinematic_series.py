@@ -64,6 +64,13 @@ class Motion:
     yaw_rate: Samples
     step_s: float
 
+    def half(self, first: int) -> Motion:
+        """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
+        heading, speed, yaw_rate = (
+            Samples(each.time_s[first::2], each.levels[first::2], 2.0 * each.interval_s) for each in self.groups[1:]
+        )
+        return Motion(self.position, heading, speed, yaw_rate, self.step_s)
+
     @property
     def slowest_s(self) -> float:
         return max(each.interval_s for each in self.groups)

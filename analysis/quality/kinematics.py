@@ -30,8 +30,10 @@ PATH_PARAMETERS = (
 )  # fmt: skip
 TURN_PARAMETERS = ("yaw_rate_factor", "yaw_rate_bias_radps", "heading_after_yaw_rate_s")
 NAMES = PATH_PARAMETERS + TURN_PARAMETERS
-_PATH_PRIOR = np.array([1.0, 1.0, 20.0, 20.0, 100.0, 100.0])
-_TURN_PRIOR = np.array([1.0, 0.1, 20.0])
+_DELAY_PRIOR_S = 20.0
+_PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0])
+_TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
+_CLEAR = 4.0
 _BLOCK_S = (40.0, 100.0)
 _BLOCKS = 20
 _FEWEST_BLOCKS = 5
@@ -105,8 +107,9 @@ def fit_motion(motion: Motion) -> Kinematics:
             why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
         )  # fmt: skip
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
-    path = _fitted(motion.position, path_model(motion, grid_s), _PATH_PRIOR, frame)
-    turn = _fitted(motion.heading, turn_model(motion, grid_s), _TURN_PRIOR, frame)
+    parts = (motion, motion.half(0), motion.half(1))
+    path = _fitted(motion.position, tuple(path_model(each, grid_s) for each in parts), _PATH_PRIOR, frame)
+    turn = _fitted(motion.heading, tuple(turn_model(each, grid_s) for each in parts), _TURN_PRIOR, frame)
     covariance = np.zeros((9, 9))
     covariance[:6, :6], covariance[6:, 6:] = path.covariance, turn.covariance
     return Kinematics(
@@ -131,28 +134,37 @@ class _Frame:
         return int(np.clip(wanted, 3, self.length - 1))
 
 
-def _fitted(level: Samples, model: Model, prior: Floats, frame: _Frame) -> Solution:
+Models = tuple[Model, ...]
+"""By all samples, by every other one, and by the rest."""
+
+
+def _fitted(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Solution:
     """Levels fitted as they are or, where they jump and that tells more, without their jumps.
 
     To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
     """
-    solution = _gauss_newton(level, model, prior, frame)
-    steady = without_jumps(level, model, frame.grid_s, solution.parameters)
+    solution = _gauss_newton(level, models, prior, frame)
+    steady = without_jumps(level, models[0], frame.grid_s, solution.parameters)
     if steady is level:
         return solution
-    other = _gauss_newton(steady, model, prior, frame)
+    other = _gauss_newton(steady, models, prior, frame)
     return min(solution, other, key=lambda each: float(np.linalg.slogdet(each.covariance)[1]))
 
 
-def _gauss_newton(level: Samples, model: Model, prior: Floats, frame: _Frame) -> Solution:
+def _gauss_newton(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Solution:
+    """From slow motion to faster. A delay that slow motion does not tell begins at none, lest it finds itself a
+    whole wave off."""
     level_at, values = spline(level), np.zeros(prior.size)
     values[0] = 1.0
     for limit_hz in _STAGES_HZ:
         most = frame.coefficients(limit_hz)
-        wanted, slopes = model(values)
+        (wanted, slopes), *halves = (model(values) for model in models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-        parts = (level_at(times) - wanted, slopes)
-        residuals, by = (cosines(each, frame.starts, frame.length, most) for each in parts)
-        solution = solve(residuals, by, prior)
+        parts = (level_at(times) - wanted, slopes, *(half[1] for half in halves))
+        residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in parts)
+        solution = solve(residuals, by, (first, second), prior)
         values = values + np.clip(solution.parameters, -0.2 * prior, 0.2 * prior)
+        if limit_hz < _STAGES_HZ[-1]:
+            unclear = np.abs(values) < _CLEAR * np.sqrt(np.diag(solution.covariance))
+            values = np.where(unclear & (prior == _DELAY_PRIOR_S), 0.0, values)
     return Solution(values, solution.covariance, solution.informative)
