@@ -19,6 +19,7 @@ from acquisition.recording.tables import write_table
 from acquisition.tabular import import_table
 from acquisition.trial import Trial
 from analysis.export import export_table
+from analysis.manoeuvres import find_manoeuvres
 from analysis.quality.check import check_table
 from analysis.resample import resample, resample_recording
 from analysis.slow_motion import smooth_motion
@@ -154,6 +155,24 @@ def test_joining_channels_of_different_times(trial: pd.DataFrame, angle: float, 
     for name, each in channels.items():
         single = resample(joined({name: each}))[name]
         assert turn_between(together[name].dropna(), single.dropna()) == 0.0
+
+
+@pytest.mark.slow
+@FEWEST
+@given(angle=TURNS)
+@example(angle=180.0)
+def test_manoeuvres(trial: pd.DataFrame, angle: float) -> None:
+    """The same zigzag, its indices far within their own intervals."""
+    one_hz = resample(trial)
+    here, there = find_manoeuvres(one_hz), find_manoeuvres(turned(one_hz, angle))
+    assert here
+    assert [(each.kind, each.side, each.start) for each in there] == [
+        (each.kind, each.side, each.start) for each in here
+    ]
+    for first, second in zip(here, there, strict=True):
+        for name, index in first.indices.items():
+            width = max(index.high - index.low, 1e-3 * abs(index.value))
+            assert abs(second.indices[name].value - index.value) <= 0.2 * width, name
 
 
 @pytest.mark.slow
