@@ -1,8 +1,8 @@
 """The repairs that are certain, each with its number in the table's history, and a recording of the repaired table.
 
 They are done in an order that lets none lean on what a later one mends: impossible, stray and repeated values
-become gaps first; then the heading, then the scale of the speeds, then the positions, which are rebuilt from
-both, then the wind, which needs heading and speeds too. Orders stand alone and come last.
+become gaps first; then the heading, then the scales of yaw rate and speeds, then the positions, which are rebuilt
+from heading and speeds, then the wind, which needs both too. Orders stand alone and come last.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from analysis.quality import heading_wrap as wrapped
 from analysis.quality import orders, rebuilt_path, wind
 from analysis.quality.findings import Finding, Flags
 from analysis.quality.runs import Bools, Floats, integral, samples_of
+from analysis.quality.summary import ALL
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
 Columns = dict[str, Floats]
@@ -140,19 +141,29 @@ def _same(first: Floats, second: Floats) -> Bools:
     return same
 
 
+def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
+    """The columns a finding is about: its channel's, or all."""
+    every = [str(name) for name in table.columns]
+    return every if finding.channel in ("", ALL) else [name for name in every if name == finding.channel]
+
+
 def without_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> tuple[str, Columns]:
-    """Gaps where values within the finding are flagged bad; impossible ones need no flag to be known."""
-    name = finding.channel
-    if name not in table:
-        return "", {}
-    value = table[name].to_numpy(dtype=float, copy=True)
+    """Gaps where values within the finding are flagged bad; impossible ones need no flag to be known.
+
+    Angles on a line through their seam are bad too, but they can be mended and are left for that.
+    """
     times = utc_index(table)
     within = np.asarray((times >= finding.start) & (times <= finding.end))
-    if name in flags:
-        value[within & (np.asarray(flags[name]) == Quality.BAD)] = np.nan
-    if finding.code == "out_of_range" and name in BY_NAME:
-        value[~_possible(name, value)] = np.nan
-    return f"{finding.code.replace('_', ' ')}: the values of {name} became gaps", {name: value}
+    columns = {}
+    for name in _channels(table, finding):
+        value = table[name].to_numpy(dtype=float, copy=True)
+        if name in flags:
+            bad = within & (np.asarray(flags[name]) == Quality.BAD)
+            value[bad & ~wrapped.straight_through(table, name) if name in wrapped.JUDGED else bad] = np.nan
+        if finding.code == "out_of_range" and name in BY_NAME:
+            value[~_possible(name, value)] = np.nan
+        columns[name] = value
+    return f"{finding.code.replace('_', ' ')}: the values became gaps", columns
 
 
 def _possible(name: str, value: Floats) -> Bools:
@@ -166,9 +177,8 @@ def _possible(name: str, value: Floats) -> Bools:
 
 def without_repeats(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
     """Gaps where a measured time comes again with the value it had; the row stays, and other values stay."""
-    names = [finding.channel] if finding.channel in table else [str(name) for name in table.columns]
     columns = {}
-    for name in names:
+    for name in _channels(table, finding):
         value = table[name].to_numpy(dtype=float, copy=True)
         rows = np.flatnonzero(np.isfinite(value))
         known = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
@@ -206,6 +216,13 @@ def _in_turn(name: str, angle_deg: Floats) -> Floats:
     low = BY_NAME[name].low
     turned = low + np.mod(angle_deg - low, 360.0)
     return np.where((turned >= low + 360.0) | ((low < 0.0) & (turned == low)), -low, turned)
+
+
+def scaled_yaw_rate(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
+    """The yaw rate times the factor that was found."""
+    factor = float(finding.estimate["factor"])
+    columns = {name: table[name].to_numpy(dtype=float) * factor for name in ("yaw_rate_dps",) if name in table}
+    return f"yaw rate multiplied by {factor:.4f}", columns
 
 
 def scaled_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
@@ -254,6 +271,7 @@ _REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], tuple[str,
     "stuck": without_flagged,
     "duplicate": without_repeats,
     wrapped.CODE: on_the_circle,
+    "yaw_rate_scale": scaled_yaw_rate,
     "speed_scale": scaled_speeds,
     "position_time_jitter": rebuilt_positions,
     "wind_apparent": steadiest_wind,

@@ -151,9 +151,32 @@ def test_flagged_values_become_gaps(sound: pd.DataFrame) -> None:
     assert [each.code for each in unflagged.repairs] == ["out_of_range"]
 
 
+def test_spikes_become_gaps_and_lines_through_north_do_not(sound: pd.DataFrame) -> None:
+    spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
+    on_lines = np.asarray(heading_wrap(spoilt).flags["heading_deg"] == Quality.BAD)
+    aside = np.abs(difference(sound["heading_deg"], 0.0)) > 12.0
+    spikes = np.flatnonzero(aside & ~on_lines)[[100, 200]]
+    spoilt.loc[spoilt.index[spikes], "heading_deg"] += 90.0
+    flags = heading_wrap(spoilt).flags
+    flags.loc[flags.index[spikes], "heading_deg"] = Quality.BAD
+    findings = (*heading_wrap(spoilt).findings, stated(spoilt, "spike", "heading_deg"))
+    repaired = repair(spoilt, findings, flags)
+    assert [each.code for each in repaired.repairs] == ["spike", "heading_wrap_interpolated"]
+    assert np.flatnonzero(repaired.table["heading_deg"].isna()).tolist() == spikes.tolist()
+    assert rms(difference(repaired.table["heading_deg"], sound["heading_deg"])) < 1.0
+
+
+def test_a_yaw_rate_is_scaled(sound: pd.DataFrame) -> None:
+    spoilt = faults.yaw_rate_scale(1.036)(sound, dice())
+    repaired = repair(
+        spoilt.table, [stated(sound, spoilt.code, "yaw_rate_dps", factor=spoilt.truth["factor"])]
+    ).table
+    assert repaired["yaw_rate_dps"].to_numpy() == pytest.approx(sound["yaw_rate_dps"].to_numpy(), abs=1e-12)
+
+
 def test_repeated_samples_become_gaps_and_keep_their_rows(sound: pd.DataFrame) -> None:
     spoilt = faults.duplicates(sound, dice()).table
-    repaired = repair(spoilt, [stated(sound, "duplicate", "")]).table
+    repaired = repair(spoilt, [stated(sound, "duplicate", "all")]).table
     assert len(repaired) == len(spoilt)
     assert (repaired.notna().sum() == len(sound)).all()
 
