@@ -24,8 +24,8 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Engine = Literal["auto", "filterpy", "compiled"]
 
-LONGEST_FOR_FILTERPY = 2000
-"""Steps up to which the engine "auto" is filterpy: about a second."""
+LONGEST_FOR_FILTERPY = 600
+"""Steps up to which the engine "auto" is filterpy: well below a second."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,129 @@
+"""Starts of windows from the smoother, written beside them; moving windows kept and marked; the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
+from analysis.resample import resample
+from analysis.smooth import COVARIANCE_NAMES, smooth
+from analysis.window_starts import START_COLUMNS, STATES, Cutting, windows_of_recordings, with_starts
+from analysis.windows import COLUMNS, REASONS, held_windows, joined, read_windows, starts_path, write_windows
+from hybrid.truth.trial import simulate_trial
+from seatrial import app
+from tests.analysis.conftest import steady_table
+from tests.analysis.test_windows import wandering
+
+
+@pytest.fixture(scope="module")
+def voyage() -> pd.DataFrame:
+    return simulate_trial("gunnerus_short", "calm", "programme", 300.0, 2.0, 5)[0]
+
+
+@pytest.fixture(scope="module")
+def recording(voyage: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("starts") / "voyage.mcap"
+    write_table(voyage, path, Trial(name="voyage", vessel="gunnerus_short"), source="simulated")
+    return path
+
+
+def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_path: Path) -> None:
+    motion = smooth(voyage)
+    windows = with_starts(held_windows(resample(voyage), 15, 5, trial="voyage"), {"voyage": motion})
+    starts = windows.starts
+    assert starts is not None
+    assert tuple(starts.columns) == START_COLUMNS
+    assert len(COVARIANCE_NAMES) == 21
+    assert starts["window"].tolist() == list(range(windows.kept))
+    expected = motion.states.loc[pd.DatetimeIndex(starts["start"]), list(STATES)]
+    assert np.array_equal(starts[list(STATES)].to_numpy(), expected.to_numpy())
+    row = motion.states.index.get_loc(starts["start"].iloc[3])
+    assert starts["cov_north_m_surge_mps"].iloc[3] == motion.covariance[row, 0, 3]
+    assert (starts["cov_heading_deg_heading_deg"] > 0).all()
+    first = windows.rows[windows.rows["second"] == 0].reset_index(drop=True)
+    assert np.abs(first["north_m"] - starts["north_m"]).max() < 0.5
+    write_windows(windows, tmp_path / "a.parquet")
+    again = read_windows(tmp_path / "a.parquet")
+    pd.testing.assert_frame_equal(again.starts, starts)
+    assert tuple(again.rows.columns) == COLUMNS
+
+
+def test_starts_of_other_windows_are_not_taken_for_ours(voyage: pd.DataFrame, tmp_path: Path) -> None:
+    seconds = resample(voyage)
+    whole = held_windows(seconds, 15, 5, trial="voyage")
+    write_windows(with_starts(whole, {"voyage": smooth(voyage)}), tmp_path / "a.parquet")
+    write_windows(held_windows(seconds, 30, 7, trial="voyage"), tmp_path / "a.parquet")
+    assert starts_path(tmp_path / "a.parquet").is_file()
+    assert read_windows(tmp_path / "a.parquet").starts is None
+
+
+@given(seed=st.integers(0, 10**6), stride_s=st.integers(1, 30), horizon_s=st.integers(2, 30))
+@settings(max_examples=40, deadline=None)
+def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_s: int, horizon_s: int) -> None:
+    table = wandering(seed).drop(index=wandering(seed).index[200:203])
+    held, every = (held_windows(table, horizon_s, stride_s, keep_moving=keep) for keep in (False, True))
+    assert every.candidates == held.candidates == every.kept + sum(every.dropped.values())
+    assert set(every.dropped) <= {"gap", "missing_data"}
+    assert every.moving == sum(held.dropped.get(reason, 0) for reason in REASONS[2:])
+    assert tuple(every.rows.columns) == (*COLUMNS, "held")
+    assert every.rows[list(COLUMNS)].notna().to_numpy().all()
+    first = every.rows[every.rows["second"] == 0]
+    assert set(first.loc[first["held"], "start"]) == set(held.rows["start"])
+    seconds = every.rows.assign(time=every.rows["start"] + pd.to_timedelta(every.rows["second"], unit="s"))
+    legs = seconds.groupby("time")["leg"]
+    assert (legs.min() == legs.max()).all()
+
+
+def test_moving_windows_are_joined_written_and_read(tmp_path: Path) -> None:
+    parts = [held_windows(wandering(seed), trial=name, keep_moving=True) for seed, name in ((1, "a"), (2, "b"))]
+    both = joined([*parts, held_windows(steady_table(5), trial="c", keep_moving=True)])
+    assert both.moving == parts[0].moving + parts[1].moving > 0
+    write_windows(both, tmp_path / "a.parquet")
+    pd.testing.assert_frame_equal(read_windows(tmp_path / "a.parquet").rows, both.rows)
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0, 20.0])
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_noise_of_feedback_at_any_rate_drops_no_held_window(rate_hz: float, factor: float) -> None:
+    random = np.random.default_rng(7)
+    count = int(400 * rate_hz) + 1
+    table = steady_table(count)
+    table.index = table.index[0] + pd.to_timedelta(np.arange(count) / rate_hz, unit="s")
+    table["port_rpm"] = 120.0 + factor * 0.3 * random.standard_normal(count)
+    table["port_angle_deg"] = factor * 0.2 * random.standard_normal(count)
+    assert held_windows(resample(table)).dropped == {}
+
+
+def test_the_command_writes_windows_and_starts(recording: Path, tmp_path: Path) -> None:
+    output = tmp_path / "w.parquet"
+    run = CliRunner().invoke(app, ["windows", str(recording), "-o", str(output), "--keep-moving", "--json"])
+    assert run.exit_code == 0, run.output
+    summary = json.loads(run.stdout)
+    windows = read_windows(output)
+    assert summary["kept"] == windows.kept == summary["candidates"] - sum(summary["dropped"].values())
+    assert summary["moving"] == windows.moving > 0
+    assert windows.starts is not None
+    assert windows.starts[list(START_COLUMNS)].notna().to_numpy().all()
+    plain = windows_of_recordings([recording], Cutting(starts=False))
+    assert plain.starts is None
+    assert plain.kept == windows.kept - windows.moving
+
+
+def test_the_command_smooths(recording: Path, tmp_path: Path) -> None:
+    output = tmp_path / "s.parquet"
+    run = CliRunner().invoke(app, ["smooth", str(recording), "-o", str(output), "--rate", "2", "--json"])
+    assert run.exit_code == 0, run.output
+    summary, rows = json.loads(run.stdout), pd.read_parquet(output)
+    assert summary["rows"] == len(rows) > 590
+    assert set(summary["noise"]) >= {"position_m", "heading_rad", "speed_mps", "yaw_rate_radps"}
+    assert {"surge_mps2", "cov_north_m_north_m", "slow_surge_mps"} <= set(rows.columns)
+    assert str(rows.index.tz) == "UTC"
