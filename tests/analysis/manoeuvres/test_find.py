@@ -10,6 +10,8 @@ from acquisition.channels import NAMES
 from acquisition.errors import InputError
 from analysis.frames import NANO, times_ns
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from hybrid.truth.manoeuvres import Leg
+from hybrid.truth.trial import simulate_trial
 from tests.analysis.conftest import steady_table, table_at
 from tests.analysis.manoeuvres.conftest import Sail
 
@@ -81,6 +83,30 @@ def test_single_thrusters_and_the_tunnel_thruster(sail: Sail) -> None:
     tests = [each for each in found if each.kind == "thruster_test"]
     assert [(each.name, each.side) for each in tests] == [
         ("tunnel thruster to starboard", "starboard"), ("tunnel thruster to port", "port")]  # fmt: skip
+
+
+def test_a_stop_by_thrust_astern_has_a_limit_for_its_track() -> None:
+    ahead = Leg(port_rpm=171.0, starboard_rpm=171.0, at_least_s=60.0, at_most_s=60.0, course_deg=0.0)
+    astern = Leg(port_rpm=-120.0, starboard_rpm=-120.0, slower_mps=0.0, at_most_s=200.0)
+    rest = Leg(port_rpm=0.0, starboard_rpm=0.0, at_least_s=60.0, at_most_s=60.0)
+    table, _ = simulate_trial("gunnerus_short", "calm", (ahead, astern, rest), 150.0, 2.0, 1)
+    (stop,) = (each for each in find_manoeuvres(table, 28.9) if each.kind == "stopping")
+    assert stop.name == "stopping with thrust astern"
+    assert stop.notes == ()
+    assert (stop.start - table.index[0]).total_seconds() == pytest.approx(60.0, abs=0.6)
+    assert stop.indices["final_speed_mps"].value == pytest.approx(0.0, abs=0.25)
+    assert stop.indices["track_reach_m"].limit == pytest.approx(15.0 * 28.9)
+
+
+def test_a_current_is_what_was_put_in() -> None:
+    hidden = {"ocean_current": {"speed_mps": 0.4, "direction_deg": 60.0}}
+    table, _ = simulate_trial("gunnerus_short", "calm", "turning_circle_30", 300.0, 2.0, 1, hidden)
+    circle = next(each for each in find_manoeuvres(table) if each.kind == "turning_circle")
+    assert circle.current is not None
+    north, east = 0.4 * np.cos(np.deg2rad(60.0)), 0.4 * np.sin(np.deg2rad(60.0))
+    assert circle.current.north_mps == pytest.approx(north, abs=0.01)
+    assert circle.current.east_mps == pytest.approx(east, abs=0.01)
+    assert circle.current.as_json()["direction_deg"] == pytest.approx(60.0, abs=1.5)
 
 
 def test_a_programme_holds_each_kind_and_invents_no_zigzag(sail: Sail) -> None:
