@@ -91,8 +91,8 @@ def _damaged_chunk(path: Path, sound: Path) -> None:
     path.write_bytes(content)
 
 
-BROKEN: dict[str, Callable[[Path, Path], None]] = {
-    "empty": lambda path, sound: path.write_bytes(b"") and None,
+BROKEN: dict[str, Callable[[Path, Path], object]] = {
+    "empty": lambda path, sound: path.write_bytes(b""),
     "text": _text,
     "cut": _cut,
     "no_channels": _only(()),
