@@ -20,7 +20,7 @@ EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0}
 _COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}
 _DEGREES_OF_POSITION = 2e-7
 _FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
-_MOST = 200_000
+_MOST, _EXACT, _NOISES = 200_000, 0.95, 0.7
 
 
 def everyday_resolution(channel: Channel) -> float:
@@ -33,8 +33,8 @@ def everyday_resolution(channel: Channel) -> float:
 def grid_step(values: Floats) -> float:
     """The step of the grid that values move on, 0 where there is none.
 
-    It is looked for in the changes from value to value, where a grid that drifts still shows, and in the
-    distances between neighbouring values sorted by size, where it shows at any speed.
+    It is looked for in the changes from value to value, where a grid that drifts still shows, in the distances
+    between values sorted by size, and in those between the changes, where it shows even at a constant speed.
     """
     values = values[np.isfinite(values)]
     if values.size > _MOST:
@@ -42,8 +42,9 @@ def grid_step(values: Floats) -> float:
     steps = np.diff(values)
     noise = float(np.sqrt(np.mean(np.diff(steps, 2) ** 2) / 20.0)) if steps.size > 2 else 0.0
     distances = np.diff(np.sort(values))
-    step = _step_of(np.abs(steps), noise) or _step_of(distances, noise)
-    return step if step and _on_plateaus(steps, step) else 0.0
+    searches = ((_step_of, np.abs(steps)), (_step_of, distances), (_exact_step, np.abs(steps)))
+    found = (search(changes, noise) for search, changes in searches)
+    return next((step for step in found if step and _on_plateaus(steps, step)), 0.0)
 
 
 def _step_of(changes: Floats, noise: float) -> float:
@@ -81,8 +82,20 @@ def _confirmed(changes: Floats, candidate: float, noise: float) -> float:
     if near.size < max(_FEWEST, 0.02 * changes.size):
         return 0.0
     concentration = float(np.mean(np.cos(2.0 * np.pi * near / candidate)))
-    apart = float(np.median(np.abs(near - candidate * np.rint(near / candidate))))
+    apart = float(np.quantile(np.abs(near - candidate * np.rint(near / candidate)), 0.8))
     return candidate if concentration > _CONCENTRATED and apart < 0.1 * noise else 0.0
+
+
+def _exact_step(changes: Floats, noise: float) -> float:
+    """The step of an exact grid from the least distance between two changes, if all are multiples of it."""
+    distances = np.diff(np.sort(changes))
+    distances = distances[distances > 1e-6 * changes.max(initial=0.0)]
+    if changes.size < _FEWEST or not distances.size:
+        return 0.0
+    step = float(np.median(distances[distances < 1.5 * distances.min()]))
+    apart = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))
+    exact = float(np.mean(np.cos(2.0 * np.pi * changes / step))) > _EXACT and apart < 0.1 * noise
+    return step if exact else 0.0
 
 
 def _on_plateaus(steps: Floats, step: float) -> bool:
@@ -103,8 +116,8 @@ def noise_beside(values: Floats, step: float) -> float:
 def quantised(samples: pd.Series[Any], channel: Channel) -> float:
     """The step [the channel's unit] of a grid that lost information, 0 where there is none.
 
-    A grid is found where its step exceeds the everyday resolution, and exceeds the noise or makes every fifth
-    value repeat the last.
+    A grid is found where its step exceeds the everyday resolution, and is no smaller than the noise (0.7 of its
+    standard deviation, which waves raise at slow rates) or makes every fifth value repeat the last.
     """
     _, _, values = in_time(samples, channel)
     steps = np.diff(values)
@@ -112,4 +125,4 @@ def quantised(samples: pd.Series[Any], channel: Channel) -> float:
     if step <= 1.05 * everyday_resolution(channel):
         return 0.0
     repeats = float(np.mean(np.abs(steps) < 0.1 * step))
-    return step if step > noise_beside(values, step) or repeats > 0.2 else 0.0
+    return step if step > _NOISES * noise_beside(values, step) or repeats > 0.2 else 0.0

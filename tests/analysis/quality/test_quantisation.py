@@ -50,6 +50,12 @@ def test_a_constant_speed_is_no_grid_of_positions() -> None:
     assert quantised(samples(straight), NORTH) == 0.0
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+def test_a_grid_is_found_at_a_constant_speed_of_many_steps(rate_hz: float) -> None:
+    straight = 4.2 * np.arange(900) / rate_hz + 0.05 * np.random.default_rng(0).standard_normal(900)
+    assert quantised(samples(np.round(straight / 0.1) * 0.1), NORTH) == pytest.approx(0.1)
+
+
 def test_a_grid_that_drifts_is_found_by_its_steps() -> None:
     """A projection stretches the grid by place, so that values do not lie on exact multiples of anything."""
     values = np.round(track() / 0.09) * 0.09
