@@ -97,11 +97,14 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Evaluate]:
         try:
             with connect(_debugger(folder / "profile" / "DevToolsActivePort"), proxy=None) as socket:
                 until = time.monotonic() + 30.0
-                while _evaluated(socket, "document.readyState") != "complete" and time.monotonic() < until:
+                while not _evaluated(socket, LOADED) and time.monotonic() < until:
                     time.sleep(0.05)
                 yield lambda expression: _evaluated(socket, expression)
         finally:
             process.terminate()
+
+
+LOADED = "document.readyState === 'complete' && document.querySelector('th[data-key]') !== null"
 
 
 def _debugger(told: Path, limit_s: float = 60.0) -> str:
