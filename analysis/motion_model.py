@@ -64,7 +64,8 @@ def motion_values(table: pd.DataFrame) -> Floats:
         table[name].to_numpy(dtype=float) if name in table else np.full(len(table), np.nan) for name in CHANNELS
     ]
     factors = [np.pi / 180.0 if BY_NAME[name].unit.startswith("deg") else 1.0 for name in CHANNELS]
-    return np.stack(columns, axis=1) * np.array(factors)
+    values: Floats = np.stack(columns, axis=1) * np.array(factors)
+    return values
 
 
 def internal_step_s(time_ns: Counts, values: Floats, fastest_hz: float = FASTEST_HZ) -> float:

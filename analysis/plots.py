@@ -5,7 +5,7 @@ This is the only module of the package that knows matplotlib.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import matplotlib.dates as dates
 import numpy as np
@@ -142,3 +142,21 @@ def _held_stretches(windows: pd.DataFrame) -> list[tuple[float, float]]:
     first = np.append(True, begin[1:] > end[:-1] + 1e-9) if begin.size else np.empty(0, dtype=bool)
     last = np.append(first[1:], True) if begin.size else first
     return list(zip(begin[first].tolist(), end[last].tolist(), strict=True))
+
+
+def consistency(axes: Axes, channels: Mapping[str, Mapping[str, float]]) -> list[Artist]:
+    """Mean NIS by channel with the bounds it should lie in; one is what a filter that is right has.
+
+    ``channels`` is :meth:`analysis.smoothing_consistency.Consistency.as_json` of a smoothed recording.
+    """
+    names = list(channels)
+    places = np.arange(len(names), dtype=float)
+    low, high, nis = (np.array([channels[name][key] for name in names]) for key in ("low", "high", "nis"))
+    expected = axes.axhline(1.0, color=INK, linewidth=0.8)
+    bounds = axes.vlines(places, low, high, color=FAINT, linewidth=9.0, label="95 % bounds")
+    (points,) = axes.plot(places, nis, "o", color=PALETTE[0], label="mean NIS")
+    axes.set_xticks(places, [label(name).rsplit(" [", 1)[0] for name in names], rotation=20.0)
+    axes.set_ylabel("normalised innovation squared")
+    axes.set_ylim(bottom=0.0)
+    axes.legend()
+    return [expected, bounds, points]
