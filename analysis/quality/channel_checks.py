@@ -142,7 +142,8 @@ def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tupl
     least = np.abs(away).min(axis=0)
     one_side = np.abs(np.sign(away).sum(axis=0)) == width
     apart = np.abs(values[after] - values[before] - slope[1 : 1 + size] * span)
-    least = np.where(one_side, least, 0.0)
+    together = span <= 2.0 * (width + 1) * np.median(np.diff(seconds))  # across a gap anything may have happened
+    least = np.where(one_side & together, least, 0.0)
     edges = (1, width)
     return np.pad(least, edges), np.pad(np.where(apart < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
 

@@ -117,6 +117,13 @@ def test_what_ships_and_seas_do_is_no_spike(what: str, rate_hz: float) -> None:
     assert places(spikes(samples(values, rate_hz), SURGE)) == []
 
 
+def test_what_stands_alone_beside_a_gap_is_no_spike() -> None:
+    at_s = np.concatenate([np.arange(300), 400 + np.arange(300)]) / 2.0
+    values = 0.03 * noise(600)
+    values[299] = 2.0
+    assert places(spikes(samples(values, at_s=at_s), SURGE)) == []
+
+
 def test_a_thruster_that_is_stirred_is_no_spike() -> None:
     rpm = 0.1 * noise(600)
     rpm[300:312] += [12, 60, 150, 60, 120, 190, 120, 70, 72, 40, 12, 1]
