@@ -68,7 +68,8 @@ def execute_s(
     The line through the moments at which a tenth and a half of the way were done, back to where it began: noise
     about the old level does not shift it, and a drive that lags or turns at a limited rate has the same line.
     """
-    if plateau.level == before:
+    held_at_once = plateau.first - earliest < 2  # where a recording begins or goes on after a break
+    if held_at_once or abs(plateau.level - before) <= plateau.spread:
         return float(time_s[plateau.first]), float(time_s[plateau.first])
     share = (values[earliest : plateau.end] - before) / (plateau.level - before)
     inside = plateau.first - earliest + max(1, (plateau.end - plateau.first) // 4)
