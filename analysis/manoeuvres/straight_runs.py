@@ -21,7 +21,7 @@ _STRAIGHT_DEG = 3.0
 _STEADY_SHARE = 0.04
 _LEAST_RUN_S = 30.0
 _IDLE_SHARE, _UNDER_WAY_SHARE = 0.08, 0.25
-_STOPPED_SHARE = 0.5
+_STOPPED_SHARE = 0.6
 _STEP_SHARE = 0.1
 _GAIN_SHARE = 0.15
 _RECIPROCAL_DEG, _SAME_RPM_SHARE = 12.0, 0.03
@@ -178,7 +178,7 @@ def accelerations(
 def stops(
     motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
 ) -> list[Manoeuvre]:
-    """Thrust taken off or reversed with way on the ship, until she has lost half of it and more."""
+    """Thrust taken off or reversed with way on the ship, until she has lost two fifths of it and more."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     found = []
     for last, each, start in shaft_steps(motion, free):
