@@ -19,7 +19,7 @@ from analysis.quality.kinematic_series import Floats
 
 _ROUNDS = 4
 _TOLERATED = 4.0
-_LEAST_RELIABILITY = 0.8
+_LEAST_RELIABILITY = 0.7
 _CHI2_MEDIAN = 0.455
 
 
@@ -70,7 +70,8 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
 
 
 def _told(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Solution:
-    """The solution in the directions whose slopes are signal; in the others nothing is known but the prior.
+    """The solution in the directions whose slopes are signal; in the others nothing is moved and little known: ten
+    times the standard error that the slopes pretend, or the prior.
 
     A direction's reliability is the part of its information that both halves of the samples share. Noise in
     slopes makes a parameter too small by just that factor (attenuation: W. A. Fuller, Measurement Error Models,
@@ -85,7 +86,7 @@ def _told(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Sol
     values = basis @ directions[:, told].T @ sides.sum(axis=0)
     covariance, informative = _spread(matrices, sides, directions[:, told], basis)
     untold = directions[:, ~told]
-    size = np.einsum("pi,pq,qi->i", untold, precision, untold)
+    size = np.maximum(np.einsum("pi,pq,qi->i", untold, precision, untold), np.maximum(reliability[~told], 0.1) ** 2)
     return Solution(values, covariance + (untold / size) @ untold.T + 1e-12 * np.diag(prior**2), informative)
 
 

@@ -22,6 +22,7 @@ _LONG_S = 120.0
 _FEWEST_SAMPLES = 8
 _FEWEST_STRETCHES = 5
 _BROKEN = 30.0
+_LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,8 @@ class Jitter:
 
     def interval(self) -> tuple[float, float]:
         """The 95 % interval of the standard deviation [s]."""
-        half = quantile(0.975, self.stretches) * self.standard_error_s2
+        error = np.hypot(self.standard_error_s2, _LEFT_OVER * self.variance_s2)
+        half = quantile(0.975, self.stretches) * error
         low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0))
         return float(low), float(high)
 

@@ -152,11 +152,11 @@ def _fitted(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Sol
 
 
 def _gauss_newton(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Solution:
-    """From slow motion to faster. A delay that slow motion does not tell begins at none, lest it finds itself a
-    whole wave off."""
+    """From slow motion to faster. A delay or arm that a stage does not tell begins the next at none, lest it
+    wanders, or finds itself a whole wave off."""
     level_at, values = spline(level), np.zeros(prior.size)
     values[0] = 1.0
-    for limit_hz in _STAGES_HZ:
+    for number, limit_hz in enumerate(_STAGES_HZ, start=1):
         most = frame.coefficients(limit_hz)
         (wanted, slopes), *halves = (model(values) for model in models)
         times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
@@ -164,7 +164,9 @@ def _gauss_newton(level: Samples, models: Models, prior: Floats, frame: _Frame) 
         residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in parts)
         solution = solve(residuals, by, (first, second), prior)
         values = values + np.clip(solution.parameters, -0.2 * prior, 0.2 * prior)
-        if limit_hz < _STAGES_HZ[-1]:
+        if number < len(_STAGES_HZ):
             unclear = np.abs(values) < _CLEAR * np.sqrt(np.diag(solution.covariance))
-            values = np.where(unclear & (prior == _DELAY_PRIOR_S), 0.0, values)
-    return Solution(values, solution.covariance, solution.informative)
+            values = np.where(unclear & (prior >= _DELAY_PRIOR_S), 0.0, values)
+    # What the last step still moved is not known better.
+    moving = np.diag(np.where(prior >= _DELAY_PRIOR_S, 2.0 * solution.parameters, 0.0) ** 2)
+    return Solution(values, solution.covariance + moving, solution.informative)
