@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow lint types benchmark benchmark-day load soak fuzz check clean
+.PHONY: help install demo test test-slow lint types benchmark benchmark-day benchmark-quality load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ :/' | column -t -s:
@@ -38,6 +38,9 @@ benchmark: $(STAMP) ## speeds as ratios, printed and never asserted
 
 benchmark-day: $(STAMP) ## 24 h of 13 channels at 20 Hz, from MCAP to held windows: time and memory, some ten minutes
 	$(BIN)/python tests/benchmarks/day_speed.py 24
+
+benchmark-quality: $(STAMP) ## false alarms on sound simulated trials, faults found in spoilt ones
+	$(BIN)/python tests/benchmarks/quality_trials.py 4
 
 load: $(STAMP)   ## ten minutes of a saturated bus, a busy line and an autopilot: losses, CPU, memory
 	$(BIN)/python tests/benchmarks/recorder_load.py 600

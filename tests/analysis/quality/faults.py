@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.angles import unwrap, wrap_180, wrap_360
-from acquisition.channels import CIRCULAR, COMMAND
+from acquisition.channels import BY_NAME, CIRCULAR, COMMAND
 from analysis.frames import NANO, index_of, times_ns
 
 MOTION = {"position": ("north_m", "east_m"), "heading": ("heading_deg",), "speed": ("surge_mps", "sway_mps"),
@@ -161,8 +161,9 @@ def spikes(name: str, size: float, count: int = 5) -> Fault:
         rows = generator.choice(np.arange(20, len(table) - 20, 7), count, replace=False)
         values = table[name].to_numpy().copy()
         values[rows] += size * generator.choice([-1.0, 1.0], count)
-        turned = wrap_360(values) if name in CIRCULAR else values
-        return Spoilt(table.assign(**{name: turned}), "spike", (name,))
+        if name in CIRCULAR:
+            values = (wrap_180 if BY_NAME[name].low < 0 else wrap_360)(values)
+        return Spoilt(table.assign(**{name: values}), "spike", (name,))
 
     return spoil
 
