@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy import special
 
 from acquisition.angles import difference, wrap_360
 from acquisition.channels import BY_NAME, COMMAND
@@ -138,7 +138,7 @@ class _Lines:
         """Whether few of the passages are spoilt, or no more than the excursions elsewhere let expect."""
         passages = self.spoilt_passages + self.sound_passages
         share = _LUCK + 3.0 * self.elsewhere / self.wrong.size
-        by_chance = float(stats.binom.sf(self.spoilt_passages - 1, passages, min(share, 1.0)))
+        by_chance = float(special.bdtrc(self.spoilt_passages - 1, passages, min(share, 1.0)))
         return self.spoilt_passages < _FEWEST_SPOILT * passages or by_chance > 0.01
 
 

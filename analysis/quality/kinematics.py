@@ -79,9 +79,9 @@ class Kinematics:
 
 def quantile(probability: float, informative: float) -> float:
     """Of Student's t; the noise of all blocks is known beside the spread of those that matter."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
-    return float(t.ppf(probability, max(informative, 1.0) + 3.0))
+    return float(stdtrit(max(informative, 1.0) + 3.0, probability))
 
 
 def fit_kinematics(table: pd.DataFrame) -> Kinematics:

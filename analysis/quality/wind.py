@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from acquisition.angles import wrap_180, wrap_360
 from acquisition.frames import Quality
@@ -165,10 +165,10 @@ def _offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
     if freedom < _FEWEST_PIECES - 1:
         return None
     angle_deg, error_deg = float(np.rad2deg(np.angle(gain))), float(np.rad2deg(spread.imag))
-    surely = float(stats.t.isf(_CHANCE / 2.0, freedom)) * error_deg
+    surely = float(special.stdtrit(freedom, 1.0 - _CHANCE / 2.0)) * error_deg
     if abs(angle_deg) < max(surely, _SMALLEST_OFFSET_DEG) or not 0.7 < abs(gain) < 1.4 or spread.real > 0.15:
         return None
-    half = float(stats.t.isf(0.025, freedom)) * error_deg
+    half = float(special.stdtrit(freedom, 0.975)) * error_deg
     text = f"the vane reads {angle_deg:+.1f} deg too much ({angle_deg - half:.1f} to {angle_deg + half:.1f}): "
     text += "the true wind shifts with the ship's heading and speed"
     remedy = "Take the angle off the apparent wind and derive the true wind again"
