@@ -59,7 +59,15 @@ def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str)
     """One page: how much is good, what was found, the flags over time, the counts by channel."""
     page = Page("Data quality", recording)
     page.headline(_headline(quality))
-    page.heading("What was found")
+    add_quality(page, quality)
+    page.heading("Run sheet")
+    page.table(["", ""], [[key.replace("_", " "), str(value)] for key, value in trial.items() if value])
+    return page
+
+
+def add_quality(page: Page, quality: DataQuality) -> None:
+    """What was found, the flags over time and the counts by channel, as sections of any page."""
+    page.heading("What was found in the data")
     page.parts += [_paragraph(finding) for finding in quality.findings]
     if not quality.findings:
         page.text("Nothing: every check passed.")
@@ -76,9 +84,6 @@ def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str)
               "steps back", "good"]  # fmt: skip
     page.table(header, [[name, each.grade, *counts_of(each), _good_share(quality, name)]
                         for name, each in quality.channels.items()])  # fmt: skip
-    page.heading("Run sheet")
-    page.table(["", ""], [[key.replace("_", " "), str(value)] for key, value in trial.items() if value])
-    return page
 
 
 def _headline(quality: DataQuality) -> dict[str, str]:
