@@ -10,17 +10,19 @@ import fcntl
 import os
 import shutil
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
+from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, TypeAlias
 
 from acquisition.errors import DataShortageError, InputError, SourceError, StorageError, storage_error
-from analysis.batch_index import Failures, failures_of, write_index
+from analysis.batch_index import Failures, failures_of, gone_rows, write_index
 from analysis.batch_job import MARKS, MOST_ATTEMPTS, Job, attempt, failed_row
 from analysis.one_recording import Options, Row, cause_of, clear_partials
 
@@ -36,12 +38,16 @@ _RESERVED = {"index.html", "index.parquet", MARKS, _LOCK}
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new."""
+    """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
+
+    ``gone`` names the results whose recording is not in the folder any more; they are in the index only.
+    """
 
     rows: list[Row]
     done: int
     reused: int
     index: Path
+    gone: tuple[str, ...] = ()
 
     @property
     def failed(self) -> int:
@@ -58,7 +64,7 @@ class Summary:
         grouped = [{"cause": cause, "recordings": names} for cause, names in self.failures]
         return {
             "recordings": len(self.rows), "done": self.done, "reused": self.reused, "failed": self.failed,
-            "failures": grouped, "index": str(self.index),
+            "failures": grouped, "gone": list(self.gone), "index": str(self.index),
         }  # fmt: skip
 
 
@@ -95,13 +101,16 @@ def run_batch(
         Job(name, str(path.resolve()), str(out), chosen, again, timeout_s)
         for name, path in zip(names, found, strict=True)
     ]
-    with _alone(out), _client(workers or os.cpu_count() or 1, scheduler) as client:
-        rows = _computed(client, jobs, task or attempt, progress)
-    for row, path in zip(rows, found, strict=True):
-        row["path"] = path.relative_to(folder).as_posix()
-    done = [row for row in rows if row["status"] == "done"]
-    reused = sum(row.pop("reused", False) for row in done)
-    return Summary(rows, len(done), reused, write_index(rows, out, folder.resolve().name))
+    with _alone(out), ended_by_terminate():
+        with _client(workers or os.cpu_count() or 1, scheduler) as client:
+            rows = _computed(client, jobs, task or attempt, progress)
+        for row, path in zip(rows, found, strict=True):
+            row["path"] = path.relative_to(folder).as_posix()
+        reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
+        gone = gone_rows(set(names), out)
+        index = write_index([*rows, *gone], out, folder.resolve().name)
+    done = sum(row["status"] == "done" for row in rows)
+    return Summary(rows, done, reused, index, tuple(row["name"] for row in gone))
 
 
 def recordings_below(folder: Path, out: Path) -> list[Path]:
@@ -176,12 +185,36 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
             yield client
 
 
+class Terminated(KeyboardInterrupt):
+    """The process was asked to end by SIGTERM, as systemd and a cluster's queue do."""
+
+
+@contextmanager
+def ended_by_terminate() -> Iterator[None]:
+    """SIGTERM ends what is done here as Ctrl-C does, instead of the process where it stands."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough; what follows is the way out
+        raise Terminated
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 @contextmanager
 def _deaf_to_interrupts() -> Iterator[None]:
     """Threads and processes that begin here, and those that they begin, never hear Ctrl-C; it waits for us.
 
-    A terminal interrupts the whole group of processes, and each worker would print where it was.
+    A terminal interrupts the whole group of processes, and each worker would print where it was. The tracker of
+    multiprocessing begins before: the thread that starts it hears Ctrl-C again afterwards.
     """
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

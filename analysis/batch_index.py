@@ -1,10 +1,13 @@
-"""The index over a batch: one row a recording, as Parquet for programs and as a page for people."""
+"""The index over a batch: one row a recording, as Parquet for programs and as a page for people.
+
+Results whose recording is no longer there have rows too, with the status ``gone``: nothing is removed.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +15,14 @@ import pandas as pd
 
 from acquisition.errors import storage_error
 from analysis.index_page import index_page
+from analysis.one_recording import SUMMARY
 from analysis.parquet import read_parquet, write_parquet
 
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""
+
+GONE = "gone"
+"""The status of a result whose recording is not in the folder any more."""
 
 TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
 MEASURES = {"duration_s": "s", "distance_m": "m"}
@@ -32,7 +39,7 @@ def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
     """
     groups: dict[str, list[Mapping[str, Any]]] = {}
     for row in rows:
-        if row["status"] != "done":
+        if row["status"] == "failed":
             groups.setdefault(_NUMBER.sub("N", row["cause"]), []).append(row)
     named = []
     for pattern, failed in groups.items():
@@ -48,6 +55,9 @@ def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """
     columns: dict[str, Any] = {name: pd.array([row.get(name) or "" for row in rows], dtype="str") for name in TEXTS}
     starts = _array([row.get("start") for row in rows], "object")
+    columns["closed"] = _array([row.get("closed") for row in rows], "boolean")
+    missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
+    columns["missing"] = _array(missing, "str")
     columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
     for name in MEASURES:
         columns[name] = _array([row.get(name) for row in rows], "Float64")
@@ -76,6 +86,21 @@ def _nested(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, absent: in
 
 def _array(values: Sequence[Any], dtype: str) -> Any:
     return pd.Series(list(values), dtype=dtype)
+
+
+def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
+    """The rows of complete results below ``out`` that belong to none of ``names``, in the order of their names."""
+    rows = []
+    for path in sorted(out.rglob(SUMMARY)):
+        name = path.parent.relative_to(out).as_posix()
+        try:
+            row = json.loads(path.read_text(encoding="utf-8"))
+            ours = name not in names and row["provenance"]["recording"] == name
+        except (OSError, ValueError, LookupError, TypeError):
+            continue  # somebody else's file of that name
+        if ours:
+            rows.append({**row, "name": name, "status": GONE, "cause": "its recording is not there any more"})
+    return rows
 
 
 def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Path:

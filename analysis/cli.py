@@ -204,7 +204,9 @@ def batch(
     scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
     horizon: Annotated[int, typer.Option(min=2, help="The length of a window [s].")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
-    length: Annotated[float | None, typer.Option(help="The ship's length [m], for distances in lengths.")] = None,
+    length: Annotated[
+        float | None, typer.Option(min=0.1, help="The ship's length [m], for distances in lengths.")
+    ] = None,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
     no_smooth: Annotated[bool, typer.Option("--no-smooth", help="No smoother: no uncertainties.")] = False,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, sooner.")] = False,
@@ -216,7 +218,7 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.progress import bar
-    from analysis.batch import run_batch
+    from analysis.batch import Terminated, run_batch
     from analysis.one_recording import Options
 
     options = Options(not no_repair, not no_smooth, not no_pictures, horizon, stride, length)
@@ -225,11 +227,17 @@ def batch(
             summary = run_batch(
                 folder, output, workers, scheduler, options, progress, again=again, timeout_s=timeout
             )
-    except KeyboardInterrupt:
-        typer.echo("seatrial: interrupted; what is done stays, the same command goes on from there", err=True)
-        raise typer.Exit(130) from None
+    except KeyboardInterrupt as stop:
+        terminated = isinstance(stop, Terminated)
+        how = "terminated" if terminated else "interrupted"
+        typer.echo(f"seatrial: {how}; what is done stays, the same command goes on from there", err=True)
+        raise typer.Exit(143 if terminated else 130) from None  # 128 and the signal, as shells have it
     for cause, names in summary.failures:
         typer.echo(f"{len(names)} failed: {cause}\n    {', '.join(names)}", err=True)
+    if cut_off := [row["name"] for row in summary.rows if row["status"] == "done" and row.get("closed") is False]:
+        typer.echo(f"{len(cut_off)} done, but cut off before the end: {', '.join(cut_off)}", err=True)
+    if summary.gone:
+        typer.echo(f"{len(summary.gone)} of recordings that are gone: {', '.join(summary.gone)}", err=True)
     if as_json:
         typer.echo(json.dumps(summary.as_json()))
     else:

@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 from urllib.parse import quote
 
+from acquisition.channels import NAMES
 from acquisition.trial import software_version
 
 Row = Mapping[str, Any]
 
 _COLUMNS = {
-    "track": "track", "name": "recording", "start": "start, UTC", "duration_s": "duration",
+    "track": "track", "name": "recording", "status": "status", "start": "start, UTC", "duration_s": "duration",
     "distance_m": "sailed [nmi]", "samples": "samples", "grade": "data", "findings": "findings",
     "repairs": "repairs", "windows_kept": "held windows", "manoeuvres": "manoeuvres",
 }  # fmt: skip
+_BREAKS = re.compile(r"([/_])(?=\w)")  # where a long name may go on in the next line
+_FEW = 3  # names of missing channels that are shown and not counted
 _GRADES = {"bad": 0, "suspect": 1, "good": 2}  # the worst first
+_STATUSES = {
+    "failed": (0, "failed"),
+    "cut off": (1, "done, cut off"),
+    "gone": (2, "recording gone"),
+    "done": (3, "done"),
+}
 _NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
 
 _CSS = """
@@ -40,12 +50,13 @@ th[aria-sort] button{color:var(--sea)} th[aria-sort=ascending] button::after{con
 th[aria-sort=descending] button::after{content:" \\25BC";font-size:.75em}
 .n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap} td .soft{font-size:.88em}
 td.name{min-width:200px;overflow-wrap:anywhere} a{color:var(--sea);text-decoration:none;font-weight:600}
-a:hover{text-decoration:underline} .cause{color:#B3261E;font-size:.88em}
+a:hover{text-decoration:underline} .cause{color:#B3261E;font-size:.88em} .remark{color:#7a5200;font-size:.88em}
 svg{display:block;width:52px;height:52px}
 polyline{fill:none;stroke:var(--sea);stroke-width:2.5;stroke-linejoin:round}
 .pill{display:inline-block;border-radius:99px;padding:1px 10px;font-size:.88em;font-weight:600}
 .good{background:#dcf1e9;color:#00664c}.suspect{background:#fdf0d3;color:#7a5200}
-.bad,.pill.failed{background:#fbdedb;color:#8c1d16}
+.bad,.pill.failed{background:#fbdedb;color:#8c1d16}.cut-off{background:#fdf0d3;color:#7a5200}
+.gone{background:var(--line);color:var(--soft)} .pill{white-space:nowrap}
 footer{padding-top:16px;padding-bottom:32px} @media print{th{position:static} .bar{display:none}}
 """
 
@@ -100,13 +111,14 @@ def index_page(rows: Sequence[Row], failures: Sequence[tuple[str, list[str]]], t
 def _head(key: str, text: str) -> str:
     if key == "track":
         return "<th></th>"
-    kind = "n" if key in _NUMERIC | {"grade", "findings"} else "t"
+    kind = "n" if key in _NUMERIC | {"status", "grade", "findings"} else "t"
     right = ' class="n"' if key in _NUMERIC else ""
     return f'<th{right} data-key="{key}" data-kind="{kind}"><button>{escape(text)}</button></th>'
 
 
 def _tiles(rows: Sequence[Row]) -> str:
-    failed = sum(row["status"] != "done" for row in rows)
+    rows = [row for row in rows if row["status"] != "gone"]
+    failed = sum(row["status"] == "failed" for row in rows)
     figures = {
         "recordings": f"{len(rows):,}",
         "hours": f"{_total(rows, 'duration_s') / 3600:,.1f}",
@@ -162,13 +174,21 @@ def _track(row: Row) -> tuple[object, str]:
 
 
 def _name(row: Row) -> tuple[object, str]:
-    name = escape(row["name"])
+    name = _BREAKS.sub(r"\1<wbr>", escape(row["name"]))
     page = f'<a href="{quote(row["name"])}/page.html">{name}</a>' if "provenance" in row else f"<b>{name}</b>"
     about = " &middot; ".join(
         escape(row[key]) for key in ("trial", "vessel", "place") if row.get(key) and row[key] != row["name"]
     )
-    cause = f'<div class="cause">{escape(row["cause"])}</div>' if row.get("cause") else ""
+    css = "cause" if row["status"] == "failed" else "remark"
+    cause = f'<div class="{css}">{escape(row["cause"])}</div>' if row.get("cause") else ""
     return row["name"], f"{page}<div class=soft>{about}</div>{cause}"
+
+
+def _status(row: Row) -> tuple[object, str]:
+    """What became of it: a recording that was cut off is done as far as it goes, and that is said here."""
+    status = "cut off" if row["status"] == "done" and row.get("closed") is False else row["status"]
+    order, text = _STATUSES[status]
+    return order, text if status == "done" else f'<span class="pill {status.replace(" ", "-")}">{text}</span>'
 
 
 def _start(row: Row) -> tuple[object, str]:
@@ -192,9 +212,12 @@ def _distance(row: Row) -> tuple[object, str]:
 def _grade(row: Row) -> tuple[object, str]:
     grade = row.get("grade") or ""
     pill = f'<span class="pill {grade}">{grade}</span>' if grade else ""
-    if row["status"] != "done":
-        pill += '<span class="pill failed">failed</span>'
-    return _GRADES.get(grade, "" if row["status"] == "done" else -1), pill
+    missing = row.get("missing") or []
+    if missing:
+        names = ", ".join(missing)
+        said = names if len(missing) <= _FEW else f"{len(missing)} of {len(NAMES)} channels"
+        pill += f'<div class="soft" title="{escape(names)}">without {escape(said)}</div>'
+    return _GRADES.get(grade, "") if not missing else _GRADES.get(grade, 0) - len(missing) / 100, pill
 
 
 def _findings(row: Row) -> tuple[object, str]:
@@ -222,6 +245,7 @@ def _counted(counts: Mapping[str, int] | None, none: object) -> str:
 
 
 _SHOWN = {
-    "track": _track, "name": _name, "start": _start, "duration_s": _duration, "distance_m": _distance,
-    "grade": _grade, "findings": _findings, "windows_kept": _windows, "manoeuvres": _manoeuvres,
+    "track": _track, "name": _name, "status": _status, "start": _start, "duration_s": _duration,
+    "distance_m": _distance, "grade": _grade, "findings": _findings, "windows_kept": _windows,
+    "manoeuvres": _manoeuvres,
 }  # fmt: skip

@@ -231,7 +231,7 @@ def cause_of(error: BaseException) -> str:
 def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
     """The row of a recording: plain values only, NaN as ``None``."""
     recording, one_hz, windows = products.recording, products.one_hz, products.windows
-    trial = recording.trial
+    trial, missing = recording.trial, missing_channels(products.table)
     row: Row = {
         "status": "failed" if products.shortfalls else "done",
         "cause": "; ".join(products.shortfalls) or ("" if recording.closed else NOT_CLOSED),
@@ -242,7 +242,8 @@ def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
         "samples": sum(int(series.value.size) for series in recording.series.values()),
-        "channels": sum(name in recording.series for name in NAMES),
+        "channels": len(NAMES) - len(missing),
+        "missing": missing,
         "closed": recording.closed,
         "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
         "findings": len(products.quality.findings),
@@ -258,6 +259,11 @@ def summary_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "provenance": dict(provenance),
     }
     return dict(plain(row))
+
+
+def missing_channels(table: pd.DataFrame) -> list[str]:
+    """Those of the 13 channels that have no value at all; no check can judge them."""
+    return [name for name in NAMES if name not in table or not table[name].notna().any()]
 
 
 def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:

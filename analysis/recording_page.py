@@ -1,29 +1,51 @@
-"""One recording on a page: what it is, what it is worth, where the ship went, what she did."""
+"""One recording on a page: what it is, what it is worth, where the ship went, what she did, where it comes from."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from acquisition.channels import BY_NAME
+from analysis.export import SIGMA_SUFFIX
 from analysis.page import Page, add_recording, add_run_sheet
+from analysis.quality.summary import ALL
+from analysis.quality.terminal import counts_of, sentences
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from analysis.manoeuvres import Manoeuvre
     from analysis.one_recording import Products
+    from analysis.quality.findings import Finding
+
+_PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
+"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
+
+_CHANNEL_HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",
+                   "times twice", "steps back"]  # fmt: skip
+_FIRST_INDICES = 3
+_SECONDARY = ("half_command", "time_to_check", "initial_turning")  # left to the manoeuvre's own table
 
 
 def recording_page(products: Products, row: dict[str, Any]) -> Page:
     """The page of what was made of a recording; ``row`` is its summary."""
     provenance, trial = row["provenance"], products.recording.trial
-    page = Page(trial.name or provenance["recording"], f"{provenance['recording']}, {row['start'][:16]} UTC")
+    page = Page(trial.name or provenance["recording"], f"{provenance['recording']}, {_when(row)}")
     page.headline(headline_of(row))
     if row["cause"]:
-        page.text(f"Please note: {row['cause']}.")
-    _add_quality(page, products)
+        page.note(f"Please note: {row['cause']}.")
+    add_run_sheet(page, trial.as_metadata())
+    _add_quality(page, products, row["missing"])
     if provenance["options"]["pictures"] and products.windows is not None:
         add_recording(page, products.one_hz, products.windows.rows)
+    _add_windows(page, row)
+    _add_uncertainty(page, products.one_hz)
     _add_manoeuvres(page, products, provenance["options"])
-    add_run_sheet(page, trial.as_metadata())
     _add_origin(page, provenance)
     return page
+
+
+def _when(row: dict[str, Any]) -> str:
+    return f"{row['start'][:10]} {row['start'][11:19]} UTC"
 
 
 def headline_of(row: dict[str, Any]) -> dict[str, str]:
@@ -31,55 +53,138 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
         figures["sailed"] = f"{row['distance_m'] / 1852:.2f} nmi"
-    figures |= {"data": row["grade"], "findings": str(row["findings"]), "repairs": str(row["repairs"])}
+    if row["grade"]:
+        figures["worst channel"] = row["grade"]
+    if row["missing"]:
+        figures["channels missing"] = f"{len(row['missing'])}"
+    figures |= {"findings": str(row["findings"]), "repairs": str(row["repairs"])}
     if row["windows_kept"] is not None:
         figures["held windows"] = f"{row['windows_kept']} of {row['windows_candidates']}"
     return figures | {"manoeuvres": str(sum(row["manoeuvres"].values()))}
 
 
-def _add_quality(page: Page, products: Products) -> None:
+def _add_quality(page: Page, products: Products, missing: list[str]) -> None:
     """What was found, what was put right, and the channels one by one."""
     page.heading("Data quality")
+    if missing:
+        page.note(f"Without {', '.join(missing)}: of what is not there, nothing can be judged.")
     if not products.quality.findings:
-        page.text("Every check passed.")
-    if products.quality.findings:
-        rows = [[f"{each.code.replace('_', ' ')}, {each.channel}", f"{each.text} {each.remedy}".strip()]
-                for each in products.quality.findings]  # fmt: skip
-        page.table(["found", "what and what to do"], rows)
-    if products.repairs:
-        page.table(["repaired", "how"], [[each.code.replace("_", " "), each.text] for each in products.repairs])
-    header = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range"]
-    page.table(header, [
-        [name, each.grade, f"{each.count:,}", f"{each.rate_hz:.3g}", str(len(each.gaps)), str(len(each.stuck)),
-         str(each.spikes), str(each.out_of_range)]
-        for name, each in products.quality.channels.items()
-    ])  # fmt: skip
+        page.text("Nothing found: every check passed.")
+    mended = {
+        (each.code, each.channel): f"Repaired: {each.text}, {each.changed:,} values." for each in products.repairs
+    }
+    for finding in products.quality.findings:
+        done = mended.pop((finding.code, finding.channel), "")
+        page.statement(finding.code.replace("_", " "), _about(finding), _sentence(finding), done)
+    for text in mended.values():
+        page.text(text)
+    channels = products.quality.channels
+    with page.details(f"The {len(channels)} channels one by one"):
+        page.table(_CHANNEL_HEADER, [[name, each.grade, *counts_of(each)] for name, each in channels.items()])
+
+
+def _about(finding: Finding) -> str:
+    channel = "all channels" if finding.channel == ALL else finding.channel
+    return f"{channel} · {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
+
+
+def _sentence(finding: Finding) -> str:
+    text = sentences(finding)
+    return text if text.split(" ", 1)[0] in BY_NAME else text[:1].upper() + text[1:]
+
+
+def _add_windows(page: Page, row: dict[str, Any]) -> None:
+    """How many windows are held, and why the others are not."""
+    if row["windows_kept"] is None:
+        return
+    options = row["provenance"]["options"]
+    dropped = sorted(row["windows_dropped"].items(), key=lambda each: -each[1])
+    reasons = ", ".join(f"{count:,} {reason.replace('_', ' ')}" for reason, count in dropped)
+    page.text(
+        f"Of {row['windows_candidates']:,} windows of {options['horizon_s']} s, one every {options['stride_s']} s, "
+        f"{row['windows_kept']:,} are held, in {row['legs']} legs" + (f"; dropped: {reasons}." if reasons else ".")
+    )
+
+
+def _add_uncertainty(page: Page, one_hz: pd.DataFrame) -> None:
+    """How well the smoother knows the motion, and how far the samples lie from it."""
+    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and name in BY_NAME]
+    if not names:
+        return
+    page.heading("Uncertainty")
+    page.text(
+        "Of the motion from the smoother, once a second: half of the 95 % band, in the middle and at its widest."
+    )
+    halves = {name: 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna() for name in names}
+    page.table(
+        ["channel", "typical", "widest", "seconds without"],
+        [
+            [name, f"± {half.median():.3g} {BY_NAME[name].unit}", f"± {half.max():.3g} {BY_NAME[name].unit}",
+             f"{len(one_hz) - len(half):,}"]
+            for name, half in halves.items() if len(half)
+        ],
+    )  # fmt: skip
 
 
 def _add_manoeuvres(page: Page, products: Products, options: dict[str, Any]) -> None:
-    """A picture of each manoeuvre and its indices."""
+    """All manoeuvres in a table, then each with its indices, and a picture where that says something."""
     if not products.manoeuvres:
         return
-    from analysis.manoeuvre_plots import drawer, title_of
     from analysis.manoeuvres.motion import motion_of
-    from analysis.manoeuvres.report import HEADER, rows_of, subline
+    from analysis.manoeuvres.report import HEADER, headline, rows_of, subline
 
     page.heading("Manoeuvres")
+    page.table(
+        ["began, UTC", "what", "lasted", "first indices"], [_line(each) for each in products.manoeuvres], words=True
+    )
+    page.text("A click opens or closes what is below; IMO limits are those of MSC.137(76), for information.")
     motion = motion_of(products.table)
     for each in products.manoeuvres:
-        if options["pictures"]:
-            page.figure(*drawer(motion, each, options["length_m"]), title_of(each))
-        else:
-            page.text(title_of(each))
-        page.text(subline(each))
-        page.table(list(HEADER), rows_of(each))
+        pictured = each.kind in _PICTURED
+        with page.details(headline(each), opened=pictured):
+            if pictured and options["pictures"]:
+                from analysis.manoeuvre_plots import drawer
+
+                page.figure(*drawer(motion, each, options["length_m"]), subline(each))
+            else:
+                page.text(subline(each))
+            page.table(*_without_empty(list(HEADER), rows_of(each)))
+
+
+def _line(manoeuvre: Manoeuvre) -> list[str]:
+    """A manoeuvre's row in the table of all."""
+    from analysis.manoeuvres.report import cells, words
+
+    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
+    telling = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _SECONDARY)]
+    first = telling[:_FIRST_INDICES]
+    said = ", ".join(f"{words(name)} {cells(index)[0]}" for name, index in first)
+    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
+    return [f"{manoeuvre.start:%H:%M:%S}", f"{manoeuvre.name}{side}", f"{seconds:.0f} s", said]
+
+
+def _without_empty(header: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns that hold nothing.
+
+    >>> _without_empty(["index", "limit"], [["reach", ""]])
+    (['index'], [['reach']])
+    """
+    kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
+    return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
 def _add_origin(page: Page, provenance: dict[str, Any]) -> None:
-    page.heading("Where this comes from")
-    page.table(["", ""], [
-        ["recording", f"{provenance['recording']}, {provenance['bytes']:,} bytes"],
-        ["SHA-256", provenance["sha256"]],
-        ["options", ", ".join(f"{key} {value}" for key, value in provenance["options"].items())],
-        ["software", ", ".join(f"{key} {value}" for key, value in provenance["software"].items())],
-    ])  # fmt: skip
+    """Where it all comes from, and the files beside the page."""
+    page.heading("Files and where this comes from")
+    files = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
+    page.table(
+        ["", ""],
+        [
+            ["beside this page", ", ".join(files)],
+            ["recording", f"{provenance['recording']}, {provenance['bytes']:,} bytes"],
+            ["SHA-256", provenance["sha256"]],
+            ["options", ", ".join(f"{key} {value}" for key, value in provenance["options"].items())],
+            ["software", ", ".join(f"{key} {value}" for key, value in provenance["software"].items())],
+        ],
+        words=True,
+    )

@@ -148,6 +148,20 @@ def test_a_recording_that_has_become_bad_loses_its_result(one: Path, scheduler: 
     assert not (out / "trial_001").exists()
 
 
+def test_a_result_whose_recording_is_gone_stays_and_the_index_says_so(
+    one: Path, scheduler: str, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copy(one / "trial_001.mcap", one / "again.mcap")
+    run_batch(one, out, scheduler=scheduler, options=QUICK)
+    (one / "again.mcap").unlink()
+    summary = run_batch(one, out, scheduler=scheduler, options=QUICK)
+    assert ([row["name"] for row in summary.rows], summary.gone) == (["trial_001"], ("again",))
+    index = read_index(out / "index.parquet").set_index("name")
+    assert dict(index["status"]) == {"trial_001": "done", "again": "gone"}
+    assert (out / "again" / "page.html").is_file()
+
+
 def _troubled(job: Job) -> Row:
     """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
     from analysis import batch_job
@@ -243,6 +257,7 @@ def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_p
     assert json.loads(outcome.stdout) == {
         "recordings": 2, "done": 1, "reused": 0, "failed": 1,
         "failures": [{"cause": "is an empty file; give a recording that holds data", "recordings": ["empty"]}],
+        "gone": [],
         "index": str(tmp_path / "out" / "index.html"),
     }  # fmt: skip
     assert outcome.stderr.splitlines()[0].startswith("1 failed: is an empty file")
@@ -262,18 +277,31 @@ def wait_for_results(out: Path, count: int, limit_s: float = 60.0) -> None:
         time.sleep(0.05)
 
 
+def _stopped(out: Path, running: subprocess.Popen[bytes], number: int, whole_group: bool) -> list[str]:
+    """Stop a command after its first result; the lines that it said."""
+    wait_for_results(out, 1)
+    (os.killpg if whole_group else os.kill)(running.pid, number)
+    _, said = running.communicate(timeout=60)
+    return said.decode().splitlines()
+
+
+@pytest.mark.parametrize("whole_group", [True, False])
+def test_sigterm_ends_it_as_cleanly_as_an_interrupt(season: Path, tmp_path: Path, whole_group: bool) -> None:
+    running = start_command(season, tmp_path / "out", "--workers", "1")
+    said = _stopped(tmp_path / "out", running, signal.SIGTERM, whole_group)
+    assert said == ["seatrial: terminated; what is done stays, the same command goes on from there"]
+    assert running.returncode == 143
+    assert not list((tmp_path / "out").rglob(".part-*"))
+
+
 def test_interrupted_and_resumed_is_as_never_interrupted(
     season: Path, first_run: tuple[Summary, Path], tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     running = start_command(season, out, "--workers", "1")
-    wait_for_results(out, 1)
-    os.killpg(running.pid, signal.SIGINT)  # the workers hear it too, as from a terminal
-    _, said = running.communicate(timeout=30)
-    assert running.returncode == 130, said.decode()
-    assert said.decode().splitlines() == [
-        "seatrial: interrupted; what is done stays, the same command goes on from there"
-    ]
+    said = _stopped(out, running, signal.SIGINT, whole_group=True)  # the workers hear it too, as from a terminal
+    assert said == ["seatrial: interrupted; what is done stays, the same command goes on from there"]
+    assert running.returncode == 130
     assert not (out / "index.html").exists()
     resumed = start_command(season, out, "--workers", "1", "--json")
     printed, _ = resumed.communicate(timeout=60)

@@ -14,8 +14,9 @@ from typing import Any
 import pytest
 from websockets.sync.client import connect
 
+from acquisition.channels import NAMES as CHANNELS
 from acquisition.errors import StorageError
-from analysis.batch_index import failures_of, index_table, read_index, write_index
+from analysis.batch_index import failures_of, gone_rows, index_table, read_index, write_index
 from analysis.index_page import index_page
 
 Evaluate = Callable[[str], Any]
@@ -27,7 +28,8 @@ def row(number: int, **changed: Any) -> dict[str, Any]:
         "name": f"day_1/trial_{number}", "path": f"day_1/trial_{number}.mcap", "status": "done", "cause": "",
         "vessel": "gunnerus_short", "trial": f"trial {number}", "place": "Trondheim", "grade": "good",
         "start": f"2022-10-27T{8 + number % 12:02d}:00:00+00:00", "duration_s": 60.0 * (number * 7 % 10) + 5.0,
-        "distance_m": 1852.0 * number, "samples": 1000 + number, "channels": 13, "findings": number % 3,
+        "distance_m": 1852.0 * number, "samples": 1000 + number, "channels": 13, "missing": [],
+        "closed": True, "findings": number % 3,
         "findings_by_code": {"spike": number % 3} if number % 3 else {}, "repairs": 0, "windows_kept": number,
         "windows_candidates": 100, "windows_dropped": {}, "legs": 1, "manoeuvres": {"zigzag": 2}, "indices": {},
         "track": "4,4 50,60 96,30", "provenance": {"bytes": 9, "sha256": "ab", "options": {}, "software": {}},
@@ -39,7 +41,11 @@ def failed(name: str, cause: str) -> dict[str, Any]:
     return {"name": name, "path": f"{name}.mcap", "status": "failed", "cause": cause}
 
 
-ROWS = [*(row(number) for number in range(1, 10)), failed("x", "is an empty file"), failed("y", "is an empty file")]
+ROWS = [
+    *(row(number, grade="bad" if number == 5 else "good") for number in range(1, 10)),
+    failed("x", "is an empty file"),
+    failed("y", "is an empty file"),
+]
 
 
 def test_failures_stand_together_by_cause_the_most_frequent_first() -> None:
@@ -74,6 +80,36 @@ def test_what_recordings_call_themselves_is_text_and_no_markup() -> None:
     page = index_page([row(1, name=evil, vessel=evil), failed(evil, evil)], [(evil, [evil])], evil)
     assert "<script>alert" not in page
     assert 'href="%3Cscript%3Ealert%281%29%3C/script%3E%22%27%26/page.html"' in page
+
+
+def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None:
+    rows = [
+        row(1, closed=False, cause="was not closed"),
+        row(2, missing=["heading_deg"]),
+        row(3, missing=list(CHANNELS[:9])),
+        row(4, status="gone", cause="its recording is not there any more"),
+    ]
+    page = index_page(rows, failures_of(rows), "season")
+    seen = dict(zip((1, 2, 3, 4), page.split("<tbody>")[1].split("</tr>"), strict=False))
+    assert "done, cut off" in seen[1]
+    assert "without heading_deg" in seen[2]
+    assert "without 9 of 13 channels" in seen[3]
+    assert "recording gone" in seen[4]
+    assert "<b>3</b>recordings" in page  # what is gone counts nowhere
+    assert failures_of(rows) == []
+    table = index_table(rows)
+    assert list(table["closed"]) == [False, True, True, True]
+    assert list(table["missing"])[:2] == ["", "heading_deg"]
+
+
+def test_results_without_a_recording_are_told_from_other_peoples_files(tmp_path: Path) -> None:
+    recorded = {"a/b": "a/b", "kept": "kept", "moved": "b"}
+    summaries: dict[str, Any] = {name: {"provenance": {"recording": called}} for name, called in recorded.items()}
+    for name, content in {**summaries, "theirs": [1], "other": {"x": 1}}.items():
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "summary.json").write_text(json.dumps(content))
+    (tmp_path / "summary.json").write_text("{")
+    assert [(each["name"], each["status"]) for each in gone_rows({"kept"}, tmp_path)] == [("a/b", "gone")]
 
 
 def test_a_page_of_200_rows_is_small_and_needs_no_network() -> None:
@@ -144,8 +180,9 @@ def test_a_click_on_a_header_sorts_and_another_turns_it_round(browser: Evaluate)
     assert browser(_press("name"))[:2] == ["day_1/trial_1", "day_1/trial_2"]
 
 
-def test_failed_ones_come_first_by_grade_and_bad_before_good(browser: Evaluate) -> None:
-    assert set(browser(_press("grade"))[:2]) == {"x", "y"}
+def test_failed_ones_come_first_by_status_and_bad_before_good(browser: Evaluate) -> None:
+    assert set(browser(_press("status"))[:2]) == {"x", "y"}
+    assert browser(_press("grade"))[0] == "day_1/trial_5"
 
 
 def test_the_filter_shows_the_rows_that_have_all_its_words(browser: Evaluate) -> None:

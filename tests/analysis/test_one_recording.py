@@ -112,6 +112,7 @@ def test_of_an_incomplete_recording_what_can_be_made_is_made(tmp_path: Path) -> 
     assert "north_m, east_m" in row["cause"]
     assert str(tmp_path) not in row["cause"]
     assert (row["distance_m"], row["track"], row["windows_kept"]) == (None, "", None)
+    assert (row["channels"], row["missing"]) == (11, ["north_m", "east_m"])
     assert len(read_parquet(tmp_path / "out" / "table.parquet")[0]) == 120
     assert "north_m, east_m" in (tmp_path / "out" / "page.html").read_text()
 

@@ -28,7 +28,7 @@ def test_a_track_is_to_scale_with_one_colour_a_leg(axes: Axes) -> None:
     artists = track(axes, table, windows.rows, tick_every_s=300.0)
     assert axes.get_aspect() == 1.0
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("east [m]", "north [m]")
-    assert len({line.get_color() for line in artists[1 : 1 + windows.kept]}) == windows.legs == 2
+    assert len({line.get_color() for line in artists[1 : 1 + windows.legs]}) == windows.legs == 2
     assert [text.get_text() for text in axes.texts] == ["08:20", "08:25", "08:30"]
 
 
