@@ -4,7 +4,9 @@ A setting is held over a window when two things are small: the range of its valu
 spikes, and the drift, which is the slope of the best line through them times the window's length and catches
 slow ramps that stay within the range. Both bounds join a floor, what a held handle does by itself, and a
 multiple of the noise of the feedback, which is measured on the table itself: as a sum for the range, where the
-two add up, and as the root of squares for the drift, so that noise opens it no wider than it must.
+two add up, and as the root of squares for the drift, so that noise opens it no wider than it must. Feedback that
+was faster than the table has been filtered: its noise is less, but neighbours share it, which second differences
+take for quiet and a line through a window for drift. The filter's own correlation puts both right.
 
 Near zero revolutions the rule is about thrust, which goes with their square: a shaft that stays within the
 idle band throughout, where it gives less than 1 % of its thrust at 130 rpm, may flicker in it and only the
@@ -22,12 +24,13 @@ from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
 from acquisition.channels import CIRCULAR
+from analysis.resample import SETTING_FILTER
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
-_SECOND_DIFFERENCE_SIGMAS = 6.0**0.5
+_FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row to row: 1 if white, 2.1 if filtered
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +63,52 @@ class Tolerances:
     idle_drift_rpm: float = 5.0
 
 
-def noise_of(values: Floats) -> float:
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """The noise on a setting's feedback: its standard deviation, and whether neighbours share it."""
+
+    noise: float
+    filtered: bool
+
+    def drift_of(self, line: Floats) -> float:
+        """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
+        shared = _shared(line.size) if self.filtered else np.eye(1, line.size)[0]
+        apart = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
+        return self.noise * float(np.sqrt(line @ shared[apart] @ line))
+
+
+def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
+    """The noise on a series that may have been filtered, ``most`` at most; see :func:`noise_of`."""
+    noise, wide = noise_of(values), noise_of(values, 2)
+    if wide <= _FILTERED_RATIO * noise:
+        return Feedback(min(noise, most), False)
+    _, _, second, _, fourth = _shared(5)
+    return Feedback(min(wide / float(np.sqrt(1.0 - 4.0 / 3.0 * second + fourth / 3.0)), most), True)
+
+
+def _shared(rows: int) -> Floats:
+    """The correlation of filtered noise 0, 1, 2 .. rows apart [rows], from the filter's weights."""
+    parts = 50
+    offset = np.arange(-SETTING_FILTER.reach * parts, SETTING_FILTER.reach * parts + 1) / parts
+    weight = (0.5 + 0.5 * np.cos(np.pi * offset / SETTING_FILTER.reach)) ** SETTING_FILTER.taper
+    product = np.correlate(weight, weight, "full")[weight.size - 1 :: parts]
+    result = np.zeros(max(rows, product.size))
+    result[: product.size] = product / product[0]
+    return result[:rows]
+
+
+def noise_of(values: Floats, apart: int = 1) -> float:
     """The standard deviation of the noise on a series at a steady rate, in its own unit.
 
     Second differences do not see a ramp, and their lower quartile does not see steps and spikes, as long as
-    the setting is left alone or moves steadily for half of the time. NaN are passed over; 0 for a series too
-    short to tell.
+    the setting is left alone or moves steadily for half of the time. They are of values ``apart`` rows from each
+    other. NaN are passed over; 0 for a series too short to tell.
     """
-    second = np.abs(np.diff(values, n=2))
+    second = np.abs(values[2 * apart :] - 2.0 * values[apart:-apart] + values[: -2 * apart])
     second = second[np.isfinite(second)]
     if second.size < 8:
         return 0.0
-    return float(np.quantile(second, 0.25)) / (_QUARTILE_OF_ABSOLUTE_NORMAL * _SECOND_DIFFERENCE_SIGMAS)
+    return float(np.quantile(second, 0.25)) / (_QUARTILE_OF_ABSOLUTE_NORMAL * 6.0**0.5)
 
 
 def held(name: str, values: Floats, rows: int, stride: int, rule: Tolerances) -> Flags:
@@ -81,13 +118,13 @@ def held(name: str, values: Floats, rows: int, stride: int, rule: Tolerances) ->
     """
     series = unwrap(values) if name in CIRCULAR else values
     tolerance = tolerance_of(name, rule)
-    noise = min(noise_of(series), tolerance.noise)
+    feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
     line = _line_weights(rows)
     span = windows.max(axis=1) - windows.min(axis=1)
     drift = (windows - windows[:, :1]) @ line
-    span_limit = tolerance.span + rule.span_sigmas * noise
-    drift_limit = np.hypot(tolerance.drift, rule.drift_sigmas * noise * np.sqrt(line @ line))
+    span_limit = tolerance.span + rule.span_sigmas * feedback.noise
+    drift_limit = np.hypot(tolerance.drift, rule.drift_sigmas * feedback.drift_of(line))
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name not in CIRCULAR:
         steady |= (np.abs(windows).max(axis=1) <= rule.idle_rpm) & (np.abs(drift) <= rule.idle_drift_rpm)

@@ -49,13 +49,12 @@ def seen(mean: Floats, covariance: Floats, row: Floats, value: float, turn: floa
     """Innovation and the state's share of its variance; ``shadow`` [n] becomes P h'."""
     n = mean.size
     innovation, variance = value, 0.0
-    for i in range(n):
-        innovation -= row[i] * mean[i]
-        total = 0.0
-        for j in range(n):
-            if row[j] != 0.0:
-                total += covariance[i, j] * row[j]
-        shadow[i] = total
+    shadow[:] = 0.0
+    for j in range(n):
+        if row[j] != 0.0:
+            innovation -= row[j] * mean[j]
+            for i in range(n):
+                shadow[i] += covariance[j, i] * row[j]
     for i in range(n):
         variance += row[i] * shadow[i]
     if turn > 0.0:
@@ -84,9 +83,46 @@ def set_free(covariance: Floats, row: Floats, jumps: Flags, innovation: float) -
 def correct(mean: Floats, covariance: Floats, shadow: Floats, innovation: float, spread2: float) -> None:
     n = mean.size
     for i in range(n):
-        mean[i] += shadow[i] * innovation / spread2
+        gain = shadow[i] / spread2
+        mean[i] += gain * innovation
         for j in range(n):
-            covariance[i, j] -= shadow[i] * shadow[j] / spread2
+            covariance[i, j] -= gain * shadow[j]
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def release(
+    now_s: float, value: Floats, row: Floats, noise: Floats, turn: Floats, jumps: Flags, mean: Floats,
+    covariance: Floats, shadow: Floats, since_s: Floats, refusals: Counts, limit: float, patience_s: float,
+    patience: int,
+) -> None:  # fmt: skip
+    """Set free in place what a channel that has been refused for long sees."""
+    for c in range(value.size):
+        if refusals[c] >= patience and now_s - since_s[c] >= patience_s and np.isfinite(value[c]):
+            innovation, variance = seen(mean, covariance, row[c], value[c], turn[c], shadow)
+            if innovation**2 > limit * (variance + noise[c]):
+                set_free(covariance, row[c], jumps[c], innovation)
+
+
+@njit(cache=True)  # type: ignore[untyped-decorator]
+def receive(
+    now_s: float, value: Floats, row: Floats, noise: Floats, turn: Floats, mean: Floats, covariance: Floats,
+    shadow: Floats, since_s: Floats, refusals: Counts, limit: float, innovations: Floats, spreads2: Floats,
+) -> None:  # fmt: skip
+    """Take in a step's values channel by channel; innovations and their variances are NaN where there is none."""
+    for c in range(value.size):
+        innovations[c] = spreads2[c] = np.nan
+        if not np.isfinite(value[c]):
+            continue
+        innovation, variance = seen(mean, covariance, row[c], value[c], turn[c], shadow)
+        variance += noise[c]
+        innovations[c], spreads2[c] = innovation, variance
+        if innovation**2 > limit * variance:
+            if refusals[c] == 0:
+                since_s[c] = now_s
+            refusals[c] += 1
+            continue
+        refusals[c] = 0
+        correct(mean, covariance, shadow, innovation, variance)
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
@@ -100,34 +136,20 @@ def forward_pass(
     n = mean.size
     prior_means, means = np.empty((steps, n)), np.empty((steps, n))
     priors, covariances = np.empty((steps, n, n)), np.empty((steps, n, n))
-    innovations, spreads = np.full((steps, channels), np.nan), np.full((steps, channels), np.nan)
-    refused = np.zeros((steps, channels), dtype=np.bool_)
-    since, times_refused = np.zeros(channels), np.zeros(channels, dtype=np.int64)
+    innovations, spreads2 = np.empty((steps, channels)), np.empty((steps, channels))
+    since_s, refusals = np.zeros(channels), np.zeros(channels, dtype=np.int64)
     state, spread, shadow = mean.copy(), covariance.copy(), np.empty(n)
     for k in range(steps):
         if k > 0:
             advance(state, spread, sizes, forward[k], added[k])
-        for c in range(channels):
-            if times_refused[c] >= patience and time[k] - since[c] >= patience_s and np.isfinite(value[k, c]):
-                innovation, variance = seen(state, spread, row[k, c], value[k, c], turn[c], shadow)
-                if innovation**2 > limit * (variance + noise[k, c]):
-                    set_free(spread, row[k, c], jumps[c], innovation)
+        release(time[k], value[k], row[k], noise[k], turn, jumps, state, spread, shadow, since_s, refusals,
+                limit, patience_s, patience)  # fmt: skip
         prior_means[k], priors[k] = state, spread
-        for c in range(channels):
-            if not np.isfinite(value[k, c]):
-                continue
-            innovation, variance = seen(state, spread, row[k, c], value[k, c], turn[c], shadow)
-            variance += noise[k, c]
-            innovations[k, c], spreads[k, c] = innovation, np.sqrt(variance)
-            if innovation**2 > limit * variance:
-                refused[k, c] = True
-                if times_refused[c] == 0:
-                    since[c] = time[k]
-                times_refused[c] += 1
-                continue
-            times_refused[c] = 0
-            correct(state, spread, shadow, innovation, variance)
+        receive(time[k], value[k], row[k], noise[k], turn, state, spread, shadow, since_s, refusals, limit,
+                innovations[k], spreads2[k])  # fmt: skip
         means[k], covariances[k] = state, spread
+    refused = innovations**2 > limit * spreads2
+    spreads = np.sqrt(spreads2)
     return prior_means, priors, means, covariances, innovations, spreads, refused
 
 
@@ -157,19 +179,26 @@ def backward_pass(means: Floats, covariances: Floats, prior_means: Floats, prior
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def cost_of(
+def innovations_of(
     time: Floats, value: Floats, row: Floats, noise: Floats, turn: Floats, jumps: Flags,
     mean: Floats, covariance: Floats, sizes: Counts, forward: Floats, added: Floats,
-    limit: float, patience_s: float, patience: int,
+    limit: float, patience_s: float, patience: int, begins: Flags,
 ) -> Any:  # fmt: skip
-    """Minus twice the logarithm of the innovations' likelihood, each one's square counted up to the limit."""
-    result = forward_pass(
-        time, value, row, noise, turn, jumps, mean, covariance, sizes, forward, added, limit, patience_s, patience
-    )
-    innovations, spreads = result[4], result[5]
-    total = 0.0
-    for k in range(innovations.shape[0]):
-        for c in range(innovations.shape[1]):
-            if np.isfinite(spreads[k, c]):
-                total += 2.0 * np.log(spreads[k, c]) + min((innovations[k, c] / spreads[k, c]) ** 2, limit)
-    return total
+    """The innovations and their variances alone, twice [steps, channels]; NaN where there is no value.
+
+    ``begins`` [steps] tells where a stretch begins, with ``mean`` [steps, n] and ``covariance`` [n, n].
+    """
+    steps, channels = value.shape
+    innovations, spreads2 = np.empty((steps, channels)), np.empty((steps, channels))
+    since_s, refusals = np.zeros(channels), np.zeros(channels, dtype=np.int64)
+    state, spread, shadow = mean[0].copy(), covariance.copy(), np.empty(mean.shape[1])
+    for k in range(steps):
+        if begins[k]:
+            state[:], spread[:], refusals[:] = mean[k], covariance, 0
+        else:
+            advance(state, spread, sizes, forward[k], added[k])
+        release(time[k], value[k], row[k], noise[k], turn, jumps, state, spread, shadow, since_s, refusals,
+                limit, patience_s, patience)  # fmt: skip
+        receive(time[k], value[k], row[k], noise[k], turn, state, spread, shadow, since_s, refusals, limit,
+                innovations[k], spreads2[k])  # fmt: skip
+    return innovations, spreads2

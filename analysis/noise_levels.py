@@ -9,8 +9,9 @@ make the data more likely by more than their three numbers would by chance (Schw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -38,7 +39,9 @@ _LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
 _JERKS, _LEAST_JERK, _MOST_JERK = (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 1e-7, 1e2
 _WAVE_PERIODS_S, _LONGEST_WAVE_S = (3.0, 5.0, 8.0, 12.0), 20.0
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # where the search for waves begins, m/s and rad/s
-_DAMPINGS = (0.02, 0.6)
+_DAMPINGS, _AT_BOUND = (0.02, 0.6), 0.01
+_STARTS, _MOST_STEPS, _MOST_TRIES = 2, 20, 5
+_DIFFERENCE, _LONGEST_STEP, _ENOUGH = 1e-4, 1.5, 0.2  # of logarithms, and of the cost
 _CALM, _NO_WAVES, _NOTHING = 3, (0.0, 1.0, 0.3), np.zeros(3)
 
 Parts = Sequence[tuple[Steps, Start]]
@@ -167,7 +170,7 @@ def _given_heading(part: Binned, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, S
     return plain, first_state(part), everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class _Search:
     """What is searched for: two noise levels, a jerk and waves, for steps that are given with unit noise.
 
@@ -183,33 +186,78 @@ class _Search:
     added: Sequence[Floats] = ()
 
     def cost(self, logs: Floats) -> float:
-        """Minus twice the log-likelihood at the logarithms of levels, jerk and, if they go on, wave motion."""
-        from analysis.kalman_compiled import cost_of
+        """Minus twice the log-likelihood; each innovation's square counts up to the gate."""
+        return self.total(*self.innovations(logs))
+
+    def total(self, innovation: Floats, variance: Floats) -> float:
+        """The cost of innovations and their variances."""
+        return float((np.log(variance) + np.minimum(innovation**2 / variance, self.gate.limit)).sum())
+
+    def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
+        """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
+        from analysis.kalman_compiled import innovations_of
 
         levels = np.exp(logs)
         laws: list[Law] = [WhiteJerk(float(levels[2]))]
-        if levels.size > 3:
+        if levels.size > _CALM:
             laws.append(WaveMotion(float(levels[3]), float(levels[4]), float(levels[5])))
         model = Model(tuple(each for each in self.quantities for _ in laws), tuple(laws) * len(self.quantities))
-        forward, added = model.blocks_over(self.intervals_s)
-        ends = np.cumsum([0, *(steps.time_s.size for steps, _ in self.parts)])
-        total = 0.0
-        for number, (steps, start) in enumerate(self.parts):
-            own = slice(int(ends[number]), int(ends[number + 1]))
-            variance = steps.variance * levels[self.level_of] ** 2 + (self.added[number] if self.added else 0.0)
-            seen, begin = replace(steps, variance=variance).seen_by(model), start.seen_by(model)
-            total += float(cost_of(*arguments(seen, begin, model, self.gate, (forward[own], added[own]))))
-        return total
+        if len(laws) not in self._views:
+            self._views[len(laws)] = self._joined.seen_by(model), self._mean @ model.sums * model.may_jump
+        steps, mean = self._views[len(laws)]
+        steps = replace(steps, variance=self._joined.variance * levels[self.level_of] ** 2 + self._added)
+        start = replace(self.parts[0][1].seen_by(model), mean=mean)
+        blocks = model.blocks_over(self._intervals_s)
+        innovation, variance = innovations_of(*arguments(steps, start, model, self.gate, blocks), self._begins)
+        return innovation[self._there], variance[self._there]
 
-    @property
-    def intervals_s(self) -> Floats:
+    @cached_property
+    def _views(self) -> dict[int, tuple[Steps, Floats]]:
+        """The steps and starts as a model of so many laws sees them, which does not hang on their numbers."""
+        return {}
+
+    @cached_property
+    def _joined(self) -> Steps:
+        """The steps of all parts in one."""
+        every = [steps for steps, _ in self.parts]
+        time_s, value, row, variance = (
+            np.concatenate([getattr(each, name) for each in every])
+            for name in ("time_s", "value", "row", "variance")
+        )
+        return Steps(time_s, value, row, variance, every[0].turn, every[0].jumps)
+
+    @cached_property
+    def _there(self) -> NDArray[np.bool_]:
+        return np.isfinite(self._joined.value)
+
+    @cached_property
+    def _begins(self) -> NDArray[np.bool_]:
+        """Where a part begins [steps]."""
+        return np.concatenate([np.arange(steps.time_s.size) == 0 for steps, _ in self.parts])
+
+    @cached_property
+    def _mean(self) -> Floats:
+        """Where each step's part begins [steps, 9]."""
+        return np.concatenate([np.tile(start.mean, (steps.time_s.size, 1)) for steps, start in self.parts])
+
+    @cached_property
+    def _added(self) -> Floats | float:
+        return np.concatenate(list(self.added)) if self.added else 0.0
+
+    @cached_property
+    def _intervals_s(self) -> Floats:
         """The time before each step of all parts, 0 before the first of each."""
-        return np.concatenate([np.diff(steps.time_s, prepend=steps.time_s[:1]) for steps, _ in self.parts])
+        return np.where(self._begins, 0.0, np.diff(self._joined.time_s, prepend=self._joined.time_s[:1]))
 
     @property
     def count(self) -> int:
         """How many values there are."""
-        return sum(int(np.isfinite(steps.value).sum()) for steps, _ in self.parts)
+        return int(self._there.sum())
+
+    @property
+    def first_logs(self) -> Floats:
+        """The logarithms of the first idea of the two levels."""
+        return np.asarray(np.log(np.maximum(self.first, 3.0 * np.array(self.least))))
 
     @property
     def shortest_wave_s(self) -> float:
@@ -225,8 +273,7 @@ class _Search:
 
 def _calm(search: _Search) -> tuple[Floats, float]:
     """The logarithms of two levels and the jerk, and their cost: motion without waves."""
-    noise = np.maximum(search.first, 3.0 * np.array(search.least))
-    return _descended(search.cost, [np.log([*noise, jerk]) for jerk in _JERKS], search.bounds)
+    return _descended(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
 
 
 def _with_waves(
@@ -237,20 +284,60 @@ def _with_waves(
     fastest = 2 * np.pi / search.shortest_wave_s
     bounds = np.log([(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, fastest), _DAMPINGS])
     guesses = [
-        np.array([*plain[:2], plain[2] + np.log(calmer), *np.log([speed, min(frequency, fastest), 0.2])])
+        np.array([*noise, plain[2] + np.log(calmer), *np.log([speed, min(frequency, fastest), 0.2])])
+        for noise in (plain[:2], search.first_logs)
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
-    wavy, wavy_cost = _descended(search.cost, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
-    return wavy if wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
+    wavy, wavy_cost = _descended(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
+    a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width is the ship's own doing
+    return wavy if a_sea and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
 
 
 def _descended(
-    cost: Callable[[Floats], float], guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
+    search: _Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
 ) -> tuple[Floats, float]:
-    """The best of the guesses, and from there down (L-BFGS-B; Byrd, Lu, Nocedal and Zhu 1995)."""
-    from scipy.optimize import minimize
+    """The lowest cost that is found downhill from the best of the guesses, and where."""
+    low, high = np.array(bounds).T
+    ends = [
+        _downhill(search, np.clip(each, low, high), low, high)
+        for each in sorted(guesses, key=search.cost)[:_STARTS]
+    ]
+    return min(ends, key=lambda end: end[1])
 
-    best = min(guesses, key=cost)
-    options = {"eps": 3e-3, "ftol": 2e-6, "maxiter": 25, "maxfun": 150}
-    found = minimize(cost, best, method="L-BFGS-B", bounds=bounds, options=options)
-    return np.asarray(found.x), float(found.fun)
+
+def _downhill(search: _Search, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
+    """Fisher scoring, damped as Levenberg and Marquardt do: steps that the innovations' information gives.
+
+    The gradient and the expected curvature of the cost both follow from the derivatives of innovations and
+    variances (Gupta and Mehra 1974), which differences give.
+    """
+    damping, cost = 1e-2, search.cost(logs)
+    for _ in range(_MOST_STEPS):
+        gradient, curvature = _slope(search, logs)
+        free = ~(((logs <= low) & (gradient > 0)) | ((logs >= high) & (gradient < 0)))
+        before = cost
+        for _ in range(_MOST_TRIES):
+            damped = curvature + damping * np.diag(np.diag(curvature)) + 1e-6 * np.eye(logs.size)
+            step = np.zeros(logs.size)
+            step[free] = np.linalg.solve(damped[np.ix_(free, free)], -gradient[free])
+            tried = np.clip(logs + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), low, high)
+            found = search.cost(tried)
+            if found < cost:
+                logs, cost, damping = tried, found, damping / 5.0
+                break
+            damping *= 8.0
+        if before - cost < _ENOUGH:
+            break
+    return logs, cost
+
+
+def _slope(search: _Search, logs: Floats) -> tuple[Floats, Floats]:
+    """Gradient [levels] and expected curvature [levels, levels] of the cost."""
+    innovation, variance = search.innovations(logs)
+    changed = [search.innovations(logs + _DIFFERENCE * unit) for unit in np.eye(logs.size)]
+    moved = np.stack([(each - innovation) / np.sqrt(variance) for each, _ in changed]) / _DIFFERENCE
+    grown = np.stack([np.log(each / variance) for _, each in changed]) / _DIFFERENCE
+    ratio = innovation / np.sqrt(variance)
+    kept = ratio**2 < search.gate.limit
+    moved, ratio = moved * kept, ratio * kept
+    return grown @ (1.0 - ratio**2) + 2.0 * moved @ ratio, grown @ grown.T + 2.0 * moved @ moved.T

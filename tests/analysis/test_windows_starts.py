@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from analysis.holding import feedback_of
 from analysis.resample import resample
 from analysis.smooth import COVARIANCE_NAMES, smooth
 from analysis.window_starts import START_COLUMNS, STATES, Cutting, windows_of_recordings, with_starts
@@ -91,16 +92,56 @@ def test_moving_windows_are_joined_written_and_read(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(read_windows(tmp_path / "a.parquet").rows, both.rows)
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 5.0, 20.0])
-@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
-def test_noise_of_feedback_at_any_rate_drops_no_held_window(rate_hz: float, factor: float) -> None:
-    random = np.random.default_rng(7)
+def feedback(rate_hz: float, noise_rpm: float, noise_deg: float, seed: int = 7) -> pd.DataFrame:
+    """400 s of settings that are left alone, with noise on a shaft's and an azimuth's feedback."""
+    random = np.random.default_rng(seed)
     count = int(400 * rate_hz) + 1
     table = steady_table(count)
     table.index = table.index[0] + pd.to_timedelta(np.arange(count) / rate_hz, unit="s")
-    table["port_rpm"] = 120.0 + factor * 0.3 * random.standard_normal(count)
-    table["port_angle_deg"] = factor * 0.2 * random.standard_normal(count)
-    assert held_windows(resample(table)).dropped == {}
+    table["port_rpm"] = 120.0 + noise_rpm * random.standard_normal(count)
+    table["port_angle_deg"] = noise_deg * random.standard_normal(count)
+    return table
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    rate_hz=st.sampled_from([1.0, 1.5, 2.0, 5.0, 20.0]),
+    noise_rpm=st.floats(0.1, 5.0),
+    noise_deg=st.floats(0.05, 1.0),
+    horizon_s=st.sampled_from([15, 30, 60]),
+    seed=st.integers(0, 10**6),
+)
+def test_noise_of_feedback_at_any_rate_drops_no_held_window(
+    rate_hz: float, noise_rpm: float, noise_deg: float, horizon_s: int, seed: int
+) -> None:
+    windows = held_windows(resample(feedback(rate_hz, noise_rpm, noise_deg, seed)), horizon_s)
+    assert windows.kept >= 0.99 * windows.candidates
+
+
+@pytest.mark.parametrize("rate_hz", [2.0, 10.0])
+@pytest.mark.parametrize(("noise_rpm", "noise_deg"), [(0.1, 0.05), (2.0, 1.0)])
+def test_a_thruster_that_moves_is_seen_under_noise_at_any_rate(
+    rate_hz: float, noise_rpm: float, noise_deg: float
+) -> None:
+    """0.5 deg/s, or a step of 30 rpm every 40 s: no window that holds a move is kept."""
+    table = feedback(rate_hz, noise_rpm, noise_deg)
+    seconds = np.arange(len(table)) / rate_hz
+    ramped, stepped = table.copy(), table.copy()
+    ramped["port_angle_deg"] = (ramped["port_angle_deg"] + 0.5 * seconds + 180.0) % 360.0 - 180.0
+    stepped["port_rpm"] += 30.0 * (seconds // 40 % 2)
+    assert held_windows(resample(ramped)).kept == 0
+    windows = held_windows(resample(stepped))
+    starts = (windows.rows.loc[windows.rows["second"] == 0, "start"] - table.index[0]).dt.total_seconds()
+    assert (starts % 40 <= 40 - 15 + 1).all()
+    assert windows.kept > 0.5 * windows.candidates
+
+
+@pytest.mark.parametrize("rate_hz", [1.0, 2.0, 5.0, 20.0])
+def test_the_noise_of_filtered_feedback_is_what_is_left_of_it(rate_hz: float) -> None:
+    seconds = pd.concat([resample(feedback(rate_hz, 2.0, 0.3, seed)) for seed in range(5)])
+    found = feedback_of(seconds["port_rpm"].to_numpy())
+    assert found.filtered == (rate_hz > 1.0)
+    assert found.noise == pytest.approx(seconds["port_rpm"].std(), rel=0.15)
 
 
 def test_the_command_writes_windows_and_starts(recording: Path, tmp_path: Path) -> None:
