@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import shutil
 import signal
 import threading
@@ -33,6 +34,7 @@ Future: TypeAlias = Any
 
 _LOCK = ".lock"
 _CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
 _RESERVED = {"index.html", "index.parquet", MARKS, _LOCK}
 
 
@@ -85,13 +87,15 @@ def run_batch(
     ``workers`` is the number of processes, that of the cores without it; ``scheduler`` an address like
     ``tcp://host:8786`` instead. Results of equal provenance are used as they are unless ``again``. A
     recording that takes longer than ``timeout_s`` [s] fails. ``task`` stands in for the work of one recording.
-    Raises :class:`InputError` for a folder that is none, :class:`DataShortageError` for one without
+    Raises :class:`InputError` for a folder or an address that is none, :class:`DataShortageError` for one without
     recordings, :class:`SourceError` for a scheduler that cannot be reached, :class:`StorageError` when
     ``out`` cannot be written or another batch is writing there.
     """
     folder, out = Path(folder), Path(out).resolve()
     if folder.resolve().is_relative_to(out):
         raise InputError("the recordings lie in the output folder", where=str(out), fix="name another with -o")
+    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+        raise InputError("is no address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786")
     found = recordings_below(folder, out)
     if not found:
         raise DataShortageError("holds no recording", where=str(folder), fix="name a folder with .mcap files")

@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.errors import DataShortageError, InputError, SeatrialError, SourceError, StorageError
+from acquisition.errors import DataShortageError, InputError, SourceError, StorageError
 from analysis.batch import Summary, recordings_below, result_names, run_batch
 from analysis.batch_index import read_index
 from analysis.batch_job import MARKS, MOST_ATTEMPTS, Job, attempt
@@ -204,9 +204,18 @@ def test_no_scheduler_is_one_error_soon(one: Path, tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_an_address_that_is_none_is_one_error(one: Path, tmp_path: Path) -> None:
-    with pytest.raises(SeatrialError):
-        run_batch(one, tmp_path / "out", scheduler="nonsense")
+@pytest.mark.parametrize("address", ["nonsense", "", "foo://x:1", "tcp://host", "tcp://host:port"])
+def test_an_address_that_is_none_is_one_error_at_once(one: Path, tmp_path: Path, address: str) -> None:
+    with pytest.raises(InputError, match="no address of a scheduler"):
+        run_batch(one, tmp_path / "out", scheduler=address)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_output_that_cannot_be_written_is_one_error(one: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        with pytest.raises(StorageError):
+            run_batch(one, out)
 
 
 def test_two_batches_do_not_write_into_one_folder(one: Path, tmp_path: Path) -> None:
