@@ -56,7 +56,7 @@ class Steps:
 
     def seen_by(self, model: Model) -> Steps:
         """The same steps on the model's states, of which several may add up to one; slow ones alone may jump."""
-        row, jumps = self.row @ model.sums, (self.jumps @ (model.sums > 0)) & model.may_jump
+        row, jumps = self.row @ model.sums, (self.jumps @ (model.sums != 0)) & model.may_jump
         return Steps(self.time_s, self.value, row, self.variance, self.turn, jumps)
 
     def part(self, first: int, last: int) -> Steps:

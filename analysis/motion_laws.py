@@ -113,10 +113,14 @@ class WaveMotion:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Blocks of states, each a law by which one of the three quantities, or a part of it, moves."""
+    """Blocks of states, each a law by which one of the three quantities, or a part of it, moves.
+
+    Swings of quantity 1 and 2, north and east, are along and across ``direction_rad`` instead.
+    """
 
     quantities: tuple[int, ...]
     laws: tuple[Law, ...]
+    direction_rad: float = 0.0
 
     @property
     def sizes(self) -> NDArray[np.int64]:
@@ -138,9 +142,12 @@ class Model:
     def sums(self) -> Floats:
         """The matrix [9, states] that adds up each quantity and its two derivatives."""
         matrix = np.zeros((3 * QUANTITIES, int(self.sizes.sum())))
-        for quantity, block in zip(self.quantities, self.blocks, strict=True):
+        cos, sin = np.cos(self.direction_rad), np.sin(self.direction_rad)
+        turned = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+        for quantity, law, block in zip(self.quantities, self.laws, self.blocks, strict=True):
+            shares = np.eye(QUANTITIES)[quantity] if law.may_jump else turned[:, quantity]
             for derivative in range(3):
-                matrix[3 * quantity + derivative, block.start + derivative] = 1.0
+                matrix[derivative::3, block.start + derivative] = shares
         return matrix
 
     def blocks_over(self, dt_s: Floats) -> tuple[Floats, Floats]:

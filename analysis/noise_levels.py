@@ -42,7 +42,7 @@ _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # where the search
 _DAMPINGS, _AT_BOUND = (0.02, 0.6), 0.01
 _STARTS, _MOST_STEPS, _MOST_TRIES = 2, 20, 5
 _DIFFERENCE, _LONGEST_STEP, _ENOUGH = 1e-4, 1.5, 0.2  # of logarithms, and of the cost
-_CALM, _NO_WAVES, _NOTHING = 3, (0.0, 1.0, 0.3), np.zeros(3)
+_CALM, _WAVY, _MOST_VIEWS, _NO_WAVES, _NOTHING = 3, 6, 12, (0.0, 1.0, 0.3), np.zeros(3)
 
 Parts = Sequence[tuple[Steps, Start]]
 
@@ -53,7 +53,8 @@ class NoiseLevels:
 
     The jerks are roots of two-sided spectral densities: ``jerk`` in m/s3 and ``yaw_jerk`` in rad/s3, per root Hz.
     ``wave_speed`` [m/s] and ``yaw_wave_speed`` [rad/s] are the standard deviations of the speeds of the swing
-    in waves, 0 where there is none; frequency [rad/s] and damping say how it swings.
+    in waves, 0 where there is none; frequency [rad/s] and damping say how it swings. The horizontal swing is along
+    ``wave_direction_rad`` from north, and ``wave_across`` times as large across it.
     """
 
     position_m: float
@@ -68,6 +69,8 @@ class NoiseLevels:
     yaw_wave_speed: float = 0.0
     yaw_wave_frequency_radps: float = 1.0
     yaw_wave_damping: float = 0.3
+    wave_across: float = 1.0
+    wave_direction_rad: float = 0.0
 
     @property
     def by_channel(self) -> Floats:
@@ -82,10 +85,14 @@ class NoiseLevels:
         return (WhiteJerk(self.yaw_jerk), *([waves] if self.yaw_wave_speed > 0 else []))
 
     @property
-    def laws(self) -> tuple[Law, ...]:
-        """How north and east move, each by itself."""
-        waves = WaveMotion(self.wave_speed, self.wave_frequency_radps, self.wave_damping)
-        return (WhiteJerk(self.jerk), *([waves] if self.wave_speed > 0 else []))
+    def laws(self) -> tuple[tuple[Law, ...], tuple[Law, ...]]:
+        """How north and east move, or swing along and across the waves."""
+        frequency, damping = self.wave_frequency_radps, self.wave_damping
+        slow = WhiteJerk(self.jerk)
+        if self.wave_speed <= 0:
+            return (slow,), (slow,)
+        along = WaveMotion(self.wave_speed, frequency, damping)
+        return (slow, along), (slow, WaveMotion(self.wave_speed * self.wave_across, frequency, damping))
 
     @property
     def heading_model(self) -> Model:
@@ -95,8 +102,9 @@ class NoiseLevels:
     @property
     def motion_model(self) -> Model:
         """The model of heading, north and east."""
-        quantities = (0,) * len(self.yaw_laws) + (1,) * len(self.laws) + (2,) * len(self.laws)
-        return Model(quantities, (*self.yaw_laws, *self.laws, *self.laws))
+        along, across = self.laws
+        quantities = (0,) * len(self.yaw_laws) + (1,) * len(along) + (2,) * len(across)
+        return Model(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
 
     def as_json(self) -> dict[str, float]:
         """The levels by name."""
@@ -124,6 +132,7 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
+        horizontal = _with_direction(moving, horizontal)
         yaw = _with_waves(
             turning, _calm(turning), _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
         )
@@ -132,12 +141,20 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
 
 def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     """The levels from logarithms: two noises, a jerk and, if they go on, waves."""
-    position_m, speed_mps, jerk, *waves = (float(each) for each in np.exp(horizontal))
+    position_m, speed_mps, jerk, *waves = (float(each) for each in np.exp(horizontal[:_WAVY]))
+    speed, frequency, damping = waves or _NO_WAVES
+    across, direction_rad = _across(horizontal)
     heading_rad, yaw_rate_radps, yaw_jerk, *yaw_waves = (float(each) for each in np.exp(yaw))
+    yaw_speed, yaw_frequency, yaw_damping = yaw_waves or _NO_WAVES
     return NoiseLevels(
-        position_m, heading_rad, speed_mps, yaw_rate_radps, jerk, yaw_jerk, *(waves or _NO_WAVES),
-        *(yaw_waves or _NO_WAVES),
+        position_m, heading_rad, speed_mps, yaw_rate_radps, jerk, yaw_jerk, speed, frequency, damping,
+        yaw_speed, yaw_frequency, yaw_damping, across, direction_rad,
     )  # fmt: skip
+
+
+def _across(logs: Floats) -> tuple[float, float]:
+    """How large the swing is across its direction, and the direction [rad]; 1 and 0 if that is not among them."""
+    return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
 
 
 def _stretches(data: Binned) -> list[Binned]:
@@ -190,21 +207,29 @@ class _Search:
         return self.total(*self.innovations(logs))
 
     def total(self, innovation: Floats, variance: Floats) -> float:
-        """The cost of innovations and their variances."""
-        return float((np.log(variance) + np.minimum(innovation**2 / variance, self.gate.limit)).sum())
+        """The cost of innovations and their variances; a refused one's does not fall with its variance."""
+        enough = np.maximum(variance, innovation**2 / self.gate.limit)
+        return float((np.log(enough) + innovation**2 / enough).sum())
 
     def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
         """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
         from analysis.kalman_compiled import innovations_of
 
         levels = np.exp(logs)
-        laws: list[Law] = [WhiteJerk(float(levels[2]))]
-        if levels.size > _CALM:
-            laws.append(WaveMotion(float(levels[3]), float(levels[4]), float(levels[5])))
-        model = Model(tuple(each for each in self.quantities for _ in laws), tuple(laws) * len(self.quantities))
-        if len(laws) not in self._views:
-            self._views[len(laws)] = self._joined.seen_by(model), self._mean @ model.sums * model.may_jump
-        steps, mean = self._views[len(laws)]
+        across, direction_rad = _across(logs)
+        laws: list[Law] = []
+        for share in (1.0, across)[: len(self.quantities)]:
+            laws.append(WhiteJerk(float(levels[2])))
+            if levels.size > _CALM:
+                laws.append(WaveMotion(share * float(levels[3]), float(levels[4]), float(levels[5])))
+        quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
+        model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
+        if (len(laws), direction_rad) not in self._views:
+            if len(self._views) > _MOST_VIEWS:
+                self._views.clear()
+            view = self._joined.seen_by(model), self._mean @ model.sums * model.may_jump
+            self._views[len(laws), direction_rad] = view
+        steps, mean = self._views[len(laws), direction_rad]
         steps = replace(steps, variance=self._joined.variance * levels[self.level_of] ** 2 + self._added)
         start = replace(self.parts[0][1].seen_by(model), mean=mean)
         blocks = model.blocks_over(self._intervals_s)
@@ -212,8 +237,8 @@ class _Search:
         return innovation[self._there], variance[self._there]
 
     @cached_property
-    def _views(self) -> dict[int, tuple[Steps, Floats]]:
-        """The steps and starts as a model of so many laws sees them, which does not hang on their numbers."""
+    def _views(self) -> dict[tuple[int, float], tuple[Steps, Floats]]:
+        """The steps and starts as a model of so many laws and a direction sees them, whatever its levels."""
         return {}
 
     @cached_property
@@ -265,6 +290,12 @@ class _Search:
         return 3.0 * float(np.median(np.diff(self.parts[0][0].time_s))) if self.parts[0][0].time_s.size > 1 else 3.0
 
     @property
+    def wave_bounds(self) -> Floats:
+        """Where the waves' speed, frequency and damping may be [3, 2], as logarithms."""
+        fastest = 2 * np.pi / self.shortest_wave_s
+        return np.log([(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, fastest), _DAMPINGS])
+
+    @property
     def bounds(self) -> list[tuple[float, float]]:
         """Where levels and jerk may be, as logarithms."""
         noises = [(float(np.log(least)), float(np.log(1e4))) for least in self.least]
@@ -281,8 +312,7 @@ def _with_waves(
 ) -> Floats:
     """As :func:`_calm`, with the waves' speed, frequency and damping behind, where they are worth their numbers."""
     plain, cost = calm
-    fastest = 2 * np.pi / search.shortest_wave_s
-    bounds = np.log([(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, fastest), _DAMPINGS])
+    bounds, fastest = search.wave_bounds, 2 * np.pi / search.shortest_wave_s
     guesses = [
         np.array([*noise, plain[2] + np.log(calmer), *np.log([speed, min(frequency, fastest), 0.2])])
         for noise in (plain[:2], search.first_logs)
@@ -291,6 +321,15 @@ def _with_waves(
     wavy, wavy_cost = _descended(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
     a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width is the ship's own doing
     return wavy if a_sea and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
+
+
+def _with_direction(search: _Search, wavy: Floats) -> Floats:
+    """With the waves' share across and their direction behind, where the two are worth their numbers."""
+    guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
+    low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
+    start = min(guesses, key=search.cost)
+    found, cost = _downhill(search, start, low, high)
+    return found if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
 
 
 def _descended(
@@ -339,5 +378,5 @@ def _slope(search: _Search, logs: Floats) -> tuple[Floats, Floats]:
     grown = np.stack([np.log(each / variance) for _, each in changed]) / _DIFFERENCE
     ratio = innovation / np.sqrt(variance)
     kept = ratio**2 < search.gate.limit
-    moved, ratio = moved * kept, ratio * kept
+    moved, grown = moved * kept, grown * kept
     return grown @ (1.0 - ratio**2) + 2.0 * moved @ ratio, grown @ grown.T + 2.0 * moved @ moved.T
