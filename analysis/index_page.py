@@ -42,14 +42,14 @@ details{border:1px solid #f0c9c5;border-left:4px solid #B3261E;border-radius:6px
 background:#fffaf9} summary{cursor:pointer;font-weight:600} details li{margin:4px 0} details ul{margin:8px 0 4px}
 #filter{font:inherit;padding:7px 12px;width:min(380px,100%);border:1px solid #c5ced6;border-radius:6px}
 .bar{display:flex;gap:14px;align-items:center;margin:14px 0 8px}
-table{border-collapse:collapse;width:100%} td,th{padding:6px 10px;text-align:left;vertical-align:middle}
+table{border-collapse:collapse;width:100%} td,th{padding:6px 7px;text-align:left;vertical-align:middle}
 tbody tr{border-bottom:1px solid var(--line)} tbody tr:hover{background:var(--wash)}
-th{position:sticky;top:0;background:var(--paper);box-shadow:inset 0 -2px var(--line);white-space:nowrap;
-font-weight:600} th button{font:inherit;color:inherit;background:none;border:0;padding:0;cursor:pointer}
+th{position:sticky;top:0;background:var(--paper);box-shadow:inset 0 -2px var(--line);vertical-align:bottom;
+font-weight:600} th.n{white-space:normal} th button{font:inherit;text-align:inherit;color:inherit;background:none;border:0;padding:0;cursor:pointer}
 th[aria-sort] button{color:var(--sea)} th[aria-sort=ascending] button::after{content:" \\25B2";font-size:.75em}
 th[aria-sort=descending] button::after{content:" \\25BC";font-size:.75em}
 .n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap} td .soft{font-size:.88em}
-td.name{min-width:200px;overflow-wrap:anywhere} a{color:var(--sea);text-decoration:none;font-weight:600}
+td.name{min-width:190px;overflow-wrap:anywhere} a{color:var(--sea);text-decoration:none;font-weight:600}
 a:hover{text-decoration:underline} .cause{color:#B3261E;font-size:.88em} .remark{color:#7a5200;font-size:.88em}
 svg{display:block;width:52px;height:52px}
 polyline{fill:none;stroke:var(--sea);stroke-width:2.5;stroke-linejoin:round}
