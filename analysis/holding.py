@@ -74,7 +74,7 @@ class Feedback:
         """The standard deviation that this noise gives the sum of values weighted with ``line`` [rows]."""
         shared = _shared(line.size) if self.filtered else np.eye(1, line.size)[0]
         apart = np.abs(np.subtract.outer(np.arange(line.size), np.arange(line.size)))
-        return float(self.noise * np.sqrt(line @ shared[apart] @ line))
+        return self.noise * float(np.sqrt((line @ shared[apart] * line).sum()))
 
 
 def feedback_of(values: Floats, most: float = np.inf) -> Feedback:
@@ -108,7 +108,8 @@ def noise_of(values: Floats, apart: int = 1) -> float:
     second = second[np.isfinite(second)]
     if second.size < 8:
         return 0.0
-    return self.noise * float(np.sqrt((line @ shared[apart] * line).sum()))
+    noise = np.quantile(second, 0.25) / (_QUARTILE_OF_ABSOLUTE_NORMAL * 6.0**0.5)
+    return float(noise)
 
 
 def held(name: str, values: Floats, rows: int, stride: int, rule: Tolerances) -> Flags:
