@@ -45,7 +45,7 @@ background:#fffaf9} summary{cursor:pointer;font-weight:600} details li{margin:4p
 table{border-collapse:collapse;width:100%} td,th{padding:6px 7px;text-align:left;vertical-align:middle}
 tbody tr{border-bottom:1px solid var(--line)} tbody tr:hover{background:var(--wash)}
 th{position:sticky;top:0;background:var(--paper);box-shadow:inset 0 -2px var(--line);vertical-align:bottom;
-font-weight:600} 
+font-weight:600}
 th button{font:inherit;text-align:inherit;color:inherit;background:none;border:0;padding:0;cursor:pointer}
 th[aria-sort] button{color:var(--sea)} th[aria-sort=ascending] button::after{content:" \\25B2";font-size:.75em}
 th[aria-sort=descending] button::after{content:" \\25BC";font-size:.75em}
