@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson, Output
+from analysis.files import expect_suffix
 
 
 def mount(app: typer.Typer) -> None:
@@ -36,6 +37,8 @@ def check(
     from analysis.quality.check import check_recording
     from analysis.table import table_of
 
+    if repair is not None:
+        expect_suffix(repair, ".mcap")
     recording = read_recording(file)
     table = table_of(recording)
     quality = check_recording(recording, table)
@@ -81,6 +84,7 @@ def export(
     from analysis.history import history_of
     from analysis.prepare import Preparation, prepared
 
+    expect_suffix(output, ".parquet", ".csv", ".mat")
     how = Preparation(rate, repair, remove_delays, smooth, flags)
     table = prepared(read_recording(file), how)
     written, *beside = export_table(table, output, options=asdict(how))
@@ -96,7 +100,7 @@ def export(
 def windows(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Output,
-    horizon: Annotated[int, typer.Option(min=1, help="The length of a window [s].")] = 15,
+    horizon: Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     keep_moving: Annotated[
         bool, typer.Option("--keep-moving", help="Keep windows in which a thruster moved, marked in `held`.")
@@ -115,6 +119,7 @@ def windows(
     from analysis.window_starts import Cutting, windows_of_recordings
     from analysis.windows import write_windows
 
+    expect_suffix(output, ".parquet")
     how = Cutting(horizon, stride, keep_moving, repair, remove_delays, starts)
     with bar("windows") as progress:
         found = windows_of_recordings(files, how, progress)
@@ -145,7 +150,7 @@ def manoeuvres(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Annotated[Path | None, typer.Option("-o", "--output", help="A folder for JSON and pictures.")] = None,
     length: Annotated[
-        float | None, typer.Option(min=0.1, help="The ship's length [m], for lengths and limits.")
+        float | None, typer.Option(min=0.1, help="The ship's length in metres, for lengths and limits.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -181,6 +186,7 @@ def smooth(
     from analysis.smooth import summary_of, write_smoothed
     from analysis.table import read_table
 
+    expect_suffix(output, ".parquet")
     smoothed = smooth_table(read_table(file), rate)
     write_smoothed(smoothed, output)
     summary = summary_of(smoothed)
@@ -202,10 +208,10 @@ def batch(
     output: Output,
     workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
-    horizon: Annotated[int, typer.Option(min=2, help="The length of a window [s].")] = 15,
+    horizon: Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     length: Annotated[
-        float | None, typer.Option(min=0.1, help="The ship's length [m], for distances in lengths.")
+        float | None, typer.Option(min=0.1, help="The ship's length in metres, for distances in lengths.")
     ] = None,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
     no_smooth: Annotated[bool, typer.Option("--no-smooth", help="No smoother: no uncertainties.")] = False,

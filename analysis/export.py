@@ -9,8 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,19 +18,19 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.channels import BY_NAME
-from acquisition.errors import InputError, SeatrialError, storage_error
 from acquisition.frames import Quality
 from acquisition.trial import software_version
+from analysis.files import expect_suffix, in_place_of
 from analysis.frames import NANO, times_ns, utc_index
 from analysis.history import history_of
 from analysis.parquet import write_parquet
 from analysis.table import checked_delays_ns
 
-WRITERS = ("parquet", "csv", "mat")
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
 FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
 _RATE_UNITS = {"surge_mps2": "m/s2", "sway_mps2": "m/s2", "yaw_dps2": "deg/s2"}
 _LONGEST_MATLAB_NAME = 63
+_MAT_TITLE, _MAT_TITLE_BYTES = b"MATLAB 5.0 MAT-file, written by Seatrial", 116
 _RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
 
 
@@ -44,18 +43,9 @@ def export_table(
     Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
     """
     path = Path(path)
-    kind = path.suffix.removeprefix(".").lower()
-    if kind not in WRITERS:
-        raise InputError(f"cannot write {path.suffix or 'a file without suffix'}", where=str(path),
-                         fix="name it .parquet, .csv or .mat")  # fmt: skip
+    kind = expect_suffix(path, *_WRITERS)
     about = _about(table, rate_hz if rate_hz is not None else table.attrs.get("rate_hz"), options or {})
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return {"parquet": _write_parquet, "csv": _write_csv, "mat": _write_mat}[kind](table, path, about)
-    except SeatrialError:
-        raise
-    except OSError as error:
-        raise storage_error(path, error) from error
+    return _WRITERS[kind](table, path, about)
 
 
 def provenance_of(table: pd.DataFrame, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -148,9 +138,9 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
     beside = path.with_name(f"{path.name}.json")
-    with _in_place_of(path) as partial:
+    with in_place_of(path) as partial:
         table.set_axis(index, axis=0).to_csv(partial, index_label="time")
-    with _in_place_of(beside) as partial:
+    with in_place_of(beside) as partial:
         partial.write_text(json.dumps({"file": path.name, **about}, indent=2) + "\n", encoding="utf-8")
     return [path, beside]
 
@@ -175,8 +165,10 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     }
     named = {key: {matlab_name(name): value for name, value in each.items()} for key, each in structs.items()}
     content = {"time": times_ns(table) / NANO, **vectors, **named}
-    with _in_place_of(path) as partial, partial.open("wb") as stream:
+    with in_place_of(path) as partial, partial.open("wb") as stream:
         savemat(stream, content, oned_as="column", long_field_names=True)
+        stream.seek(0)
+        stream.write(_MAT_TITLE.ljust(_MAT_TITLE_BYTES))  # scipy writes the time of day there
     return [path]
 
 
@@ -186,13 +178,6 @@ def matlab_name(name: str) -> str:
     return (plain if plain[:1].isalpha() else f"x{plain}")[:_LONGEST_MATLAB_NAME]
 
 
-@contextmanager
-def _in_place_of(path: Path) -> Iterator[Path]:
-    """A file to write that takes the place of ``path`` once it is complete."""
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        yield partial
-        partial.replace(path)
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+_WRITERS: dict[str, Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]] = {
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat,
+}  # fmt: skip

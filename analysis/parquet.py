@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from acquisition.errors import InputError, storage_error
+from acquisition.errors import InputError
 from acquisition.trial import software_version
+from analysis.files import expect_suffix, in_place_of
 
 PREFIX = "seatrial."
 
@@ -22,8 +22,9 @@ def write_parquet(
     """Write ``table`` with a unit on each column named in ``units`` and ``metadata`` under our prefix.
 
     The index is written if it has a name. The file appears under its name only when it is complete. Raises
-    :class:`StorageError` when it cannot be written.
+    :class:`InputError` for another suffix than .parquet, :class:`StorageError` when it cannot be written.
     """
+    expect_suffix(path, ".parquet")
     plain = table.copy(deep=False)
     plain.attrs = {}  # the metadata says it; pandas would write it a second time, and only as JSON
     arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
@@ -33,17 +34,8 @@ def write_parquet(
     own = {PREFIX + key: text for key, text in metadata.items()}
     own[PREFIX + "software_version"] = software_version()
     schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **own})
-    target = Path(path)
-    partial = target.with_name(f".{target.name}.part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+    with in_place_of(path) as partial:
         pq.write_table(arrow.cast(schema), partial)
-        partial.replace(target)
-    except OSError as error:
-        raise storage_error(path, error) from error
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
 
 
 def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:

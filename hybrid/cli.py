@@ -89,7 +89,7 @@ def train(
     files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the calibrator goes into.")],
     vessel: VesselOption = None,
-    horizon: Annotated[int, typer.Option(min=2, help="How far it predicts [s].")] = 15,
+    horizon: Annotated[int, typer.Option(min=2, help="How far it predicts, in seconds.")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     method: Annotated[str, typer.Option(help="The kind of calibrator.")] = "paper",
     part: PartOption = "0..100",
@@ -132,7 +132,7 @@ def validate(
     calibrator: CalibratorOption = None,
     vessel: VesselOption = None,
     horizon: Annotated[
-        int | None, typer.Option(min=2, help="How far is predicted [s]; 15, or what the calibrator does.")
+        int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
     ] = None,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     part: PartOption = "0..100",
@@ -173,7 +173,7 @@ def predict(
     calibrator: CalibratorOption = None,
     vessel: VesselOption = None,
     horizon: Annotated[
-        int | None, typer.Option(min=1, help="How far is predicted [s]; 15, or what the calibrator does.")
+        int | None, typer.Option(min=1, help="How far is predicted in seconds; 15, or what the calibrator does.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.errors import storage_error
 from acquisition.trial import software_version
+from analysis.files import in_place_of
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import Index, Manoeuvre, as_json
 
@@ -131,11 +131,8 @@ def write_report(found: Sequence[Found], folder: Path, length_m: float | None = 
     Raises :class:`StorageError`.
     """
     plain = folder / "manoeuvres.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        plain.write_text(json.dumps(summary(found, length_m), indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(plain, error) from error
+    with in_place_of(plain) as partial:
+        partial.write_text(json.dumps(summary(found, length_m), indent=2) + "\n", encoding="utf-8")
     return plain, _page(found, length_m).write(folder / "manoeuvres.html")
 
 

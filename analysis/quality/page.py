@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.errors import storage_error
 from acquisition.frames import Quality
+from analysis.files import in_place_of
 from analysis.frames import times_ns
 from analysis.page import Page
 from analysis.parquet import write_parquet
@@ -44,11 +44,8 @@ def write_quality(quality: DataQuality, folder: Path, trial: Mapping[str, str], 
     """
     found = quality.as_json()
     report = folder / "quality.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        report.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(report, error) from error
+    with in_place_of(report) as partial:
+        partial.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
     flags = folder / "flags.parquet"
     about = {"recording": json.dumps(recording), "findings": json.dumps(found["findings"])}
     write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)

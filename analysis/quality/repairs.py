@@ -21,6 +21,7 @@ from acquisition.errors import InputError
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording
 from acquisition.recording.tables import write_table
+from analysis.files import expect_suffix
 from analysis.frames import NANO, times_ns, utc_index
 from analysis.history import KEY, history_of, with_step
 from analysis.quality import heading_wrap as wrapped
@@ -96,9 +97,10 @@ def write_repaired(
     The trial's metadata are kept; sources of channels that were changed say so; ``flags`` become the samples'
     qualities, suspect where a bad value was replaced. The history stands in the metadata ``history`` and comes
     back with the table. Raw input, events and attachments stay in the original, which is never touched: raises
-    :class:`InputError` if ``path`` is the original, :class:`StorageError` if it cannot be written.
+    :class:`InputError` if ``path`` is the original or no .mcap, :class:`StorageError` if it cannot be written.
     """
     target = Path(path)
+    expect_suffix(target, ".mcap")
     if target.resolve() == recording.path.resolve() or (target.exists() and target.samefile(recording.path)):
         raise InputError(
             "is the recording itself", where=str(target), why="the original stays as it is",

@@ -1,0 +1,43 @@
+"""Products on disk: named by what they are, and complete or not there at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from acquisition.errors import InputError, storage_error
+
+
+def expect_suffix(path: Path | str, *suffixes: str) -> str:
+    """The suffix of ``path`` in small letters, which has to be one of ``suffixes``.
+
+    Raises :class:`InputError` for another: a file should hold what its name says.
+    """
+    path = Path(path)
+    if (kind := path.suffix.lower()) not in suffixes:
+        *others, last = suffixes
+        named = f"{', '.join(others)} or {last}" if others else last
+        raise InputError(
+            f"cannot write {path.suffix or 'a file without suffix'}", where=str(path), fix=f"name it {named}"
+        )
+    return kind
+
+
+@contextmanager
+def in_place_of(path: Path | str) -> Iterator[Path]:
+    """A file to write, which takes the place of ``path`` once it is complete; its folder is made.
+
+    Raises :class:`StorageError` for what the system refuses.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        raise storage_error(path, error) from error
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
