@@ -190,11 +190,14 @@ def analysed(path: Path, options: Options, name: str = "") -> Products:
     with products.step():
         require(one_hz)
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name or path.stem)
+    with products.step():
         products.manoeuvres = find_manoeuvres(mended.table, options.length_m, recording.events)
-        if options.smooth:
+    if options.smooth:
+        with products.step():
             motion = smooth(mended.table, 1.0)
             products.one_hz = _with_motion(one_hz, motion)
-            products.windows = with_starts(products.windows, {name or path.stem: motion})
+            if products.windows is not None:
+                products.windows = with_starts(products.windows, {name or path.stem: motion})
     return products
 
 

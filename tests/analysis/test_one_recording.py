@@ -117,6 +117,17 @@ def test_of_an_incomplete_recording_what_can_be_made_is_made(tmp_path: Path) -> 
     assert "north_m, east_m" in (tmp_path / "out" / "page.html").read_text()
 
 
+def test_a_ship_without_a_tunnel_thruster_still_has_her_motion_with_uncertainties(tmp_path: Path) -> None:
+    path = tmp_path / "plain.mcap"
+    write_table(sailed().drop(columns=["tunnel_rpm", "wind_direction_deg"]), path, Trial("plain", "ship"))
+    row = process(path, tmp_path / "out", SMOOTHED)
+    table, _ = read_parquet(tmp_path / "out" / "table.parquet")
+    assert "heading_deg_sigma" in table
+    assert row["windows_kept"] is None
+    assert "tunnel_rpm" in row["cause"]
+    assert "wind_direction_deg" in row["cause"]
+
+
 def test_a_clock_that_was_set_by_years_is_an_error_and_not_a_table_of_years(tmp_path: Path) -> None:
     table = sailed(seconds=20)
     late = pd.DatetimeIndex(table.index) + pd.Timedelta(days=3650)
