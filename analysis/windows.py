@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -103,7 +104,7 @@ def held_windows(
         wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
     starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
     counts = np.bincount(reason[~wanted], minlength=len(REASONS))
-    dropped = {name: int(count) for name, count in zip(REASONS, counts, strict=True) if count}
+    dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
     account = (int(reason.size), dropped)
     result = _assembled(values, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
     return _marked(result, reason[wanted] == len(REASONS)) if keep_moving else result
@@ -238,12 +239,15 @@ def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, s
 
 
 def trial_names(paths: Sequence[Path]) -> list[str]:
-    """The files' names without suffix, numbered where two files in different folders are called the same."""
+    """The files' names without suffix, numbered where files in different folders are called the same."""
     stems = [Path(path).stem for path in paths]
-    return [
-        stem if stems.count(stem) == 1 else f"{stem}-{stems[: position + 1].count(stem)}"
-        for position, stem in enumerate(stems)
-    ]
+    names, taken = [], {stem for stem in stems if stems.count(stem) == 1}
+    for stem in stems:
+        if stem not in taken:
+            stem = next(name for name in (f"{stem}-{number}" for number in count(1)) if name not in taken)
+            taken.add(stem)
+        names.append(stem)
+    return names
 
 
 def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
@@ -260,8 +264,8 @@ def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
     for part in parts:
         frames.append(part.rows.assign(window=part.rows["window"] + offset))
         offset += part.kept
-        for reason, count in part.dropped.items():
-            dropped[reason] = dropped.get(reason, 0) + count
+        for reason, times in part.dropped.items():
+            dropped[reason] = dropped.get(reason, 0) + times
     rows = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
     ordered = {reason: dropped[reason] for reason in REASONS if reason in dropped}
     candidates = sum(part.candidates for part in parts)
@@ -272,7 +276,7 @@ def nothing_held_is_an_error(windows: HeldWindows, where: str) -> HeldWindows:
     """The windows as they are. Raises :class:`DataShortageError` with the counts by reason if there is none."""
     if windows.kept:
         return windows
-    reasons = ", ".join(f"{count} {reason}" for reason, count in windows.dropped.items())
+    reasons = ", ".join(f"{times} {reason}" for reason, times in windows.dropped.items())
     raise DataShortageError(
         f"none of {windows.candidates} candidates of {windows.horizon_s} s is a held window",
         where=where,

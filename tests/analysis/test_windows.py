@@ -18,6 +18,7 @@ from analysis.windows import (
     held_windows,
     joined,
     read_windows,
+    trial_names,
     windows_of_tables,
     write_windows,
 )
@@ -190,3 +191,11 @@ def test_noise_is_measured_through_ramps_and_steps(sigma: float, slope: float, s
     values = sigma * random.standard_normal(2000) + slope * np.arange(2000)
     values += np.repeat(random.uniform(-100, 100, 40), 50)
     assert noise_of(values) == pytest.approx(sigma, rel=0.2)
+
+
+@given(st.lists(st.sampled_from(["x", "x-1", "x-2", "y"]), max_size=8))
+def test_recordings_of_one_name_get_names_of_their_own(stems: list[str]) -> None:
+    names = trial_names([Path(f"folder_{number}") / f"{stem}.mcap" for number, stem in enumerate(stems)])
+    assert len(set(names)) == len(stems)
+    assert all(name.startswith(stem) for name, stem in zip(names, stems, strict=True))
+    assert all(name == stem for name, stem in zip(names, stems, strict=True) if stems.count(stem) == 1)
