@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.limits import beside_limits
 from analysis.manoeuvres.motion import Floats, Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.noise import WIDEST_S, smoothed
 from analysis.manoeuvres.segments import Plateau, plateaus, tolerance_of
@@ -91,7 +92,8 @@ def find_manoeuvres(
     ]
     running = speed_runs(motion, smooth, ~taken, fastest, length_m)
     every = sorted([*steered, *tests, *straight, *running], key=lambda each: each.start)
-    return tuple(_named(each, marks) for each in every if _measured(motion, each))
+    named = (_named(each, marks) for each in every if _measured(motion, each))
+    return beside_limits(named, length_m)
 
 
 def _steered(

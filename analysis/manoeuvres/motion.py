@@ -22,6 +22,11 @@ from numpy.typing import NDArray
 from acquisition.angles import circular_mean, difference, unwrap, wrap_180, wrap_360
 from acquisition.channels import POSE, VELOCITY
 from analysis.frames import NANO, times_ns
+from analysis.history import history_of
+from analysis.quality.orders import CODE as ORDER_INTERPOLATED
+from analysis.quality.orders import orders
+from analysis.quality.runs import runs
+from analysis.quality.samples import white_noise
 from analysis.resample import resample
 from analysis.slow_motion import local_quadratic
 from analysis.table import require
@@ -35,7 +40,7 @@ _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
 
 
-_SCALARS = ("origin_ns", "path_sd_m")
+_SCALARS = ("origin_ns", "path_sd_m", "orders_are_events")
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +51,8 @@ class Motion:
     drive runs. ``thrust`` is the sum of n|n| along the bow of both shafts [rpm^2]. ``known`` says where pose
     and speeds were measured; elsewhere they are interpolated. ``broken`` says where position or heading jump as
     no ship does, as where a piece was cut out of a recording: nothing reaches across it. ``path_sd_m`` is the
-    standard deviation of a point of the path, by how the positions wander about it.
+    standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says
+    that the azimuth was recorded when it changed and filled in between, so that nobody knows when it began to.
     """
 
     origin_ns: int
@@ -65,6 +71,7 @@ class Motion:
     known: NDArray[np.bool_]
     broken: NDArray[np.bool_]
     path_sd_m: float = 0.0
+    orders_are_events: bool = False
 
     @property
     def step_s(self) -> float:
@@ -114,6 +121,7 @@ class Motion:
         return pd.Timestamp(self.origin_ns + round(time_s * NANO), unit="ns", tz="UTC")
 
 
+AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")
 MEASURED = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
@@ -143,8 +151,16 @@ def motion_of(table: pd.DataFrame) -> Motion:
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     helm, thrust, port_rpm, starboard_rpm = _drives(grid)
     tunnel = filled(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
-    return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust,
-                  port_rpm, starboard_rpm, tunnel, known & ~broken, broken, spread)  # fmt: skip
+    return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, port_rpm,
+                  starboard_rpm, tunnel, known & ~broken, broken, spread, orders_are_events(table))  # fmt: skip
+
+
+def orders_are_events(table: pd.DataFrame) -> bool:
+    """Whether an azimuth's values between its changes are made up: straight lines, or lines that were repaired."""
+    mended = {entry["options"].get("channel") for entry in history_of(table)
+              if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
+    angles = table[[name for name in AZIMUTHS if name in table]]
+    return bool(mended & set(AZIMUTHS)) or bool(orders(angles).findings)
 
 
 def filled(values: Floats) -> Floats:
@@ -162,12 +178,8 @@ def running_median(values: Floats, rows: int) -> Floats:
 
 
 def noise_of(values: Floats) -> float:
-    """The standard deviation of what jumps from row to row: from second differences, robustly.
-
-    An even curve has none, steps are too few to count.
-    """
-    second = np.diff(values[np.isfinite(values)], 2)
-    return float(_NORMAL_MAD * np.median(np.abs(second)) / np.sqrt(6.0)) if second.size else 0.0
+    """The standard deviation of what jumps from row to row; an even curve has none, steps are too few to count."""
+    return white_noise(values[np.isfinite(values)])
 
 
 def _rate_hz(table: pd.DataFrame) -> float:
@@ -248,8 +260,7 @@ def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, i
     >>> stretches(np.array([True, True, False, True]))
     [(0, 2), (3, 4)]
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], true, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a >= least_rows]
+    return [(int(a), int(b)) for a, b in zip(*runs(true), strict=True) if b - a >= least_rows]
 
 
 def _drives(grid: pd.DataFrame) -> tuple[Floats, Floats, Floats, Floats]:

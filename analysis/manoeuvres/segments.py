@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.manoeuvres.motion import Floats, noise_of, running_median, stretches
+from analysis.manoeuvres.motion import Floats, Motion, noise_of, running_median, stretches
 
 _STEP_S = 1.0
 _STEP_SIGMAS = 6.0
@@ -89,3 +89,26 @@ def _last_crossing(share: Floats, level: float) -> float:
     if row + 1 >= share.size:
         return float(row)
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
+
+
+def counted(motion: Motion, both: Floats) -> Floats:
+    """The moments that indices count from, of those of first change and of half way [2, ...].
+
+    The first change of a command is its execute. Between two events nobody knows when a lever began to move, and
+    a line drawn between them begins with the older one: then half way is the better guess.
+    """
+    return np.asarray(both[1 if motion.orders_are_events else 0])
+
+
+def the_other(motion: Motion, both: Floats) -> tuple[Floats, str]:
+    """The moments that indices do not count from, and the name of what does: it stands beside the main one."""
+    return (both[0], "first_change") if motion.orders_are_events else (both[1], "half_command")
+
+
+def event_notes(motion: Motion) -> tuple[str, ...]:
+    """What to know of the executes of a recording whose orders are events."""
+    text = (
+        "orders were recorded as events, so that the moment of an order lies somewhere in its change: indices "
+        "count from half of it, those from its first change stand beside; the intervals leave this out"
+    )
+    return (text,) if motion.orders_are_events else ()

@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.manoeuvres.current import LEAST_TURN_DEG, current_of, drift_pairs, without_current
-from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg, with_limits
-from analysis.manoeuvres.limits import ADVANCE_LENGTHS, INITIAL_TURNING_LENGTHS, TACTICAL_DIAMETER_LENGTHS
+from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals, smoothed
-from analysis.manoeuvres.segments import Plateau, execute_s
+from analysis.manoeuvres.segments import Plateau, counted, event_notes, execute_s, the_other
 from analysis.manoeuvres.tracks import (
     along_and_across,
     approach_of,
@@ -60,13 +59,6 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         "turning_rpm": float(part.between(start, end).port_rpm.mean()),
         **approach_settings(part, start),
     }
-    limits: dict[str, float | None] = {}
-    if length_m:
-        limits = {
-            "advance_m": ADVANCE_LENGTHS * length_m,
-            "tactical_diameter_m": TACTICAL_DIAMETER_LENGTHS * length_m,
-            "initial_turning_m": INITIAL_TURNING_LENGTHS * length_m,
-        }
     indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
     whole = abs(turned) >= LEAST_CIRCLE_DEG
     return Manoeuvre(
@@ -76,8 +68,9 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         end=motion.utc(end),
         side="starboard" if turned > 0 else "port",
         settings=settings,
-        indices=with_limits(indices, limits),
+        indices=indices,
         current=current_of(smoothed(part, width), start, end),
+        notes=event_notes(motion),
     )
 
 
@@ -85,24 +78,28 @@ def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     """The indices of a smooth motion between execute and end; also with the current removed where it is known.
 
     ``executes`` holds the first change of the command, the moment at which it was half done, and the end [s].
-    The advance counts from the first, and beside it from the second.
+    The advance counts from the first, and beside it from the second; the other way round, as all else, where
+    orders are known from events only.
     """
-    start, half, end = (float(each) for each in executes)
-    values = _indices_over_ground(motion, start, end)
+    start, end = float(executes[0]), float(executes[2])
+    count = float(counted(motion, executes))
+    beside, name = the_other(motion, executes)
+    values = _indices_over_ground(motion, start, count, end)
     if "advance_m" in values:
-        values["advance_half_command_m"] = values["advance_m"] - distance_m(motion, start, half)
+        values[f"advance_{name}_m"] = values["advance_m"] - distance_m(motion, count, float(beside))
     turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
     if turned >= LEAST_TURN_DEG:
         north, east = drift_pairs(motion, start, end)
         if north.size:
             water = without_current(motion, float(north.mean()), float(east.mean()), start)
-            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, start, end).items()
+            values |= {name + REMOVED: each for name, each in _indices_over_ground(water, start, count, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
 
 
-def _indices_over_ground(motion: Motion, start: float, end: float) -> dict[str, float]:
-    approach = approach_of(motion, start)
+def _indices_over_ground(motion: Motion, first: float, start: float, end: float) -> dict[str, float]:
+    """Indices counted from ``start``, the approach being what was before ``first`` [s]."""
+    approach = approach_of(motion, first)
     side = 1.0 if motion.at("heading_deg", end) > motion.at("heading_deg", start) else -1.0
     turned = side * (motion.heading_deg - approach["approach_unwrapped_deg"])
     ahead = approach["approach_unwrapped_deg"]

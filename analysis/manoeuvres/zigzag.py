@@ -12,11 +12,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, nominal_deg, with_limits
-from analysis.manoeuvres.limits import INITIAL_TURNING_LENGTHS, overshoot_limit_deg
+from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, nominal_deg
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
-from analysis.manoeuvres.segments import Plateau, execute_s
+from analysis.manoeuvres.segments import Plateau, counted, event_notes, execute_s, the_other
 from analysis.manoeuvres.tracks import approach_of, approach_settings, crossing_s, distance_m, level_before, peak
 
 FEWEST_SWINGS = 3
@@ -83,40 +82,37 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
 def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float | None) -> Manoeuvre:
     """The zigzag that a chain of swings is, with its indices."""
     both = executes_of(motion, helm, chain)
-    executes = both[0]
+    executes = counted(motion, both)
     part = motion.around(executes[0], executes[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
     found = measured_with_intervals(part, both, half_width_s(part, swing_s), zigzag_indices)
     settings = _settings(part, chain, both)
     indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
     angle, switch = settings["azimuth_deg"], settings["switch_deg"]
-    limits = {
-        f"overshoot_{number}_deg": overshoot_limit_deg(number, angle, switch, length_m, settings["approach_mps"])
-        for number in (1, 2)
-    }
-    limits["initial_turning_m"] = INITIAL_TURNING_LENGTHS * length_m if length_m else None
+    steady = () if "reach_s" in found else ("the approach was not steady",)
     return Manoeuvre(
         kind="zigzag",
         name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}",
-        start=motion.utc(executes[0]),
+        start=motion.utc(both[0, 0]),
         end=motion.utc(executes[-1]),
         side="starboard" if _first_side(part, executes) > 0 else "port",
         settings=settings,
-        indices=with_limits(indices, limits),
+        indices=indices,
         executes=tuple(motion.utc(each) for each in executes[1:-1]),
-        notes=() if "reach_s" in found else ("the approach was not steady",),
+        notes=(*steady, *event_notes(motion)),
     )
 
 
 def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, float]:
-    executes = both[0]
+    # Of an order that is known from events only the moment lies between its first change and half of it.
+    executes = both.mean(axis=0) if part.orders_are_events else both[0]
     heading = np.interp(executes[:-1], part.time_s, part.heading_deg)
     return {
         "azimuth_deg": float(np.median([abs(each.level) for each in chain])),
         "switch_deg": _switch_deg(heading),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(both[1, :-1] - both[0, :-1])),
-        **approach_settings(part, executes[0]),
+        **approach_settings(part, both[0, 0]),
     }
 
 
@@ -138,32 +134,32 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
     """The indices of a smooth motion; ``both`` [2, swings + 1] as from :func:`executes_of`.
 
     An overshoot counts from the first change of the command; beside it stands the one from half way of the
-    change, which is what a reader of slowly moved levers or interpolated orders finds. What was not reached is
+    change, which is what a reader of slowly moved levers finds. Where orders are known from events only all
+    counts from half way, and the overshoot from the first change stands beside it. What was not reached is
     missing; after an approach that was not steady, all that hangs on the approach.
     """
-    executes = both[0]
-    heading, steady = _deviation_deg(motion, executes)
+    executes = counted(motion, both)
+    approach = approach_of(motion, both[0, 0])
+    heading, steady = _deviation_deg(motion, executes, approach)
     values = _overshoots(motion, heading, both)
     if executes.size >= 5:
         values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3]))
     if steady:
         tenth_s = crossing_s(motion.time_s, heading, _INITIAL_TURN_DEG, executes[0], executes[2])
         back_s = crossing_s(motion.time_s, -heading, 0.0, executes[1], executes[-1])
-        approach_mps = approach_of(motion, executes[0])["approach_mps"]
         swinging = motion.between(executes[1], executes[-1])
         values |= {
             "initial_turning_time_s": executes[1] - executes[0],
             "initial_turning_m": distance_m(motion, executes[0], tenth_s),
             "reach_s": back_s - executes[0],
-            "speed_loss": 1.0 - float(swinging.speed_mps.mean()) / approach_mps,
+            "speed_loss": 1.0 - float(swinging.speed_mps.mean()) / approach["approach_mps"],
         }
     return values
 
 
-def _deviation_deg(motion: Motion, executes: Floats) -> tuple[Floats, bool]:
+def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, float]) -> tuple[Floats, bool]:
     """The heading off the course of the approach, positive to the side of the first swing, and whether the
     approach was steady. If not, the course is the middle of the headings at which the helm was reversed."""
-    approach = approach_of(motion, executes[0])
     largest = float(np.abs(motion.between(executes[0], executes[-1]).yaw_rate_dps).max())
     steady = abs(approach["approach_yaw_rate_dps"]) < _STEADY_SHARE * largest
     at_executes = np.interp(executes[1:-1], motion.time_s, motion.heading_deg)
@@ -174,7 +170,7 @@ def _deviation_deg(motion: Motion, executes: Floats) -> tuple[Floats, bool]:
 
 def _overshoots(motion: Motion, heading: Floats, both: Floats) -> dict[str, float]:
     """Every overshoot and the time it took to check the yaw, and the mean overshoot of three and more."""
-    executes, halves = both
+    executes, beside, name = counted(motion, both), *the_other(motion, both)
     swings = executes.size - 2
     values: dict[str, float] = {}
     found = []
@@ -186,9 +182,7 @@ def _overshoots(motion: Motion, heading: Floats, both: Floats) -> dict[str, floa
             continue  # the helm was taken off before the ship had answered
         found.append(top - float(np.interp(executes[number], motion.time_s, towards)))
         values[f"overshoot_{number}_deg"] = found[-1]
-        values[f"overshoot_{number}_half_command_deg"] = top - float(
-            np.interp(halves[number], motion.time_s, towards)
-        )
+        values[f"overshoot_{number}_{name}_deg"] = top - float(np.interp(beside[number], motion.time_s, towards))
         values[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
     if len(found) > 2:
         values["overshoot_mean_deg"] = float(np.mean(found))
