@@ -241,9 +241,10 @@ def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, s
 def trial_names(paths: Sequence[Path]) -> list[str]:
     """The files' names without suffix, numbered where files in different folders are called the same."""
     stems = [Path(path).stem for path in paths]
-    names, taken = [], {stem for stem in stems if stems.count(stem) == 1}
+    alone = {stem for stem in stems if stems.count(stem) == 1}
+    names, taken = [], set(alone)
     for stem in stems:
-        if stem not in taken:
+        if stem not in alone:
             stem = next(name for name in (f"{stem}-{number}" for number in count(1)) if name not in taken)
             taken.add(stem)
         names.append(stem)

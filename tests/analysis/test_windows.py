@@ -188,8 +188,9 @@ def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:
 @settings(max_examples=30, deadline=None)
 def test_noise_is_measured_through_ramps_and_steps(sigma: float, slope: float, seed: int) -> None:
     random = np.random.default_rng(seed)
-    values = sigma * random.standard_normal(2000) + slope * np.arange(2000)
-    values += np.repeat(random.uniform(-100, 100, 40), 50)
+    rows = 6000  # of 2000 the estimate itself scatters by 5 %, and two seeds in a thousand miss
+    values = sigma * random.standard_normal(rows) + slope * np.arange(rows)
+    values += np.repeat(random.uniform(-100, 100, rows // 50), 50)
     assert noise_of(values) == pytest.approx(sigma, rel=0.2)
 
 
