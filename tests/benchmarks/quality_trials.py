@@ -67,7 +67,9 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
 }  # fmt: skip
 
 
-def drawn(generator: np.random.Generator, *, windy: bool = False) -> tuple[pd.DataFrame, str]:
+def drawn(
+    generator: np.random.Generator, *, windy: bool = False, northward: bool = False
+) -> tuple[pd.DataFrame, str]:
     """A sound trial with everything about it drawn by chance, and what it is."""
     vessel = str(generator.choice(["gunnerus_short", "gunnerus_long"]))
     sea = str(generator.choice(["gentle", "moderate"] if windy else ["calm", "gentle", "moderate"]))
@@ -75,7 +77,7 @@ def drawn(generator: np.random.Generator, *, windy: bool = False) -> tuple[pd.Da
     rate_hz = float(generator.choice(RATES_HZ))
     duration_s = float(generator.uniform(900.0, 1800.0))
     noise = float(np.exp(generator.uniform(np.log(0.4), np.log(2.5))))
-    heading_deg = float(generator.uniform(0.0, 360.0))
+    heading_deg = 0.0 if northward else float(generator.uniform(0.0, 360.0))
     seed = int(generator.integers(1 << 30))
     table, _ = simulate_trial(
         vessel, sea, manoeuvre, duration_s, rate_hz, seed, noise=Noise().scaled(noise), heading_deg=heading_deg
@@ -100,7 +102,8 @@ def clean(number: int) -> tuple[str, list[str]]:
 def spoilt(number: int, name: str, which: int) -> tuple[str, bool, bool | None, list[str]]:
     """A spoilt trial: what it was, whether the fault was found, whether its interval holds the truth, the rest."""
     generator = np.random.default_rng((number, 2))
-    table, what = drawn(generator, windy=name.startswith("wind") or name == "stuck")
+    windy, northward = name.startswith("wind") or name == "stuck", name == "heading_wrap"
+    table, what = drawn(generator, windy=windy, northward=northward)
     case = FAULTS[name][which](table, generator)
     findings = findings_of(case.table)
     due = [each for each in findings if is_due(each, case)]
