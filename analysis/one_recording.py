@@ -25,11 +25,10 @@ import numpy as np
 import pandas as pd
 
 from acquisition.channels import NAMES
-from acquisition.errors import DataShortageError, InputError, SeatrialError, StorageError, storage_error
+from acquisition.errors import InputError, SeatrialError, StorageError, storage_error
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.trial import software_version
 from analysis.export import FLAG_MEANING, SIGMA_SUFFIX, unit_of
-from analysis.frames import NANO, times_ns
 from analysis.history import history_of, with_step
 from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
 from analysis.parquet import write_parquet
@@ -53,7 +52,6 @@ KEY_INDICES = frozenset({
 NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing with `seatrial recover`"
 """The remark on a recording that was cut off: done, and explained."""
 
-_LONGEST_DAYS = 31  # of one recording; whoever claims more had his clock set while he recorded
 _COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
 _THUMBNAIL_POINTS = 60
 
@@ -182,7 +180,6 @@ def analysed(path: Path, options: Options, name: str = "") -> Products:
     recording = read_recording(path)
     raw = table_of(recording)
     raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
-    _refuse_endless(raw, path)
     quality = check_recording(recording, raw)
     mended = repair(raw, quality.findings, quality.flags) if options.repair else Repaired(raw, ())
     one_hz = resample(mended.table, 1.0)
@@ -207,17 +204,6 @@ def _with_motion(one_hz: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
     both = {str(name): states[name] for name in states}
     both |= {f"{name}{SIGMA_SUFFIX}": sigmas[name] for name in sigmas}
     return with_step(one_hz, "smooth", rate_hz=1.0).assign(**both)
-
-
-def _refuse_endless(table: pd.DataFrame, path: Path) -> None:
-    """A clock that jumped by years makes a table that no memory holds."""
-    time_ns = times_ns(table)
-    days = (int(time_ns.max()) - int(time_ns.min())) / NANO / 86400 if time_ns.size else 0.0
-    if days > _LONGEST_DAYS:
-        raise DataShortageError(
-            f"its samples lie within {days:,.0f} days, more than the {_LONGEST_DAYS} of one recording",
-            where=str(path), why="its clock was probably set while it recorded", fix="see `seatrial info`",
-        )  # fmt: skip
 
 
 def cause_of(error: BaseException) -> str:

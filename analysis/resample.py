@@ -29,6 +29,7 @@ from acquisition.recording.reader import Recording
 from analysis.frames import NANO, index_of, times_ns
 from analysis.history import with_step
 from analysis.table import attributes_of, believed, bounds_ns, channels_of, checked_delays_ns
+from analysis.time_span import refuse_endless
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
@@ -115,7 +116,7 @@ def _on_grid(
     delays: Mapping[str, float] | None,
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
-    rate = _checked_rate(rate_hz)
+    rate = checked_rate(rate_hz)
     delay_ns = checked_delays_ns(delays or {})
 
     def valid(name: str) -> Samples:
@@ -123,7 +124,9 @@ def _on_grid(
         there = np.isfinite(values)
         return time_ns[there] - delay_ns.get(name, 0), values[there]
 
-    grid_ns = _grid(*_span(valid(name)[0] for name in names), rate)
+    first_ns, last_ns = _span(valid(name)[0] for name in names)
+    refuse_endless(first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", "")))
+    grid_ns = grid(first_ns, last_ns, rate)
     columns = {name: _resampled(name, *valid(name), grid_ns, rate, longest_gap_s) for name in names}
     result = pd.DataFrame(columns, index=index_of(grid_ns))
     result.attrs = {**attributes, "rate_hz": float(rate_hz)}
@@ -140,13 +143,14 @@ def _span(times: Iterable[Times]) -> tuple[int, int]:
     return min(first for first, _ in ends), max(last for _, last in ends)
 
 
-def _checked_rate(rate_hz: float) -> Fraction:
+def checked_rate(rate_hz: float) -> Fraction:
+    """A rate [Hz] as a ratio. Raises :class:`InputError` for one that is not possible."""
     if not 0.0 < rate_hz <= 1000.0:
         raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
     return Fraction(rate_hz).limit_denominator(1000)
 
 
-def _grid(first_ns: int, last_ns: int, rate: Fraction) -> Times:
+def grid(first_ns: int, last_ns: int, rate: Fraction) -> Times:
     """All whole multiples of 1 / rate between two times, ends included [ns]; exact for thirds of seconds too."""
     step = Fraction(NANO) / rate
     steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
@@ -164,7 +168,7 @@ def _resampled(
     if times.size == 0 or grid_ns.size == 0:
         return result
     interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
-    limit_ns = (longest_gap_s if longest_gap_s is not None else _own_gap_s(interval_ns)) * NANO
+    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
     covered, before, share = _bracket(times, grid_ns, limit_ns)
     result[covered] = _interpolated(samples, before[covered], share[covered], circular)
     if 0 < interval_ns < _FASTER * NANO / rate:
@@ -175,7 +179,8 @@ def _resampled(
     return _in_turn(name, result)
 
 
-def _own_gap_s(interval_ns: float) -> float:
+def own_gap_s(interval_ns: float) -> float:
+    """The longest gap [s] that is bridged in a channel whose samples usually lie so far apart."""
     return min(max(_GAP_S, _GAP_INTERVALS * interval_ns / NANO), _LONGEST_GAP_S)
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import itertools
 import json
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from numpy.typing import NDArray
 
 from acquisition.angles import wrap_360
 from acquisition.channels import POSE
-from acquisition.errors import InputError
 from analysis.frames import NANO, index_of, times_ns
 from analysis.history import history_of, with_step
 from analysis.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
@@ -43,9 +41,11 @@ from analysis.motion_model import (
 )
 from analysis.noise_levels import NoiseLevels, estimate_levels
 from analysis.parquet import write_parquet
+from analysis.resample import checked_rate, grid, own_gap_s
 from analysis.slow_motion import local_quadratic, smooth_motion
 from analysis.smoothing_consistency import Consistency, consistency_of
 from analysis.table import require
+from analysis.time_span import refuse_endless
 
 __all__ = ["Smoothed", "local_quadratic", "smooth", "smooth_motion"]
 
@@ -54,7 +54,6 @@ COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BOD
 
 _RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this nothing is left to carry on
 _BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
-_GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
 _IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
 
 
@@ -110,6 +109,7 @@ def smooth(
     that are known; else they are estimated. Raises :class:`InputError` for a table without position or heading.
     """
     require(table, POSE)
+    _refuse_endless(table)
     rules = gate or Gate()
     data = binned(table)
     noise = levels or estimate_levels(data, rules)
@@ -138,6 +138,11 @@ def smooth(
     )
 
 
+def _refuse_endless(table: pd.DataFrame) -> None:
+    times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
+    refuse_endless(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
+
+
 @dataclass(frozen=True, slots=True)
 class _Motion:
     """Body-fixed motion on the grid [rows, 9] with its covariance [rows, 9, 9]."""
@@ -164,15 +169,8 @@ def _as_table(mean: Floats, grid_ns: Counts, rate_hz: float, table: pd.DataFrame
 
 def _grid(data: Binned, rate_hz: float) -> Counts:
     """Whole multiples of 1 / rate from the first to the last step [ns]."""
-    if not 0.0 < rate_hz <= 1000.0:
-        raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
-    rate = Fraction(rate_hz).limit_denominator(1000)
-    step = Fraction(NANO) / rate
-    first_ns = data.epoch_ns + round(float(data.time_s[0]) * NANO)
-    last_ns = data.epoch_ns + round(float(data.time_s[-1]) * NANO)
-    steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
-    whole, rest = np.divmod(steps, rate.numerator)
-    return np.asarray(whole * NANO + rest * NANO // rate.numerator, dtype=np.int64)
+    first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
+    return grid(first_ns, last_ns, checked_rate(rate_hz))
 
 
 def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
@@ -283,8 +281,7 @@ def _in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: 
 
 def _beyond(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> NDArray[np.bool_]:
     interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
-    own = min(max(_GAP_S, _GAP_INTERVALS * interval_s), _LONGEST_GAP_S)
-    limit_s = own if longest_gap_s is None else longest_gap_s
+    limit_s = own_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
     before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
     after = np.minimum(before + 1, samples_s.size - 1)
     on_sample = np.abs(grid_s - samples_s[np.maximum(before, 0)]) <= 1e-6

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,18 @@ from analysis.quality.motion_checks import motion
 from analysis.quality.orders import orders
 from analysis.quality.samples import Integers, Mask, column_samples, samples_of, times_of
 from analysis.quality.stuck import following_rates
-from analysis.quality.summary import ALL, WORDS, clock_jump_finding, findings_of
+from analysis.quality.summary import ALL, WORDS, clock_jump_finding, findings_of, time_outlier_finding
 from analysis.quality.thruster_feedback import thruster_feedback
-from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
+from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
 from analysis.quality.wind import wind
 from analysis.table import table_of
+from analysis.time_span import main_stretch
 
 CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
-GRAVITY = ("clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled", "stuck",
+GRAVITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
+           "stuck",
            "heading_wrap_interpolated", "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter",
            "heading_offset", "wind_apparent", "wind_direction_offset", "order_interpolated", "spike", "gap",
            "quantised", "time_jitter", "duplicate")  # fmt: skip
@@ -95,7 +97,45 @@ def _check(
     joined: pd.DataFrame,
     series: Mapping[str, Series],
 ) -> DataQuality:
-    """``whole`` has the values that a decoder flagged bad, too: they may be out of range."""
+    """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
+    stamps = times_ns(joined)
+    first, last = main_stretch(stamps) if stamps.size else (0, 0)
+    inside = (stamps >= first) & (stamps <= last)
+    if inside.all():
+        return _check_stretch(samples, whole, joined, series)
+    some, some_whole = _within(samples, first, last), _within(whole, first, last)
+    parts = {name: part_of(each, (each.measured_ns >= first) & (each.measured_ns <= last))
+             for name, each in series.items()}  # fmt: skip
+    found = time_outlier_finding(samples, first, last)
+    quality = _check_stretch(some, some_whole, joined[inside], parts, (found,))
+    columns = joined[list(samples)]
+    flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
+    flags.loc[inside, list(some)] = quality.flags.to_numpy()
+    channels = {name: replace(each, count=len(whole[name]), flagged=dict(_counted(flags[name])))
+                for name, each in quality.channels.items()}  # fmt: skip
+    return DataQuality(channels, quality.findings, flags)
+
+
+def _within(samples: Mapping[str, pd.Series[Any]], first: int, last: int) -> dict[str, pd.Series[Any]]:
+    """The channels' samples between two times; a channel without any is left out."""
+    found = {name: each[(times_of(each) >= first) & (times_of(each) <= last)] for name, each in samples.items()}
+    return {name: each for name, each in found.items() if len(each)}
+
+
+def _counted(flags: pd.Series[Any]) -> Iterator[tuple[int, int]]:
+    kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
+    return ((int(kind), int(count)) for kind, count in zip(kinds, counts, strict=True))
+
+
+def _check_stretch(
+    samples: Mapping[str, pd.Series[Any]],
+    whole: Mapping[str, pd.Series[Any]],
+    joined: pd.DataFrame,
+    series: Mapping[str, Series],
+    known: tuple[Finding, ...] = (),
+) -> DataQuality:
+    """``known`` are findings already made, ``whole`` has the values that a decoder flagged bad, too: they may be
+    out of range."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources = following_rates(joined), joined.attrs.get("sources", {})
@@ -108,7 +148,7 @@ def _check(
     across = tuple(finding for each in checked for finding in each.findings)
     _explain(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(samples, joined, series)
-    findings = (*across, *jump_findings, *_single_findings(faults, across, jumps))
+    findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
     flags = _merged(faults, rows, checked, joined)
     channels = {name: each.quality(_named(findings, name), whole[name], jumps) for name, each in faults.items()}
     return DataQuality(channels, tuple(sorted(findings, key=_gravity)), flags)

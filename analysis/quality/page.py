@@ -20,6 +20,7 @@ from analysis.parquet import write_parquet
 from analysis.quality.samples import runs_of
 from analysis.quality.summary import ALL
 from analysis.quality.terminal import counts_of, sentences
+from analysis.time_span import main_stretch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,7 +111,8 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
 
     axes = figure.subplots()
     stamps = times_ns(quality.flags)
-    edges = np.linspace(stamps[0], stamps[-1] + 1, _BINS + 1)
+    first, last = main_stretch(stamps)
+    edges = np.linspace(first, last + 1, _BINS + 1)
     days = _days(edges.astype("datetime64[ns]"))
     names = list(quality.channels)
     for line, name in enumerate(names):

@@ -29,6 +29,7 @@ from analysis.quality import orders, rebuilt_path, wind
 from analysis.quality.findings import Finding, Flags
 from analysis.quality.runs import Bools, Floats, integral, samples_of
 from analysis.quality.summary import ALL
+from analysis.time_span import main_stretch
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
 Columns = dict[str, Floats]
@@ -177,6 +178,15 @@ def _possible(name: str, value: Floats) -> Bools:
     return possible
 
 
+def without_strays(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
+    """Gaps where a row is stamped years away from the recording proper."""
+    times = times_ns(table)
+    first, last = main_stretch(times)
+    stray = (times < first) | (times > last)
+    columns = {name: table[name].mask(stray).to_numpy(dtype=float) for name in _channels(table, finding)}
+    return "samples stamped years away became gaps", columns
+
+
 def without_repeats(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
     """Gaps where a measured time comes again with the value it had; the row stays, and other values stay."""
     columns = {}
@@ -268,6 +278,7 @@ def _since_s(table: pd.DataFrame) -> Floats:
 
 
 _REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], tuple[str, Columns]]] = {
+    "time_outlier": without_strays,
     "out_of_range": without_flagged,
     "spike": without_flagged,
     "stuck": without_flagged,

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from acquisition.channels import BY_NAME
+from analysis.frames import NANO
 from analysis.quality.findings import Finding
-from analysis.quality.samples import Stretch
+from analysis.quality.samples import Integers, Stretch, times_of
 from analysis.quality.time_checks import ClockJump
+from analysis.time_span import stamped
 
 ALL = "all"
+_FEW = 0.05
+"""The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
 Troubles = Mapping[str, list[Stretch]]
 """By channel: where it has one kind of trouble."""
 
@@ -139,3 +145,28 @@ def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
     estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
     remedy = "Take the jump off every later stamp before anything crosses it"
     return Finding("clock_jump", channel, stamp(jump.start_ns), stamp(jump.end_ns), text, remedy, estimate)
+
+
+def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, last_ns: int) -> Finding:
+    """Samples that are stamped outside the recording proper, which lasts from ``first_ns`` to ``last_ns``.
+
+    A few are certain to be wrong; of two halves that lie years apart nobody knows which.
+    """
+    stray = {name: _outside(times_of(each), first_ns, last_ns) for name, each in samples.items()}
+    stray = {name: each for name, each in stray.items() if each.size}
+    every = np.concatenate(list(stray.values()))
+    away_s = max(first_ns - int(every.min()), int(every.max()) - last_ns) / NANO
+    channel = next(iter(stray)) if len(stray) == 1 else ALL
+    count, due = every.size, sum(map(len, samples.values()))
+    text = (
+        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {stamped(every)}, up to "
+        f"{away_s / 86400:,.0f} days from the recording proper, {stamped(np.array([first_ns, last_ns]))}"
+    )
+    remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
+    estimate = {"count": float(count), "seconds": away_s}
+    ends = stamp(int(every.min())), stamp(int(every.max()))
+    return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)
+
+
+def _outside(time_ns: Integers, first_ns: int, last_ns: int) -> Integers:
+    return time_ns[(time_ns < first_ns) | (time_ns > last_ns)]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
 from acquisition.recording.reader import Series
@@ -180,7 +181,7 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     for each in series.values():
         if np.any(each.measured_ns != each.received_ns):
             for number, name in enumerate(each.sources):
-                sources.setdefault(name, []).append(_part(each, each.source_index == number))
+                sources.setdefault(name, []).append(part_of(each, each.source_index == number))
     found = []
     for name, parts in sources.items():
         received = np.concatenate([part.received_ns for part in parts])
@@ -190,7 +191,8 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     return found
 
 
-def _part(series: Series, chosen: np.ndarray) -> Series:
+def part_of(series: Series, chosen: NDArray[np.bool_]) -> Series:
+    """The chosen samples [n] of a series."""
     return Series(series.measured_ns[chosen], series.received_ns[chosen], series.value[chosen],
                   series.quality[chosen], series.sources, series.source_index[chosen])  # fmt: skip
 

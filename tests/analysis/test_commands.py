@@ -6,14 +6,19 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 import typer
 from rich.text import Text
 from typer.testing import CliRunner
 
 from acquisition.errors import InputError
+from acquisition.frames import Quality
+from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from analysis.quality.check import check_recording, check_table
+from analysis.table import read_table
 from hybrid.truth.trial import simulate_trial
 from seatrial import app
 
@@ -72,3 +77,51 @@ def test_the_same_recording_gives_the_same_bytes_in_every_format(
             monkeypatch.setattr("time.asctime", lambda *_, day=day: day)
             assert RUN.invoke(app, ["export", str(recording), "-o", str(path)]).exit_code == 0
         assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def with_1970(recording: Path) -> Path:
+    """The recording, its first row stamped by a clock that did not know the year yet."""
+    table = read_table(recording)
+    times = pd.DatetimeIndex(table.index).insert(0, pd.Timestamp(0, tz="UTC")).delete(1)
+    path = recording.with_name("first_in_1970.mcap")
+    write_table(table.set_axis(times.rename("time"), axis=0), path, Trial("voyage"))
+    return path
+
+
+@pytest.mark.parametrize(
+    "words", [("export", "-o", "{out}/t.csv", "--rate", "1"), ("windows", "-o", "{out}/w.parquet"), ("manoeuvres",),
+              ("smooth", "-o", "{out}/s.parquet")],
+)  # fmt: skip
+def test_a_stamp_of_1970_is_an_error_that_names_it_and_not_a_grid_of_56_years(
+    words: tuple[str, ...], with_1970: Path, tmp_path: Path
+) -> None:
+    run = RUN.invoke(app, [words[0], str(with_1970), *(each.format(out=tmp_path) for each in words[1:])])
+    assert isinstance(run.exception, InputError)
+    for part in ("first_in_1970.mcap", "1970-01-01 00:00:00", "--repair"):
+        assert part in str(run.exception)
+    assert len(str(run.exception).splitlines()) == 1
+
+
+def test_a_stamp_of_1970_is_found_flagged_and_mended(with_1970: Path, recording: Path, tmp_path: Path) -> None:
+    quality = check_recording(read_recording(with_1970))
+    assert [each.code for each in quality.findings] == ["time_outlier"]
+    assert quality.findings[0].estimate["count"] == 13
+    assert (quality.flags.iloc[0] == Quality.BAD).all()
+    assert not (quality.flags.iloc[1:] == Quality.BAD).to_numpy().any()
+    assert {each.count for each in quality.channels.values()} == {600}
+    mended = tmp_path / "mended.mcap"
+    run = RUN.invoke(app, ["check", str(with_1970), "-o", str(tmp_path), "--repair", str(mended)])
+    assert run.exit_code == 0
+    pd.testing.assert_frame_equal(read_table(mended), read_table(recording).iloc[1:])
+    run = RUN.invoke(app, ["export", str(with_1970), "-o", str(tmp_path / "t.csv"), "--rate", "1", "--repair"])
+    assert run.exit_code == 0
+
+
+def test_half_a_recording_years_away_is_said_and_not_repaired(recording: Path) -> None:
+    table = read_table(recording)
+    late = pd.DatetimeIndex(table.index[300:]) + pd.Timedelta(days=900)
+    quality = check_table(table.set_axis(table.index[:300].append(late), axis=0))
+    outlier = next(each for each in quality.findings if each.code == "time_outlier")
+    assert not outlier.certain
+    assert "900 days" in outlier.text
