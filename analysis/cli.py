@@ -50,8 +50,12 @@ def check(
     if repair is not None:
         from analysis.quality.repairs import write_repaired
 
-        for each in write_repaired(recording, table, quality.findings, repair, quality.flags).repairs:
-            typer.echo(f"repaired {each.code}: {each.text}, {each.changed:,} values", err=True)
+        repairs = write_repaired(recording, table, quality.findings, repair, quality.flags).repairs
+        for each in repairs:
+            values = "1 value" if each.changed == 1 else f"{each.changed:,} values"
+            typer.echo(f"repaired {each.channel}: {each.text}, {values}", err=True)
+        if not repairs:
+            typer.echo("nothing to repair: the recording is written as it is", err=True)
         typer.echo(repair, err=True)
     if as_json:
         typer.echo(json.dumps(quality.as_json()))
@@ -152,6 +156,7 @@ def manoeuvres(
     length: Annotated[
         float | None, typer.Option(min=0.1, help="The ship's length in metres, for lengths and limits.")
     ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Show every index, each overshoot among them.")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Find the manoeuvres of recordings and their indices."""
@@ -169,7 +174,7 @@ def manoeuvres(
         typer.echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
-            Console().print(screen(each))
+            Console().print(screen(each, every=every))
     if output is not None:
         for path in write_report(found, output, length):
             typer.echo(path, err=as_json)

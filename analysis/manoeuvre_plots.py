@@ -21,6 +21,7 @@ from analysis.plots import FAINT, INK, PALETTE
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
+_MARGINS = {"left": 0.09, "right": 0.92, "bottom": 0.1, "top": 0.88, "hspace": 0.22, "wspace": 0.22}
 _HULL = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
 """A ship's outline, ahead and to starboard, in lengths."""
 
@@ -31,12 +32,19 @@ def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
     return start, end
 
 
+def counted_s(motion: Motion, manoeuvre: Manoeuvre) -> float:
+    """What a turn's indices count from: its execute, or half of the change where orders are events [s]."""
+    start = seconds_of(motion, manoeuvre)[0]
+    return start + manoeuvre.settings["half_command_s"] if motion.orders_are_events else start
+
+
 def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
     """The picture of a manoeuvre, as its kind has it."""
     start, end = seconds_of(motion, manoeuvre)
     part = motion.around(start, end, _MARGIN_S)
     smooth = smoothed(part, half_width_s(part, 0.1 * (end - start)))
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
+    figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
     drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre, length_m)
     figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=11)
 
@@ -49,7 +57,7 @@ def title_of(manoeuvre: Manoeuvre) -> str:
 
 def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
     """Heading and helm with the overshoots, over yaw rate and speed, against the time from the execute."""
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3), gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     base = approach_of(motion, start)["approach_unwrapped_deg"]
@@ -114,9 +122,10 @@ def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> list[Artist]:
 
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1))
-    start, end = seconds_of(motion, manoeuvre)
-    ahead_deg = approach_of(motion, start)["approach_unwrapped_deg"]
+    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1), gridspec_kw=_MARGINS)
+    first, end = seconds_of(motion, manoeuvre)
+    ahead_deg = approach_of(motion, first)["approach_unwrapped_deg"]
+    start = counted_s(motion, manoeuvre)
     shown = motion.between(motion.time_s[0], end)
     current = manoeuvre.current
     main = shown
@@ -199,12 +208,12 @@ def _dimension(axes: Axes, begin: tuple[float, float], end: tuple[float, float],
 
 def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
     """Speed, shafts and heading against time, of what goes straight or is a test of a drive."""
-    above, middle, below = figure.subplots(3, 1, sharex=True)
+    above, middle, below = figure.subplots(3, 1, sharex=True, gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
     time_s = motion.time_s - start
     above.plot(time_s, motion.surge_mps, color=BLUE, label="surge")
     above.plot(time_s, motion.sway_mps, color=ORANGE, label="sway")
-    above.set_ylabel("speed over ground [m/s]")
+    above.set_ylabel("speed [m/s]")
     for name, colour in (("port_rpm", BLUE), ("starboard_rpm", ORANGE), ("tunnel_rpm", GREEN)):
         if np.abs(getattr(motion, name)).max() > 0.0:
             middle.plot(time_s, getattr(motion, name), color=colour, label=name.removesuffix("_rpm"))

@@ -24,6 +24,11 @@ class Index:
     lengths: float | None = None
     limit: float | None = None
 
+    @property
+    def limit_lengths(self) -> float | None:
+        """The limit in ship lengths, None where there is no limit or the index has no lengths."""
+        return self.limit * self.lengths / self.value if self.limit and self.lengths else None
+
     def as_json(self) -> dict[str, Any]:
         """The index with the keys of the contract; what is not known is null."""
         return {
@@ -98,7 +103,7 @@ def as_json(manoeuvres: Iterable[Manoeuvre]) -> list[dict[str, Any]]:
     return [each.as_json() for each in manoeuvres]
 
 
-UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps": "m/s", "_m": "m", "_s": "s"}
+UNITS = {"_deg": "deg", "_dps": "deg/s", "_mps2": "m/s2", "_mps": "m/s", "_rpm": "rpm", "_m": "m", "_s": "s"}
 
 
 def unit_of(name: str) -> str:

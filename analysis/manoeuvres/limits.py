@@ -94,8 +94,8 @@ def _beside_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) 
 
 
 def _turning_note(helm_deg: float, largest_deg: float) -> str:
-    shown = "limits" if is_turning_test(helm_deg, largest_deg) else "no limits: those of advance and diameter"
+    shown = "limits are" if is_turning_test(helm_deg, largest_deg) else "no limits: advance and diameter have them"
     return (
-        f"{shown} are for the turning test with {TURNING_HELM_DEG:.0f} deg or the largest helm; this was "
-        f"{helm_deg:.0f} deg, the largest of this recording {largest_deg:.0f} deg"
+        f"{shown} for {TURNING_HELM_DEG:.0f} deg or the largest helm, "
+        f"and this was {helm_deg:.0f} deg, the largest of this recording {largest_deg:.0f} deg"
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +16,7 @@ import pandas as pd
 from acquisition.trial import software_version
 from analysis.files import in_place_of
 from analysis.manoeuvres.find import find_manoeuvres
-from analysis.manoeuvres.indices import Index, Manoeuvre, as_json
+from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -56,7 +58,7 @@ def words(name: str) -> str:
     'tactical diameter, current removed'
     """
     plain, removed = name.removesuffix("_current_removed"), name.endswith("_current_removed")
-    for suffix in ("_deg", "_dps", "_mps2", "_mps", "_rpm", "_m", "_s"):
+    for suffix in UNITS:
         if plain.endswith(suffix):
             plain = plain.removesuffix(suffix)
             break
@@ -66,19 +68,32 @@ def words(name: str) -> str:
 def cells(index: Index) -> tuple[str, str, str, str]:
     """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
     width = 0.5 * (index.high - index.low)
-    digits = int(np.clip(1 - np.floor(np.log10(width)), 0, 3)) if width > 0 else 2
+    digits = _digits(width, 2) if width > 0 else _digits(index.value, 4)
     interval = f"{index.low:.{digits}f} to {index.high:.{digits}f}" if np.isfinite(width) else ""
     lengths = f"{index.lengths:.2f}" if index.lengths is not None else ""
-    limit = f"{index.limit:.1f}" if index.limit is not None else ""
+    limit = f"{index.limit:.1f} {index.unit}" if index.limit is not None else ""
+    if index.limit_lengths is not None:
+        limit += f" ({index.limit_lengths:.1f} L)"
     return f"{index.value:.{digits}f} {index.unit}".strip(), interval, lengths, limit
+
+
+def _digits(value: float, significant: int) -> int:
+    """The decimals that show so many digits of a value, 4 at most."""
+    return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
 
 
 HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit, for information")
 
 
-def rows_of(manoeuvre: Manoeuvre) -> list[list[str]]:
-    """One row an index."""
-    return [[words(name), *cells(index)] for name, index in manoeuvre.indices.items()]
+_SECONDARY = re.compile(
+    r"time_to_check_yaw_|half_command|first_change|overshoot_([3-9]|\d\d)|(steady|drift|speed_loss).*_removed"
+)
+
+
+def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
+    """One row an index; without ``every`` the first two overshoots stand for all, and the main indices."""
+    return [[words(name), *cells(index)] for name, index in manoeuvre.indices.items()
+            if every or not _SECONDARY.search(name)]  # fmt: skip
 
 
 def headline(manoeuvre: Manoeuvre) -> str:
@@ -88,17 +103,27 @@ def headline(manoeuvre: Manoeuvre) -> str:
     return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.name}{side}, {seconds:.0f} s"
 
 
+def said(name: str, value: float) -> str:
+    """A setting with its unit, to three digits.
+
+    >>> said("port_rpm", 160.04), said("half_command_s", 0.8581), said("swings", 4.0)
+    ('port 160 rpm', 'half command 0.858 s', 'swings 4')
+    """
+    digits = _digits(value, 3) if value % 1.0 else 0
+    return f"{words(name)} {value:.{digits}f} {unit_of(name)}".strip()
+
+
 def subline(manoeuvre: Manoeuvre) -> str:
     """Settings, current and notes."""
-    parts = [f"{words(name)} {value:.3g}" for name, value in manoeuvre.settings.items()]
+    parts = [said(name, value) for name, value in manoeuvre.settings.items()]
     if manoeuvre.current:
         each = manoeuvre.current.as_json()
         parts.append(f"drift {each['speed_mps']:.2f} m/s to {each['direction_deg']:.0f} deg")
     return "; ".join([", ".join(parts), *manoeuvre.notes])
 
 
-def screen(found: Found) -> Group:
-    """A table a manoeuvre for the terminal."""
+def screen(found: Found, *, every: bool = False) -> Group:
+    """A table a manoeuvre for the terminal, of the main indices or of ``every`` one."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -106,9 +131,11 @@ def screen(found: Found) -> Group:
     blocks: list[Any] = [Text(f"{found.recording}: {count_text(found.manoeuvres)}", style="bold")]
     for each in found.manoeuvres:
         table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        for title in HEADER:
+        columns = list(zip(HEADER, *rows_of(each, every=every), strict=True))
+        filled = [column for column in columns if any(column[1:])]
+        for title, *_ in filled:
             table.add_column(title, justify="left" if title == "index" else "right", no_wrap=title != HEADER[-1])
-        for row in rows_of(each):
+        for row in zip(*(column[1:] for column in filled), strict=True):
             table.add_row(*(Text(cell) for cell in row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
     return Group(*blocks)
@@ -120,9 +147,18 @@ def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
     >>> count_text(())
     'no manoeuvre found'
     """
-    kinds = [each.kind for each in manoeuvres]
-    counts = [f"{kinds.count(kind)} {kind.replace('_', ' ')}" for kind in dict.fromkeys(kinds)]
-    return ", ".join(counts) or "no manoeuvre found"
+    counts = Counter(each.kind for each in manoeuvres)
+    return ", ".join(counted_text(number, kind) for kind, number in counts.items()) or "no manoeuvre found"
+
+
+def counted_text(number: int, kind: str) -> str:
+    """So many of a kind.
+
+    >>> counted_text(1, "zigzag"), counted_text(2, "course_change"), counted_text(3, "crabbing")
+    ('1 zigzag', '2 course changes', '3 crabbing runs')
+    """
+    noun = {"crabbing": "crabbing run", "stopping": "stopping test"}.get(kind, kind.replace("_", " "))
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def write_report(found: Sequence[Found], folder: Path, length_m: float | None = None) -> tuple[Path, Path]:

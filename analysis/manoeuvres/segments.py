@@ -108,7 +108,7 @@ def the_other(motion: Motion, both: Floats) -> tuple[Floats, str]:
 def event_notes(motion: Motion) -> tuple[str, ...]:
     """What to know of the executes of a recording whose orders are events."""
     text = (
-        "orders were recorded as events, so that the moment of an order lies somewhere in its change: indices "
-        "count from half of it, those from its first change stand beside; the intervals leave this out"
+        "orders were recorded as events: indices count from half of each change, whose true moment is not known "
+        "and not in the intervals"
     )
     return (text,) if motion.orders_are_events else ()

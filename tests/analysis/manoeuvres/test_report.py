@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -10,11 +12,14 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
+from acquisition.errors import StorageError
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
 from analysis.manoeuvre_plots import draw
 from analysis.manoeuvres import find_manoeuvres
+from analysis.manoeuvres.indices import index_of
 from analysis.manoeuvres.motion import motion_of
+from analysis.manoeuvres.report import cells, manoeuvres_of, subline, write_report
 from analysis.plots import STYLE
 from seatrial import app
 from tests.analysis.manoeuvres.conftest import Sail
@@ -41,6 +46,50 @@ def test_a_table_a_manoeuvre_for_people(recording: Path) -> None:
     assert run.exit_code == 0, run.output
     assert "zigzag 20/20 to port" in run.stdout
     assert "overshoot 1" in run.stdout
+
+
+def test_the_screen_shows_the_main_indices_and_all_on_request(recording: Path) -> None:
+    short, full = (CliRunner().invoke(app, ["manoeuvres", str(recording), *option], env={"COLUMNS": "140"}).stdout
+                   for option in ([], ["--all"]))  # fmt: skip
+    for name in ("overshoot 1 ", "overshoot 2 ", "overshoot mean", "period"):
+        assert name in short
+    assert "half command  " not in short
+    assert "time to check yaw" not in short
+    for name in ("overshoot 3 ", "overshoot 1 half command", "time to check yaw 1"):
+        assert name in full
+
+
+def test_settings_keep_their_units(recording: Path) -> None:
+    (found,) = manoeuvres_of(recording).manoeuvres
+    text = subline(found)
+    for name, unit in (("azimuth", "deg"), ("half command", "s"), ("approach", "m/s"), ("port", "rpm")):
+        assert re.search(rf"\b{name} -?[\d.]+ {unit}(,|;|$)", text), text
+
+
+def test_a_limit_is_shown_with_its_unit_and_in_lengths() -> None:
+    advance = replace(index_of("advance_m", 100.0, 1.0, 50.0), limit=225.0)
+    assert cells(advance)[-1] == "225.0 m (4.5 L)"
+    overshoot = replace(index_of("overshoot_1_deg", 8.0, 1.0, 50.0), limit=10.0)
+    assert cells(overshoot)[-1] == "10.0 deg"
+
+
+def test_a_report_that_fails_leaves_the_older_one(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = [manoeuvres_of(recording)]
+    plain, page = write_report(found, tmp_path)
+    before = plain.read_bytes(), page.read_bytes()
+
+    def full(self: Path, *_: object, **__: object) -> int:
+        with self.open("w") as stream:
+            stream.write("{")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.raises(StorageError):
+        write_report(found, tmp_path, 28.9)
+    assert (plain.read_bytes(), page.read_bytes()) == before
+    assert {each.name for each in tmp_path.iterdir()} == {plain.name, page.name}
 
 
 def test_a_folder_with_json_and_a_page(recording: Path, tmp_path: Path) -> None:

@@ -1,0 +1,88 @@
+"""Orders that were recorded when they changed: interpolated between the events, or repaired to steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from analysis.history import with_step
+from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from analysis.manoeuvres.motion import AZIMUTHS, motion_of
+from analysis.quality.orders import held_orders
+from tests.analysis.manoeuvres.conftest import Sail
+
+
+@pytest.fixture(scope="module")
+def recorded(sail: Sail) -> pd.DataFrame:
+    return sail("gunnerus_short", "gentle", "zigzag_20_20", 300.0).recorded
+
+
+def as_events(table: pd.DataFrame, least_deg: float = 1.5) -> pd.DataFrame:
+    """The azimuths known only where they had changed by so much, at random moments else, and lines between."""
+    random = np.random.default_rng(3)
+    result = table.copy()
+    for name in AZIMUTHS:
+        values = table[name].to_numpy()
+        kept = [0]
+        for row in range(1, values.size):
+            if abs(values[row] - values[kept[-1]]) > least_deg or random.random() < 0.02:
+                kept.append(row)
+        result[name] = np.interp(np.arange(values.size), kept, values[kept])
+    return result
+
+
+def repaired(table: pd.DataFrame) -> pd.DataFrame:
+    steps = table.assign(**{name: held_orders(table, name) for name in AZIMUTHS})
+    steps.attrs = dict(table.attrs)
+    for name in AZIMUTHS:
+        steps = with_step(steps, "repair", code="order_interpolated", channel=name)
+    return steps
+
+
+def zigzag_of(table: pd.DataFrame) -> Manoeuvre:
+    return next(each for each in find_manoeuvres(table, 28.9) if each.kind == "zigzag")
+
+
+def test_measured_azimuths_are_no_events(recorded: pd.DataFrame) -> None:
+    found = zigzag_of(recorded)
+    assert not motion_of(recorded).orders_are_events
+    assert "overshoot_1_half_command_deg" in found.indices
+    assert not any("first_change" in name for name in found.indices)
+    assert not any("events" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("mended", [False, True])
+def test_of_events_the_half_way_counts_and_a_note_says_so(recorded: pd.DataFrame, mended: bool) -> None:
+    events = as_events(recorded)
+    found = zigzag_of(repaired(events) if mended else events)
+    assert found.name == zigzag_of(recorded).name
+    assert any("recorded as events" in note for note in found.notes)
+    assert not any("half_command" in name for name in found.indices)
+    for number in (1, 2):
+        main, first = (found.indices[f"overshoot_{number}{which}_deg"].value for which in ("", "_first_change"))
+        assert main <= first + 0.2
+    assert found.indices["overshoot_1_deg"].limit == 25.0
+    assert found.indices["overshoot_1_first_change_deg"].limit is None
+
+
+@pytest.mark.parametrize("mended", [False, True])
+def test_what_events_say_agrees_with_what_was_measured(recorded: pd.DataFrame, mended: bool) -> None:
+    """From half way of the change, which events place to within a change of 1.5 deg of helm and its seconds."""
+    events = as_events(recorded)
+    found, measured = zigzag_of(repaired(events) if mended else events), zigzag_of(recorded)
+    for number in (1, 2):
+        apart = (found.indices[f"overshoot_{number}_deg"].value
+                 - measured.indices[f"overshoot_{number}_half_command_deg"].value)  # fmt: skip
+        assert abs(apart) < 3.0  # a second of this ship's fastest turn
+
+
+def test_a_circle_of_events_counts_its_advance_from_half_way(sail: Sail) -> None:
+    table = sail("gunnerus_short", "calm", "turning_circle_30", 800.0).recorded
+    both = []
+    for each in (table, as_events(table)):
+        both.append(next(found for found in find_manoeuvres(each) if found.kind == "turning_circle").indices)
+    measured, events = both
+    assert events["advance_first_change_m"].value >= events["advance_m"].value
+    assert abs(events["advance_m"].value - measured["advance_half_command_m"].value) < 5.0
+    assert abs(events["tactical_diameter_m"].value - measured["tactical_diameter_m"].value) < 2.0
