@@ -181,7 +181,7 @@ def analysed(path: Path, options: Options, name: str = "") -> Products:
     raw = table_of(recording)
     raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
-    mended = repair(raw, quality.findings, quality.flags) if options.repair else Repaired(raw, ())
+    mended = repair(raw, quality.findings, quality.flags, recording) if options.repair else Repaired(raw, ())
     one_hz = resample(mended.table, 1.0)
     products = Products(recording, quality, mended.table, one_hz, mended.repairs)
     with products.step():

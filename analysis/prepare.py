@@ -1,7 +1,8 @@
 """From a recording to the table that is asked for: repaired, delays removed, resampled, smoothed, with flags.
 
-The steps come in the order in which each needs the one before: a repair knows the samples that were flagged, a
-delay is only seen once they are repaired, and a smoother has to have the times right.
+The recording is checked once, impossible values left out, and everything follows from what that found: repairs,
+flags and delays. The steps come in the order in which each needs the one before; a smoother has to have the times
+right.
 """
 
 from __future__ import annotations
@@ -44,20 +45,20 @@ def prepared(recording: Recording, how: Preparation) -> pd.DataFrame:
     if how == Preparation(rate_hz=how.rate_hz) and how.rate_hz is not None:
         return resample_recording(recording, how.rate_hz)  # needs no joined table
     raw = table_of(recording)
-    table, flags, delays = raw, None, dict[str, float]()
-    if how.repair or how.flags:
-        from analysis.quality.check import check_recording
-        from analysis.quality.repairs import repair
+    if not (how.repair or how.flags or how.remove_delays):
+        return _at_rate(raw, how, {})
+    from analysis.quality.check import check_recording
+    from analysis.quality.motion_checks import delays_of
+    from analysis.quality.repairs import flags_after, repair
 
-        quality = check_recording(recording, raw)
-        table = repair(raw, quality.findings, quality.flags).table if how.repair else raw
-        flags = quality.flags if how.flags else None
-    if how.remove_delays:
-        from analysis.quality.motion_checks import delays_of, motion
-
-        delays = delays_of(motion(table).findings)
+    quality = check_recording(recording, raw)
+    flags, table = quality.flags, raw
+    if how.repair:
+        table = repair(raw, quality.findings, flags, recording).table
+        flags = flags_after(raw, table, flags)
+    delays = delays_of(quality.findings) if how.remove_delays else {}
     result = _at_rate(table, how, delays)
-    return result if flags is None else with_flags(result, flags, delays)
+    return with_flags(result, flags, delays) if how.flags else result
 
 
 def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from acquisition.channels import Channel
 from acquisition.frames import Quality
 from analysis.frames import NANO
 from analysis.quality.findings import Flags
-from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_time, times_of
+from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_time, possible, times_of
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -48,13 +48,28 @@ def gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | Non
 def out_of_range(samples: pd.Series[Any], channel: Channel) -> Flags:
     """Bad where the value is impossible by :meth:`Channel.holds`."""
     values = samples.to_numpy(dtype=float)
-    if not channel.circular:
-        held = (values >= channel.low) & (values <= channel.high)
-    elif channel.low < 0:
-        held = (values > channel.low) & (values <= channel.high)
-    else:
-        held = (values >= channel.low) & (values < channel.high)
-    return flags_where(~held & ~np.isnan(values), Quality.BAD, values)
+    return flags_where(~possible(channel.name, values) & ~np.isnan(values), Quality.BAD, values)
+
+
+def in_other_turn(samples: pd.Series[Any], channel: Channel) -> bool:
+    """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back.
+
+    They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
+    halves make one turn; three different values at least, or a code for no value would pass. The closed end of
+    the channel's own turn, like a heading of 360, is always the same angle.
+    """
+    values = samples.dropna().to_numpy(dtype=float)
+    outside = values[out_of_range(samples.dropna(), channel) == Quality.BAD]
+    if not channel.circular or not outside.size:
+        return False
+    closed = -180.0 if channel.low < 0.0 else 360.0
+    ours, theirs = ((-180.0, 0.0), (180.0, 360.0)) if channel.low < 0.0 else ((180.0, 360.0), (-180.0, 0.0))
+    contradicting = (values > ours[0]) & (values < ours[1])
+    other = (outside >= theirs[0]) & (outside < theirs[1])
+    if (outside == closed).all():
+        return True
+    whole_turn = bool((other | (outside == closed)).all()) and not contradicting.any()
+    return whole_turn and np.unique(outside).size >= 3
 
 
 def duplicates(samples: pd.Series[Any]) -> Flags:

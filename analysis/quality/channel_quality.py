@@ -72,6 +72,8 @@ class ChannelFaults:
     steps_back: list[Stretch]
     step: float
     jitter_s: float
+    other_turn: bool = False
+    """Whether what is out of range is an angle in the other convention."""
 
     def flags(self) -> Flags:
         """The graver flag of all checks, sample by sample; a value that its decoder called bad is bad."""
@@ -146,6 +148,7 @@ def channel_faults(
         behind=behind == Quality.SUSPECT,
         steps_back=steps_back,
         step=0.0 if assumed else quantised(possible, channel),
+        other_turn=channel_checks.in_other_turn(whole, channel),
         jitter_s=jitter if jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times) else 0.0,
     )
 

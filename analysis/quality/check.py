@@ -18,9 +18,16 @@ from analysis.quality.findings import Check, Checked, Finding, worst
 from analysis.quality.heading_wrap import heading_wrap
 from analysis.quality.motion_checks import motion
 from analysis.quality.orders import orders
-from analysis.quality.samples import Integers, Mask, column_samples, samples_of, times_of
+from analysis.quality.samples import Integers, Mask, column_samples, in_turn, rows_of, samples_of, times_of
 from analysis.quality.stuck import following_rates
-from analysis.quality.summary import ALL, WORDS, clock_jump_finding, findings_of, time_outlier_finding
+from analysis.quality.summary import (
+    ALL,
+    WORDS,
+    clock_jump_finding,
+    findings_of,
+    in_other_words,
+    time_outlier_finding,
+)
 from analysis.quality.thruster_feedback import thruster_feedback
 from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
 from analysis.quality.wind import wind
@@ -144,7 +151,8 @@ def _check_stretch(
         for name, each in samples.items()
     }
     rows = {name: rows_of(stamps, times_of(each)) for name, each in samples.items()}
-    checked = [check(_possible(joined, faults, rows)) for check in CHECKS]
+    possible = _possible(joined, whole, faults, rows)
+    checked = [check(possible) for check in CHECKS]
     across = tuple(finding for each in checked for finding in each.findings)
     _explain(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(samples, joined, series)
@@ -154,26 +162,22 @@ def _check_stretch(
     return DataQuality(channels, tuple(sorted(findings, key=_gravity)), flags)
 
 
-def rows_of(table_ns: Integers, measured_ns: Integers) -> Integers:
-    """The row of each sample in a sorted table that holds a repeated time in as many rows."""
-    order = np.argsort(measured_ns, kind="stable")
-    times = measured_ns[order]
-    rows = np.empty(times.size, dtype=np.int64)
-    rows[order] = np.searchsorted(table_ns, times) + np.arange(times.size) - np.searchsorted(times, times)
-    return np.minimum(rows, table_ns.size - 1)
-
-
 def _possible(
-    joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Integers]
+    joined: pd.DataFrame,
+    whole: Mapping[str, pd.Series[Any]],
+    faults: Mapping[str, ChannelFaults],
+    rows: Mapping[str, Integers],
 ) -> pd.DataFrame:
-    """The table without values out of range, which would drown everything else."""
+    """The table without values out of range, which would drown everything else; angles of the other convention
+    are brought into the channel's."""
     spoilt = {name: each.out_of_range for name, each in faults.items() if each.out_of_range.any()}
     if not spoilt:
         return joined
     cleaned = joined.copy()
     for name, outside in spoilt.items():
         column = cleaned[name].to_numpy(copy=True)
-        column[rows[name][outside]] = np.nan
+        turned = in_turn(name, whole[name].to_numpy(dtype=float)[outside]) if faults[name].other_turn else np.nan
+        column[rows[name][outside]] = turned
         cleaned[name] = column
     cleaned.attrs = joined.attrs
     return cleaned
@@ -228,7 +232,9 @@ def _single_findings(
             for name, fault in faults.items()
             if name not in said
         }
-        found += findings_of(code, troubles, len(faults))
+        made = findings_of(code, troubles, len(faults))
+        turned = [name for name, fault in faults.items() if fault.other_turn] if code == "out_of_range" else []
+        found += [in_other_words(each) if each.channel in turned else each for each in made]
     return found
 
 

@@ -28,7 +28,8 @@ from analysis.quality import heading_wrap as wrapped
 from analysis.quality import orders, rebuilt_path, wind
 from analysis.quality.findings import Finding, Flags
 from analysis.quality.runs import Bools, Floats, integral, samples_of
-from analysis.quality.summary import ALL
+from analysis.quality.samples import in_turn, possible, rows_of
+from analysis.quality.summary import ALL, OTHER_TURN
 from analysis.time_span import main_stretch
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
@@ -57,12 +58,18 @@ class Repaired:
     repairs: tuple[Repair, ...]
 
 
-def repair(table: pd.DataFrame, findings: Iterable[Finding], flags: FlagsByChannel | None = None) -> Repaired:
+def repair(
+    table: pd.DataFrame,
+    findings: Iterable[Finding],
+    flags: FlagsByChannel | None = None,
+    recording: Recording | None = None,
+) -> Repaired:
     """Put right what is certain of ``findings``; the given table stays as it is.
 
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
-    without them these two are left alone. Codes that have no repair here (a delay is taken out by resampling,
-    on request) are passed over, and so is a repair whose channels are lacking.
+    without them these two are left alone. ``recording`` is what the table was read from: angles of the other
+    convention, which the table lacks, are brought back from it. Codes that have no repair here (a delay is taken
+    out by resampling, on request) are passed over, and so is a repair whose channels are lacking.
     """
     certain = sorted(
         (finding for finding in findings if finding.certain and finding.code in _REPAIRS),
@@ -74,8 +81,12 @@ def repair(table: pd.DataFrame, findings: Iterable[Finding], flags: FlagsByChann
         if finding.code == "speed_scale" and scaled:
             continue  # both speeds have one factor, and a finding for each is the same finding
         scaled = scaled or finding.code == "speed_scale"
+        if recording is not None and OTHER_TURN in finding.estimate:
+            table = _with_impossible(table, recording, finding.channel)
         text, columns = _REPAIRS[finding.code](table, finding, flags if flags is not None else {})
         changed = _changed(table, columns)
+        if finding.code == "out_of_range" and finding.channel in table:
+            changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
         if not changed:
             continue
         repairs.append(Repair(finding.code, finding.channel, text, changed))
@@ -107,7 +118,7 @@ def write_repaired(
             "is the recording itself", where=str(target), why="the original stays as it is",
             fix="name another file for the repaired recording",
         )  # fmt: skip
-    repaired = repair(table, findings, flags)
+    repaired = repair(table, findings, flags, recording)
     touched = {
         name: not np.array_equal(repaired.table[name], table[name], equal_nan=True) for name in table.columns
     }
@@ -115,24 +126,26 @@ def write_repaired(
         name: ", ".join(recording.series[name].sources) + (" repaired" if touched[name] else "")
         for name in map(str, table.columns)
     }
+    judged = flags_after(table, repaired.table, flags) if flags is not None else pd.DataFrame()
+    qualities = {str(name): judged[name].to_numpy(np.uint8) for name in judged}
     write_table(
-        repaired.table, target, recording.trial, sources, _qualities(table, repaired.table, flags),
+        repaired.table, target, recording.trial, sources, qualities,
         {KEY: {KEY: json.dumps(history_of(repaired.table))}},
     )  # fmt: skip
     return repaired
 
 
-def _qualities(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel | None) -> dict[str, Flags]:
-    """The flags after the repairs: a value in the place of a bad or missing one is suspect."""
+def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel) -> pd.DataFrame:
+    """The flags [rows, channels] after repairs: a value in the place of a bad or missing one is suspect, and a
+    gap is missing, whatever was there before."""
     qualities = {}
-    for name in before.columns:
-        if flags is None or name not in flags:
-            continue
-        flag = np.array(flags[name], dtype=np.uint8)
-        new = ~_same(before[name].to_numpy(), after[name].to_numpy()) & after[name].notna().to_numpy()
+    for name in [name for name in before.columns if name in flags]:
+        flag, there = np.array(flags[name], dtype=np.uint8), after[name].notna().to_numpy()
+        new = ~_same(before[name].to_numpy(), after[name].to_numpy()) & there
         flag[new & (flag >= Quality.BAD)] = Quality.SUSPECT
+        flag[~there] = Quality.MISSING
         qualities[str(name)] = flag
-    return qualities
+    return pd.DataFrame(qualities, index=before.index)
 
 
 def _changed(table: pd.DataFrame, columns: Columns) -> int:
@@ -164,18 +177,34 @@ def without_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
             value[bad & ~wrapped.straight_through(table, name) if name in wrapped.JUDGED else bad] = np.nan
         if finding.code == "out_of_range" and name in BY_NAME:
-            value[~_possible(name, value)] = np.nan
+            value[~possible(name, value)] = np.nan
         columns[name] = value
-    return f"{finding.code.replace('_', ' ')}: the values became gaps", columns
+    return _EMPTIED[finding.code], columns
 
 
-def _possible(name: str, value: Floats) -> Bools:
-    """As :meth:`acquisition.channels.Channel.holds`, of many values."""
-    channel = BY_NAME[name]
-    beyond_low = value > channel.low if channel.circular and channel.low < 0.0 else value >= channel.low
-    below_high = value < channel.high if channel.circular and channel.low >= 0.0 else value <= channel.high
-    possible: Bools = beyond_low & below_high
-    return possible
+_EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray values became gaps",
+            "stuck": "values of a sensor that stood still became gaps"}  # fmt: skip
+
+
+def without_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> tuple[str, Columns]:
+    """Impossible values turned into the channel's convention where they are angles of the other, else gaps."""
+    if OTHER_TURN not in finding.estimate or finding.channel not in table:
+        return without_flagged(table, finding, flags)
+    name = finding.channel
+    value = table[name].to_numpy(dtype=float, copy=True)
+    outside = np.isfinite(value) & ~possible(name, value)
+    value[outside] = in_turn(name, value[outside])
+    low = BY_NAME[name].low
+    return f"angles turned into {low:g}..{low + 360.0:g}", {name: value}
+
+
+def _with_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd.DataFrame:
+    """The table with the impossible values of a channel that reading a recording leaves out."""
+    series, value = recording.series[name], table[name].to_numpy(dtype=float, copy=True)
+    rows = rows_of(times_ns(table), series.measured_ns)
+    outside = np.isfinite(series.value) & ~possible(name, series.value)
+    value[rows[outside]] = series.value[outside]
+    return table.assign(**{name: value})
 
 
 def without_strays(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
@@ -220,14 +249,8 @@ def on_the_circle(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> t
     after = np.clip(np.searchsorted(sound, np.flatnonzero(wrong)), 1, sound.size - 1)
     hole_s = since_s[sound[after]] - since_s[sound[after - 1]]
     short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if rated else _LONGEST_HOLE_S)
-    value[wrong] = np.where(short, _in_turn(name, filled[wrong]), np.nan)
+    value[wrong] = np.where(short, in_turn(name, filled[wrong]), np.nan)
     return f"{int(wrong.sum())} samples of {name} put back on the circle", {name: value}
-
-
-def _in_turn(name: str, angle_deg: Floats) -> Floats:
-    low = BY_NAME[name].low
-    turned = low + np.mod(angle_deg - low, 360.0)
-    return np.where((turned >= low + 360.0) | ((low < 0.0) & (turned == low)), -low, turned)
 
 
 def scaled_yaw_rate(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
@@ -279,7 +302,7 @@ def _since_s(table: pd.DataFrame) -> Floats:
 
 _REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], tuple[str, Columns]]] = {
     "time_outlier": without_strays,
-    "out_of_range": without_flagged,
+    "out_of_range": without_impossible,
     "spike": without_flagged,
     "stuck": without_flagged,
     "duplicate": without_repeats,

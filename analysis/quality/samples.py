@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.angles import unwrap, wrap_180
-from acquisition.channels import Channel
+from acquisition.channels import BY_NAME, Channel
 from acquisition.frames import Quality
 from acquisition.recording.reader import Series
 from analysis.frames import NANO, index_of
@@ -50,6 +50,30 @@ def column_samples(table: pd.DataFrame, name: str) -> pd.Series[Any]:
 def times_of(samples: pd.Series[Any]) -> Integers:
     """Measured times [ns since 1970] in the order of receipt."""
     return pd.DatetimeIndex(samples.index).as_unit("ns").asi8
+
+
+def rows_of(table_ns: Integers, measured_ns: Integers) -> Integers:
+    """The row of each sample in a sorted table that holds a repeated time in as many rows."""
+    order = np.argsort(measured_ns, kind="stable")
+    times = measured_ns[order]
+    rows = np.empty(times.size, dtype=np.int64)
+    rows[order] = np.searchsorted(table_ns, times) + np.arange(times.size) - np.searchsorted(times, times)
+    return np.minimum(rows, table_ns.size - 1)
+
+
+def possible(name: str, values: Floats) -> Mask:
+    """As :meth:`acquisition.channels.Channel.holds`, of many values."""
+    channel = BY_NAME[name]
+    beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
+    below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
+    return np.asarray(beyond_low & below_high)
+
+
+def in_turn(name: str, angle_deg: Floats) -> Floats:
+    """Angles brought into their channel's turn, as :meth:`acquisition.channels.Channel.wrapped`."""
+    low = BY_NAME[name].low
+    turned = low + np.mod(angle_deg - low, 360.0)
+    return np.where((turned >= low + 360.0) | ((low < 0.0) & (turned == low)), -low if low < 0.0 else 0.0, turned)
 
 
 def in_time(samples: pd.Series[Any], channel: Channel) -> tuple[Integers, Integers, Floats]:

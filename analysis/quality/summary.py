@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from analysis.quality.time_checks import ClockJump
 from analysis.time_span import stamped
 
 ALL = "all"
+OTHER_TURN = "other_turn"
+"""In the estimate of impossible angles that are possible in the other convention."""
 _FEW = 0.05
 """The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
 Troubles = Mapping[str, list[Stretch]]
@@ -40,6 +42,16 @@ def _at(stretch: Stretch) -> str:
 
 def _times(count: int) -> str:
     return "once" if count == 1 else "twice" if count == 2 else f"{count} times"
+
+
+def _count(found: list[Stretch]) -> float:
+    """How many samples stretches hold that are sized by their number."""
+    return sum(each.size for each in found)
+
+
+def _samples(found: list[Stretch]) -> str:
+    count = _count(found)
+    return "1 sample" if count == 1 else f"{count:,.0f} samples"
 
 
 def _unit(channel: str) -> str:
@@ -72,16 +84,16 @@ WORDS: dict[str, Words] = {
         "The samples are flagged bad and stay out of resampling",
     ),
     "out_of_range": Words(
-        lambda channel, found, largest: f"{_who(channel)} has impossible values {_times(len(found))}, the first "
+        lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} with impossible values, the first "
         f"at {_at(min(found))}",
         "The samples are flagged bad; look at the unit and at the source's code for no value",
-        lambda found, largest: {"count": float(len(found))},
+        lambda found, largest: {"count": _count(found)},
     ),
     "duplicate": Words(
-        lambda channel, found, largest: f"{_who(channel)} repeats a measured time {_times(len(found))}, first at "
-        f"{_at(min(found))}",
+        lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} at a measured time that was there "
+        f"before, the first at {_at(min(found))}",
         "Keep one of the samples of one time",
-        lambda found, largest: {"count": float(len(found))},
+        lambda found, largest: {"count": _count(found)},
     ),
     "time_backwards": Words(
         lambda channel, found, largest: f"The measured time of {_who(channel)} runs back {_times(len(found))}, "
@@ -133,6 +145,19 @@ def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
     return Finding(
         code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate, code in CERTAIN
     )
+
+
+def in_other_words(finding: Finding) -> Finding:
+    """A finding of impossible angles that are those of the other convention; that makes their repair certain."""
+    low = BY_NAME[finding.channel].low
+    theirs, ours = ("0..360", "-180..180") if low < 0.0 else ("-180..180", "0..360")
+    count = finding.estimate["count"]
+    text = (
+        f"{finding.channel} counts {theirs} where the convention is {ours}: {count:,.0f} "
+        f"{'sample lies' if count == 1 else 'samples lie'} beyond, the first at {finding.start:%H:%M:%S}"
+    )
+    remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
+    return replace(finding, text=text, remedy=remedy, estimate={**finding.estimate, OTHER_TURN: 1.0})
 
 
 def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:

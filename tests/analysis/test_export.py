@@ -25,6 +25,7 @@ from acquisition.trial import Trial
 from analysis.export import export_table, matlab_name, provenance_of, with_flags
 from analysis.history import history_of, with_step
 from analysis.prepare import Preparation, prepared
+from analysis.quality.findings import Checked
 from analysis.resample import resample
 from analysis.table import read_table
 from seatrial import app
@@ -207,3 +208,41 @@ def test_raw_export_with_flags_keeps_every_row(recording: Path, tmp_path: Path) 
     pd.testing.assert_frame_equal(frame[list(NAMES)], table, check_exact=True, check_freq=False)
     assert (frame["heading_deg_flag"][table["heading_deg"].isna()] == 9).all()
     assert not history_of(table)
+
+
+@pytest.mark.parametrize("rate_hz", [None, 1.0])
+def test_flags_beside_repaired_values_are_those_after_the_repair(
+    recording: Path, tmp_path: Path, rate_hz: float | None
+) -> None:
+    """What a spike left is a gap, and the second it was in is judged by its other samples."""
+    spoilt = read_table(recording)
+    spoilt.loc[spoilt.index[[100, 200, 300]], "north_m"] += 500.0
+    spoilt.loc[spoilt.index[400], "surge_mps"] = 99.0
+    write_table(spoilt, tmp_path / "spoilt.mcap", Trial())
+    before, after = (
+        prepared(read_recording(tmp_path / "spoilt.mcap"), Preparation(rate_hz, repair=each, flags=True))
+        for each in (False, True)
+    )
+    assert (before["north_m_flag"] == 4).sum() == 3
+    for name in ("north_m", "surge_mps"):
+        assert not (after[f"{name}_flag"] == 4).any()
+        assert (after[f"{name}_flag"][after[name].isna()] == 9).all()
+    assert after["north_m"].max() < spoilt["north_m"].max() - 200.0
+
+
+def test_delays_are_those_of_the_check_which_leaves_impossible_values_out(
+    recording: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One look at the motion serves repairs, flags and delays."""
+    from analysis.quality import check
+
+    looks = []
+
+    def motion(table: pd.DataFrame) -> Checked:
+        looks.append(float(table["surge_mps"].max()))
+        return Checked(pd.DataFrame(index=table.index))
+
+    monkeypatch.setattr(check, "CHECKS", (motion,))
+    prepared(read_recording(recording), Preparation(1.0, repair=True, remove_delays=True, flags=True))
+    assert len(looks) == 1
+    assert looks[0] < 30.0

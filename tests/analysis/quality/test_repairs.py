@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from acquisition.angles import difference, unwrap, wrap_360
-from acquisition.channels import NAMES
+from acquisition.channels import BY_NAME, NAMES
 from acquisition.errors import InputError
 from acquisition.frames import Quality
 from acquisition.recording.reader import read_recording
@@ -18,12 +18,14 @@ from acquisition.recording.tables import write_table
 from acquisition.tabular import import_table
 from acquisition.trial import Trial
 from analysis.history import history_of
+from analysis.quality.channel_checks import in_other_turn
+from analysis.quality.check import check_recording
 from analysis.quality.findings import Checked, Finding
 from analysis.quality.heading_wrap import heading_wrap
 from analysis.quality.orders import orders
 from analysis.quality.repairs import Repaired, repair, write_repaired
 from analysis.quality.wind import wind
-from analysis.table import read_table
+from analysis.table import read_table, table_of
 from hybrid.truth.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
@@ -266,3 +268,61 @@ def test_positions_of_2022_agree_with_the_speeds_afterwards(shared_data: Path, t
         usual.append(np.quantile(np.abs(off[20:] - off[:-20]), 0.95))
     assert usual[1] < 0.1 * usual[0]
     assert set(NAMES) <= set(repaired.columns)
+
+
+OTHER_TURNS = {
+    "heading_deg": lambda angle: np.where(angle > 180.0, angle - 360.0, angle),
+    "port_angle_deg": lambda angle: np.where(angle < 0.0, angle + 360.0, angle),
+}
+
+
+@pytest.fixture(scope="module")
+def turning(sound: pd.DataFrame) -> pd.DataFrame:
+    """The trial with both azimuths and headings going all round, recorded."""
+    away = np.linspace(0.0, 900.0, len(sound)) + 0.2 * dice().standard_normal(len(sound))
+    return sound.assign(heading_deg=away % 360.0, port_angle_deg=180.0 - away % 360.0)
+
+
+@pytest.mark.parametrize("name", sorted(OTHER_TURNS))
+def test_angles_of_the_other_convention_are_named_and_turned(
+    turning: pd.DataFrame, tmp_path: Path, name: str
+) -> None:
+    path = tmp_path / "other.mcap"
+    other = turning.assign(**{name: OTHER_TURNS[name](turning[name].to_numpy())})
+    count = int((other[name] != turning[name]).sum())
+    quality_flags = {name: np.where(other[name] != turning[name], 4, 2).astype(np.uint8)}  # as an import flags them
+    write_table(other, path, Trial(), qualities=quality_flags)
+    recording = read_recording(path)
+    quality = check_recording(recording)
+    said = next(each for each in quality.findings if each.code == "out_of_range")
+    assert "-180..180" in said.text
+    assert "0..360" in said.text
+    assert said.estimate["count"] == count
+    write_repaired(recording, table_of(recording), quality.findings, tmp_path / "mended.mcap", quality.flags)
+    mended = read_table(tmp_path / "mended.mcap")
+    assert np.abs(difference(mended[name], turning[name])).max() < 1e-9
+    assert np.isfinite(mended[name]).all()
+
+
+@pytest.mark.parametrize("values", [[10.0, 20.0, -99.0, 30.0, -99.0], [200.0, -1.0, -2.0, -3.0], [5.0, 370.0]])
+def test_codes_for_no_value_are_no_convention(values: list[float]) -> None:
+    """One value again and again, angles of both conventions, or more than either has."""
+    angles = pd.Series(values, index=pd.date_range("2026", periods=len(values), freq="s", tz="UTC"))
+    assert not in_other_turn(angles, BY_NAME["heading_deg"])
+
+
+def test_impossible_values_that_the_reader_left_out_are_counted_as_repaired(
+    sound: pd.DataFrame, tmp_path: Path
+) -> None:
+    flags = np.full(len(sound), 2, dtype=np.uint8)
+    flags[100:106] = 4
+    surge = sound["surge_mps"].to_numpy(copy=True)
+    surge[100:106] = 9999.0
+    write_table(sound.assign(surge_mps=surge), tmp_path / "a.mcap", Trial(), qualities={"surge_mps": flags})
+    recording = read_recording(tmp_path / "a.mcap")
+    quality = check_recording(recording)
+    assert "6 samples" in next(each for each in quality.findings if each.code == "out_of_range").text
+    done = write_repaired(recording, table_of(recording), quality.findings, tmp_path / "b.mcap", quality.flags)
+    assert [(each.code, each.changed) for each in done.repairs] == [("out_of_range", 6)]
+    assert np.abs(read_recording(tmp_path / "b.mcap").series["surge_mps"].value).max() < 30.0
+    assert "repair" in [step["step"] for step in history_of(read_table(tmp_path / "b.mcap"))]
