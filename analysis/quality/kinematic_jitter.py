@@ -53,12 +53,14 @@ class Jitter:
 
 
 @dataclass(frozen=True, slots=True)
-class _Errors:
-    """Of each raw position: when [s], by how much north and east [n, 2], and the velocity of the ship [n, 2]."""
+class PositionErrors:
+    """Of each raw position: when [s], by how much north and east [n, 2], the velocity of the ship [n, 2] and the
+    position itself [n, 2]."""
 
     time_s: Floats
     error: Floats
     velocity: Floats
+    raw: Floats
 
 
 def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
@@ -67,7 +69,7 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     The line of a stretch takes some of a jitter that lasts for seconds away with it, by as much as the stretch is
     short: the size is what stretches of 60 and 120 s lead to in the limit of long ones.
     """
-    errors = _errors(table, fit)
+    errors = position_errors(table, fit)
     short, *halves = (_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S))
     long = _sums(errors, _LONG_S)
     usable, enough = _usable(long), _usable(short)
@@ -85,7 +87,7 @@ Sums = tuple[Floats, Floats, Floats, Floats]
 """For each stretch: samples, and sums of squares of speed, of errors along and of errors across the way."""
 
 
-def _sums(errors: _Errors, seconds: float) -> Sums:
+def _sums(errors: PositionErrors, seconds: float) -> Sums:
     stretch = (errors.time_s // seconds).astype(np.int64)
     left = np.column_stack([_about_lines(column, stretch) for column in errors.error.T])
     body = rotated(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), left)
@@ -112,7 +114,8 @@ def _of_stretches(excess_m2: Floats, moved_m2: Floats) -> tuple[float, float, fl
     return float(total / base), float(error), float(base**2 / (moved_m2**2).sum())
 
 
-def _errors(table: pd.DataFrame, fit: Kinematics) -> _Errors:
+def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
+    """By how much raw positions differ from the path that was fitted; those that stick out are left out."""
     motion, parameters = fit.motion, fit.parameters[:6]
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
     path, slopes = path_model(motion, grid_s)(parameters)
@@ -122,7 +125,7 @@ def _errors(table: pd.DataFrame, fit: Kinematics) -> _Errors:
     at = interpolated(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
     error = raw.levels[within] - at[:, :2]
     sound = ~isolated(error)
-    return _Errors(times[within][sound], error[sound], at[sound, 2:])
+    return PositionErrors(times[within][sound], error[sound], at[sound, 2:], raw.levels[within][sound])
 
 
 def _about_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:

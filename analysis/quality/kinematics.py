@@ -8,12 +8,12 @@ with the factor f of the recorded speeds, the heading's offset b, the lever arm 
 speeds to that of the positions, scale c and bias d of the yaw rate; and each group may be stamped too late. Both
 equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow motion to faster so that
 a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
-out with a wide interval.
+out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.kinematic_coarse`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
 from analysis.quality.kinematic_blocks import Solution, cosines, solve
+from analysis.quality.kinematic_coarse import Coarse, coarse_fit
 from analysis.quality.kinematic_path import Model, path_model, turn_model, without_jumps
 from analysis.quality.kinematic_series import Floats, Motion, Samples, block_starts, motion_of, spline
 
@@ -34,6 +35,7 @@ _DELAY_PRIOR_S = 20.0
 _PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0])
 _TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
 _CLEAR = 4.0
+_FARTHEST = 0.6
 _BLOCK_S = (40.0, 100.0)
 _BLOCKS = 20
 _FEWEST_BLOCKS = 5
@@ -48,6 +50,9 @@ class Kinematics:
     multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
     to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
+    ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
+    where they agree or were not asked (:func:`analysis.quality.kinematic_parts.with_parts`).
+    ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
     parameters: Floats
@@ -56,6 +61,9 @@ class Kinematics:
     blocks: int
     block_s: float
     motion: Motion
+    converged: bool = True
+    coarse: Coarse = field(default_factory=Coarse)
+    half_between: Floats = field(default_factory=lambda: np.zeros(9))
 
     @cached_property
     def standard_errors(self) -> Floats:
@@ -72,8 +80,9 @@ class Kinematics:
         return float(self.standard_errors[NAMES.index(name)])
 
     def interval(self, name: str) -> tuple[float, float]:
-        """The 95 % interval, by Student's t for as many blocks as tell the value."""
+        """The 95 % interval, by Student's t for as many blocks as tell the value, or for the parts that differ."""
         half = quantile(0.975, self.informative[NAMES.index(name)]) * self.standard_error(name)
+        half = max(half, float(self.half_between[NAMES.index(name)]))
         return self.value(name) - half, self.value(name) + half
 
 
@@ -84,13 +93,46 @@ def quantile(probability: float, informative: float) -> float:
     return float(stdtrit(max(informative, 1.0) + 3.0, probability))
 
 
-def fit_kinematics(table: pd.DataFrame) -> Kinematics:
+def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinematics:
     """Fit the motion channels of a table of raw samples to each other.
 
     Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` where fewer than
     5 blocks of 40 s hold all of them.
     """
-    return fit_motion(motion_of(table))
+    coarse = coarse_fit(table) if coarse is None else coarse
+    if coarse.neutral:
+        return replace(fit_motion(motion_of(table)), coarse=coarse)
+    return _begun(fit_motion(motion_of(_corrected(table, coarse))), coarse)
+
+
+def _corrected(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
+    speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
+    heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
+    return table.assign(**speeds, heading_deg=heading, yaw_rate_dps=table["yaw_rate_dps"] * coarse.yaw_rate_factor)
+
+
+def _begun(fit: Kinematics, coarse: Coarse) -> Kinematics:
+    """A fit to a corrected table as one to the table itself: factors multiply, angles add."""
+    scale = np.ones(len(NAMES))
+    scale[NAMES.index("speed_factor")] = coarse.speed_factor
+    scale[NAMES.index("yaw_rate_factor")] = coarse.yaw_rate_factor
+    parameters = fit.parameters * scale
+    parameters[NAMES.index("heading_offset_rad")] += coarse.heading_offset_rad
+    recorded = rescaled(
+        fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
+    )
+    covariance = fit.covariance * np.outer(scale, scale)
+    return replace(fit, parameters=parameters, covariance=covariance, motion=recorded, coarse=coarse)
+
+
+def rescaled(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
+    """Speeds and yaw rate multiplied by their factors, and the offset subtracted from the heading."""
+    return replace(
+        motion,
+        heading=replace(motion.heading, levels=motion.heading.levels - heading_offset_rad),
+        speed=replace(motion.speed, levels=motion.speed.levels * speed_factor),
+        yaw_rate=replace(motion.yaw_rate, levels=motion.yaw_rate.levels * yaw_rate_factor),
+    )
 
 
 def fit_motion(motion: Motion) -> Kinematics:
@@ -115,7 +157,13 @@ def fit_motion(motion: Motion) -> Kinematics:
     return Kinematics(
         np.concatenate([path.parameters, turn.parameters]), covariance,
         np.concatenate([path.informative, turn.informative]), len(starts), block_s, motion,
+        _inside(path.parameters[:2]) and _inside(turn.parameters[:2]),
     )  # fmt: skip
+
+
+def _inside(parameters: Floats) -> bool:
+    """Whether factor and angle (or bias) stayed where the fit can be believed; the coarse fit is to lead there."""
+    return bool(abs(parameters[0] - 1.0) < _FARTHEST and abs(parameters[1]) < _FARTHEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,4 +217,4 @@ def _gauss_newton(level: Samples, models: Models, prior: Floats, frame: _Frame) 
             values = np.where(unclear & (prior >= _DELAY_PRIOR_S), 0.0, values)
     # What the last step still moved is not known better.
     moving = np.diag(np.where(prior >= _DELAY_PRIOR_S, 2.0 * solution.parameters, 0.0) ** 2)
-    return Solution(values, solution.covariance + moving, solution.informative)
+    return replace(solution, parameters=values, covariance=solution.covariance + moving)

@@ -15,9 +15,23 @@ import pandas as pd
 from acquisition.errors import DataShortageError, InputError
 from acquisition.frames import Quality
 from analysis.frames import utc_index
+from analysis.quality.contradictions import (
+    SPEED_UNITS,
+    YAW_RATE_UNITS,
+    Unit,
+    believable,
+    contradiction,
+    flag_displaced,
+    jump_finding,
+    unfitted,
+    unit_of,
+)
 from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.kinematic_delays import Explanation, explain
+from analysis.quality.kinematic_coarse import coarse_fit
+from analysis.quality.kinematic_delays import CAUSES, OBSERVED, Explanation, explain
 from analysis.quality.kinematic_jitter import Jitter, stamp_jitter
+from analysis.quality.kinematic_jumps import PositionJump, position_jumps
+from analysis.quality.kinematic_parts import with_parts
 from analysis.quality.kinematic_series import GROUPS, MOTION
 from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics, quantile
 
@@ -52,26 +66,55 @@ _WHAT = {
     "starboard": "positions measured to starboard of the point of the speeds",
 }
 
+_GEOGRAPHIC = ("latitude_deg", "longitude_deg")
+_OVER_GROUND = ("speed_over_ground_mps", "course_over_ground_deg")
 _PLURAL = ("north_m", "surge_mps")
 
 
 def motion(table: pd.DataFrame) -> Checked:
     """Check the motion channels of a table of raw samples against each other.
 
-    Good are the samples that took part; where a motion channel is missing or the trial is too short for
-    5 blocks of 40 s, nothing is evaluated and nothing found.
+    Good are the samples that took part, suspect all samples of a channel that a finding names, bad those of
+    positions that jumped and returned. Where a motion channel is missing or the trial is too short for 5 blocks of
+    40 s, nothing is evaluated and nothing found.
     """
     flags = no_flags(table, tuple(name for name in MOTION if name in table))
     try:
-        fit = fit_kinematics(table)
+        coarse = coarse_fit(table)
+        if coarse.contradiction:
+            return _flagged(flags, table, (contradiction(table, coarse),), ())
+        fit = fit_kinematics(table, coarse)
     except (DataShortageError, InputError):
         return Checked(flags)
-    good = flags.where(flags != Quality.NOT_EVALUATED, int(Quality.GOOD)).astype(np.uint8)
-    return Checked(good, findings_of(table, fit))
+    if not fit.converged:
+        return _flagged(flags, table, (unfitted(table),), ())
+    return _flagged(flags, table, findings_of(table, fit), position_jumps(table, fit))
+
+
+def _flagged(
+    flags: pd.DataFrame, table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...]
+) -> Checked:
+    flags = flags.where(flags != Quality.NOT_EVALUATED, int(Quality.GOOD)).astype(np.uint8)
+    for finding in findings:
+        for name in _stamped_with(finding.channel):
+            flags[name] = flags[name].where(flags[name] != Quality.GOOD, int(Quality.SUSPECT)).astype(np.uint8)
+    flag_displaced(flags, table, jumps)
+    return Checked(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
+
+
+def _stamped_with(channel: str) -> tuple[str, ...]:
+    """The channel and those of its group."""
+    return next((names for names in GROUPS.values() if channel in names), (channel,))
 
 
 def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
-    """What a fit to a table says in words."""
+    """What a fit to a table says in words. Only where it says something are the parts of the recording compared,
+    which cannot but widen what is said."""
+    found = _findings_of(table, fit)
+    return _findings_of(table, with_parts(fit)) if found else ()
+
+
+def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     index = utc_index(table)
     start, end = index.min(), index.max()
     jitter = stamp_jitter(table, fit)
@@ -82,21 +125,36 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         _yaw_rate_bias(fit, start, end),
         _heading_offset(fit, start, end),
         *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
-        _arm(explanation, start, end),
+        _arm(explanation, fit, start, end),
         _jitter(jitter, start, end),
     ]
     return tuple(each for each in found if each is not None)
 
 
-def delays_of(findings: Iterable[Finding]) -> dict[str, float]:
-    """How much too late each channel is stamped [s], by channel, from findings of ``channel_delay``."""
+def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
+    """How much too late each channel is stamped [s], by channel, from findings of ``channel_delay``.
+
+    With a ``table``, the channels of it that the same receiver stamps are late with the positions.
+    """
     late = {each.channel: float(each.estimate["seconds"]) for each in findings if each.code == "channel_delay"}
-    return {name: seconds for channel, seconds in late.items() for name in GROUPS.get(channel, (channel,))}
+    delays = {name: seconds for channel, seconds in late.items() for name in GROUPS.get(channel, (channel,))}
+    if table is not None and "north_m" in late:
+        delays |= dict.fromkeys(_with_positions(table), late["north_m"])
+    return delays
+
+
+def _with_positions(table: pd.DataFrame) -> list[str]:
+    """Latitude and longitude always, speed and course over ground where their source is the positions' and not
+    everybody's."""
+    sources = table.attrs.get("sources", {})
+    own = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
+    same = [name for name in _OVER_GROUND if own and sources.get(name) == sources["north_m"]]
+    return [name for name in (*_GEOGRAPHIC, *same) if name in table]
 
 
 def _interval(fit: Kinematics, name: str) -> tuple[float, float]:
     low, high = fit.interval(name)
-    half = float(np.hypot(0.5 * (high - low), 1.96 * _SYSTEMATIC[name]))
+    half = float(np.hypot(0.5 * (high - low), 1.96 * _systematic(fit, name)))
     return fit.value(name) - half, fit.value(name) + half
 
 
@@ -104,25 +162,35 @@ def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
     """Whether a figure differs from its neutral value, by more than chance and by enough to matter."""
     away = abs(fit.value(name) - neutral)
     critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
-    return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _SYSTEMATIC[name])))
+    return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
 
 
-def _certain(factor: float, low: float, high: float) -> bool:
+def _systematic(fit: Kinematics, name: str) -> float:
+    """In proportion to a factor."""
+    return float(_SYSTEMATIC[name] * (abs(fit.value(name)) if name.endswith("factor") else 1.0))
+
+
+def _certain(factor: float, low: float, high: float, unit: Unit | None) -> bool:
     half = 0.5 * (high - low)
-    return bool(half < _CERTAIN_HALF_WIDTH and abs(factor - 1.0) > 4.0 * half)
+    precise = half < _CERTAIN_HALF_WIDTH * max(abs(factor), 1.0) and abs(factor - 1.0) > 4.0 * half
+    return bool(precise and believable(factor, unit))
 
 
 def _speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     if not _clear(fit, "speed_factor", 1.0):
         return None
     factor, (low, high) = fit.value("speed_factor"), _interval(fit, "speed_factor")
-    text = (
-        f"Surge and sway are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'}"
-        f" for the rate of the positions (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
+    unit = unit_of(factor, SPEED_UNITS, low, high)
+    how = (
+        f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
+        if factor > 0.0
+        else "run against"
     )
     return Finding(
-        "speed_scale", "surge_mps", start, end, text, f"Multiply surge and sway by {factor:.4f}.",
-        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high),
+        "speed_scale", "surge_mps", start, end,
+        f"Surge and sway {how} the rate of the positions {_factor(fit, 'speed_factor', unit)}",
+        f"Multiply surge and sway by {factor:.4f}." if unit is None or unit.sure else "Find out which it is.",
+        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
     )  # fmt: skip
 
 
@@ -130,14 +198,27 @@ def _yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> 
     if not _clear(fit, "yaw_rate_factor", 1.0):
         return None
     factor, (low, high) = fit.value("yaw_rate_factor"), _interval(fit, "yaw_rate_factor")
-    text = (
-        f"The yaw rate reads {abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading"
-        f" turns (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
+    unit = unit_of(factor, YAW_RATE_UNITS, low, high)
+    how = (
+        f"reads {abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
+        if factor > 0.0
+        else "reads against the turns of the heading"
     )
     return Finding(
-        "yaw_rate_scale", "yaw_rate_dps", start, end, text, f"Multiply the yaw rate by {factor:.4f}.",
-        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high),
+        "yaw_rate_scale", "yaw_rate_dps", start, end,
+        f"The yaw rate {how} {_factor(fit, 'yaw_rate_factor', unit)}", f"Multiply the yaw rate by {factor:.4f}.",
+        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
     )  # fmt: skip
+
+
+def _factor(fit: Kinematics, name: str, unit: Unit | None) -> str:
+    """A factor with its interval, the unit that it tells of, and whether it holds throughout."""
+    low, high = _interval(fit, name)
+    text = f"(factor {fit.value(name):.4f}, 95 % {low:.4f} to {high:.4f})"
+    if unit is not None:
+        text += f", {unit.words}"
+    apart = fit.half_between[NAMES.index(name)] > max(_SMALLEST[name], 2.0 * fit.standard_error(name))
+    return text + ("; it is not the same throughout the recording" if apart else "")
 
 
 def _yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
@@ -162,9 +243,10 @@ def _heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> 
         np.rad2deg(fit.value("heading_offset_rad")),
         np.rad2deg(_interval(fit, "heading_offset_rad")),
     )
+    astern = ", unless surge and sway have the wrong sign" if abs(angle) > 175.0 else ""
     text = (
         f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
-        f" drift angle (95 % {low:+.2f} to {high:+.2f})"
+        f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}"
     )
     return Finding(
         "heading_offset", "heading_deg", start, end, text,
@@ -179,7 +261,8 @@ def _delay(
     seconds, error = explanation.size(cause)
     if abs(seconds) < max(_SMALLEST_DELAY_S, 4.0 * error):
         return None
-    low, high = seconds - 1.96 * error, seconds + 1.96 * error
+    half = _half(fit, cause, error)
+    low, high = seconds - half, seconds + half
     way = "late" if seconds > 0.0 else "early"
     verb = "are" if cause in _PLURAL else "is"
     text = f"{_WHAT[cause]} {verb} stamped {abs(seconds):.2f} s too {way} (95 % {low:+.2f} to {high:+.2f} s)"
@@ -188,10 +271,19 @@ def _delay(
         text += ", or all the others as much too late"
     if rivals:
         text += f"; this trial tells as well of {rivals}"
+    if half > 3.0 * error and half > _SMALLEST_DELAY_S:
+        text += "; it is not the same throughout the recording"
     return Finding(
         "channel_delay", cause, start, end, text, "Remove the delay when resampling.",
         {"seconds": seconds, "low": low, "high": high},
     )  # fmt: skip
+
+
+def _half(fit: Kinematics, cause: str, error: float) -> float:
+    """Half of the 95 % interval of a cause, by its error and by what it is seen in where that changes."""
+    row = [abs(each) for each in CAUSES[cause]]
+    between = [fit.half_between[NAMES.index(name)] for name in OBSERVED]
+    return float(max(1.96 * error, *(size * each for size, each in zip(between, row, strict=True))))
 
 
 def _rival(cause: str, size: float) -> str:
@@ -200,16 +292,18 @@ def _rival(cause: str, size: float) -> str:
     return f"{_WHAT[cause]} by {size:.1f} m"
 
 
-def _arm(explanation: Explanation, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+def _arm(explanation: Explanation, fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     sizes = {cause: explanation.size(cause) for cause in ("forward", "starboard") if cause in explanation.causes}
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
-    (forward, ahead), (starboard, aside) = (sizes.get(cause, (0.0, 0.0)) for cause in ("forward", "starboard"))
-    main, error = (forward, ahead) if abs(forward) >= abs(starboard) else (starboard, aside)
-    text = f"The positions are measured {forward:+.2f} m forward and {starboard:+.2f} m to starboard of the speeds"
+    main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
+    (size, error), words = sizes[main], {"forward": "forward", "starboard": "to starboard"}
+    half = _half(fit, main, error)
+    where = " and ".join(f"{metres:+.2f} m {words[cause]}" for cause, (metres, _) in sizes.items())
+    metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in words}
     return Finding(
-        "position_offset", "north_m", start, end, text, "Give the lever arm of the antenna when recording.",
-        {"forward_m": forward, "starboard_m": starboard, "low": main - 1.96 * error, "high": main + 1.96 * error},
+        "position_offset", "north_m", start, end, f"The positions are measured {where} of the speeds",
+        "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
 
 
