@@ -38,9 +38,9 @@ CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wi
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
 GRAVITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
-           "stuck",
-           "heading_wrap_interpolated", "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter",
-           "heading_offset", "wind_apparent", "wind_direction_offset", "order_interpolated", "spike", "gap",
+           "motion_contradiction", "stuck", "position_jump", "heading_wrap_interpolated", "speed_scale",
+           "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_offset", "yaw_rate_bias",
+           "position_offset", "wind_apparent", "wind_direction_offset", "order_interpolated", "spike", "gap",
            "quantised", "time_jitter", "duplicate")  # fmt: skip
 """Codes of findings, the gravest first; others come behind."""
 

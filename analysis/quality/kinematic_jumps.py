@@ -1,7 +1,8 @@
 """Positions that jump: from one sample to the next the error about the fitted path steps, and stays there.
 
-A jump stands far out of what the medians of neighbouring stretches differ by elsewhere, and happens at once, or nearly so. Where
-stamps are missing or crowd, the clock may have been set, which is not said here; samples that repeat are stuck.
+A jump stands far out of what the medians of neighbouring stretches differ by elsewhere, and happens at once, or
+nearly so. Where stamps are missing or crowd, the clock may have been set, which is not said here; samples that
+repeat are stuck.
 """
 
 from __future__ import annotations
