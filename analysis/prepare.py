@@ -56,7 +56,7 @@ def prepared(recording: Recording, how: Preparation) -> pd.DataFrame:
     if how.repair:
         table = repair(raw, quality.findings, flags, recording).table
         flags = flags_after(raw, table, flags)
-    delays = delays_of(quality.findings) if how.remove_delays else {}
+    delays = delays_of(quality.findings, raw) if how.remove_delays else {}
     result = _at_rate(table, how, delays)
     return with_flags(result, flags, delays) if how.flags else result
 
