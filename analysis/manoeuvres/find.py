@@ -19,7 +19,7 @@ from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.limits import beside_limits
 from analysis.manoeuvres.motion import Floats, Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.noise import WIDEST_S, smoothed
-from analysis.manoeuvres.segments import Plateau, plateaus, tolerance_of
+from analysis.manoeuvres.segments import Plateau, one_order_each, plateaus, tolerance_of
 from analysis.manoeuvres.straight_runs import accelerations, speed_runs, stops
 from analysis.manoeuvres.thruster_tests import thruster_tests
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
@@ -127,7 +127,7 @@ def held_helm(motion: Motion, helm: Floats) -> list[Plateau]:
     return [
         replace(each, first=each.first + offset, end=each.end + offset)
         for offset, end in stretches(~motion.broken)
-        for each in plateaus(helm[offset:end], motion.step_s, tolerance)
+        for each in one_order_each(plateaus(helm[offset:end], motion.step_s, tolerance), motion.step_s)
         if least <= abs(each.level) <= _WIDEST_HELM_DEG
         and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
     ]

@@ -17,6 +17,7 @@ from acquisition.trial import software_version
 from analysis.files import in_place_of
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
+from analysis.provenance import provenance_of
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -168,7 +169,11 @@ def write_report(found: Sequence[Found], folder: Path, length_m: float | None = 
     """
     plain = folder / "manoeuvres.json"
     with in_place_of(plain) as partial:
-        partial.write_text(json.dumps(summary(found, length_m), indent=2) + "\n", encoding="utf-8")
+        content = summary(found, length_m)
+        for each, said in zip(found, content["recordings"], strict=True):
+            provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
+            said |= {"recording": provenance["recording"], "provenance": provenance}
+        partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     return plain, _page(found, length_m).write(folder / "manoeuvres.html")
 
 

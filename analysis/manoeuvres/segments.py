@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from analysis.manoeuvres.motion import Floats, Motion, noise_of, running_median,
 _STEP_S = 1.0
 _STEP_SIGMAS = 6.0
 _BRIDGE_S = 4.0
+_BLINK_SHARE = 0.5
+_ALIKE_SHARE, _ALIKE_DEG = 0.15, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,31 @@ def _joined(values: Floats, found: list[Plateau], tolerance: float, bridge: int)
         else:
             joined.append(each)
     return joined
+
+
+def alike(one_deg: float, other_deg: float) -> bool:
+    """Whether two helms are one order to the hand that gives it."""
+    return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG
+
+
+def one_order_each(found: list[Plateau], step_s: float) -> list[Plateau]:
+    """Plateaus of helm with those joined that are one order: a short one just before or after a long one at nearly
+    the same angle, where the hand went too far and came back."""
+    joined: list[Plateau] = []
+    for each in found:
+        last = joined[-1] if joined else None
+        if last and _one_order(last, each, round(_BRIDGE_S / step_s)):
+            longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
+            joined[-1] = replace(longer, first=last.first, end=each.end)
+        else:
+            joined.append(each)
+    return joined
+
+
+def _one_order(last: Plateau, each: Plateau, bridge: int) -> bool:
+    short, long = sorted((last.end - last.first, each.end - each.first))
+    near = each.first - last.end <= bridge and short <= _BLINK_SHARE * long
+    return near and last.level * each.level > 0 and alike(last.level, each.level)
 
 
 def execute_s(

@@ -15,11 +15,10 @@ import numpy as np
 from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, nominal_deg
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
-from analysis.manoeuvres.segments import Plateau, counted, event_notes, execute_s, the_other
+from analysis.manoeuvres.segments import Plateau, alike, counted, event_notes, execute_s, the_other
 from analysis.manoeuvres.tracks import approach_of, approach_settings, crossing_s, distance_m, level_before, peak
 
 FEWEST_SWINGS = 3
-_LEVEL_SHARE, _LEVEL_DEG = 0.15, 1.0
 _LONGEST_PAUSE_S = 8.0
 _WIDEST_SWING_DEG = 150.0
 _MARGIN_S = 30.0
@@ -49,9 +48,11 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     shortest_s = min(last.end - last.first, each.end - each.first) * motion.step_s
     if motion.broken[last.first : each.end].any():
         return False
-    larger = max(abs(last.level), abs(each.level))
-    alike = abs(last.level + each.level) <= _LEVEL_SHARE * larger + _LEVEL_DEG
-    return last.level * each.level < 0 and alike and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s)
+    return (
+        last.level * each.level < 0
+        and alike(last.level, -each.level)
+        and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s)
+    )
 
 
 def _answered(motion: Motion, chain: list[Plateau]) -> bool:

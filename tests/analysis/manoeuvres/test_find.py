@@ -10,6 +10,7 @@ from acquisition.channels import NAMES
 from acquisition.errors import InputError
 from analysis.frames import NANO, times_ns
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from analysis.manoeuvres.segments import one_order_each, plateaus
 from hybrid.truth.manoeuvres import Leg
 from hybrid.truth.trial import simulate_trial
 from tests.analysis.conftest import steady_table, table_at
@@ -169,3 +170,15 @@ def test_kinds_do_not_depend_on_the_order_of_rows_or_on_holes(sail: Sail) -> Non
     shuffled = holes.iloc[np.random.default_rng(0).permutation(len(holes))]
     (found,) = find_manoeuvres(pd.DataFrame(shuffled))
     assert found.kind == "zigzag"
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_hand_that_goes_too_far_and_comes_back_gives_one_order(side: float) -> None:
+    """Five seconds at a helm larger by a sixth part no order; twice the helm, or the other side, is another."""
+    helm = side * np.repeat([0.0, 11.7, 10.0, -11.7, -10.0, -20.0], [20, 10, 60, 10, 60, 60])
+    held = [each for each in plateaus(helm, 0.5, 1.0) if each.level]
+    joined = one_order_each(held, 0.5)
+    assert len(held) == 5
+    assert [each.level * side for each in joined] == [10.0, -10.0, -20.0]
+    assert [each.first for each in joined] == [held[0].first, held[2].first, held[4].first]
+    assert joined[0].end == held[1].end
