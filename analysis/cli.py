@@ -43,9 +43,10 @@ def check(
     table = table_of(recording)
     quality = check_recording(recording, table)
     if output is not None:
+        from analysis.provenance import provenance_of
         from analysis.quality.page import write_quality
 
-        for path in write_quality(quality, output, recording.trial.as_metadata(), str(file)):
+        for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
             typer.echo(path, err=True)
     if repair is not None:
         from analysis.quality.repairs import write_repaired

@@ -6,7 +6,6 @@ without options, so that they stand in a second file beside it, the name with ``
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from collections.abc import Callable, Mapping
@@ -22,8 +21,8 @@ from acquisition.frames import Quality
 from acquisition.trial import software_version
 from analysis.files import expect_suffix, in_place_of
 from analysis.frames import NANO, times_ns, utc_index
-from analysis.history import history_of
 from analysis.parquet import write_parquet
+from analysis.provenance import provenance_of
 from analysis.table import checked_delays_ns
 
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
@@ -39,37 +38,14 @@ def export_table(
 ) -> list[Path]:
     """Write a table as Parquet, CSV or .mat by the suffix of ``path`` and return the files that were written.
 
-    Units, trial and :func:`provenance_of` go with it. A file appears under its name only when it is complete.
-    Raises :class:`InputError` for another suffix and :class:`StorageError` when it cannot be written.
+    Units, trial and :func:`analysis.provenance.provenance_of` go with it. A file appears under its
+    name only when it is complete. Raises :class:`InputError` for another suffix and :class:`StorageError` when
+    it cannot be written.
     """
     path = Path(path)
     kind = expect_suffix(path, *_WRITERS)
     about = _about(table, rate_hz if rate_hz is not None else table.attrs.get("rate_hz"), options or {})
     return _WRITERS[kind](table, path, about)
-
-
-def provenance_of(table: pd.DataFrame, options: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """How a table came about: software, recording with its SHA-256, options, and the history step by step.
-
-    A recording that is no longer there has no hash (None).
-    """
-    recording = str(table.attrs.get("recording", ""))
-    return {
-        "software_version": software_version(),
-        "recording": Path(recording).name,
-        "recording_sha256": sha256_of(Path(recording)) if recording else None,
-        "options": dict(options or {}),
-        "history": history_of(table),
-    }
-
-
-def sha256_of(path: Path) -> str | None:
-    """The SHA-256 of a file in hexadecimal; None where it cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError:
-        return None
 
 
 def unit_of(column: str) -> str:
@@ -116,13 +92,13 @@ def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> ND
 
 def _about(table: pd.DataFrame, rate_hz: float | None, options: Mapping[str, Any]) -> dict[str, Any]:
     units = {str(name): unit for name in table.columns if (unit := unit_of(str(name)))}
-    trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
+    provenance = provenance_of(table, options)
     return {
         "units": units,
-        "trial": trial,
-        "recording": Path(str(table.attrs.get("recording", ""))).name,
+        "trial": provenance.pop("trial"),
+        "recording": provenance["recording"],
         "rate_hz": rate_hz,
-        "provenance": provenance_of(table, options),
+        "provenance": provenance,
     }
 
 

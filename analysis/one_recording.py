@@ -7,7 +7,6 @@ place of the working folder in it.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import shutil
@@ -16,7 +15,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -32,6 +31,7 @@ from analysis.export import FLAG_MEANING, SIGMA_SUFFIX, unit_of
 from analysis.history import history_of, with_step
 from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
 from analysis.parquet import write_parquet
+from analysis.provenance import sha256_of
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, Repaired, repair
 from analysis.resample import resample
@@ -101,19 +101,21 @@ class Products:
                 self.shortfalls.append(cause)
 
 
-def provenance_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
-    """Where a result comes from: the recording's ``name``, size [bytes] and SHA-256, the options, the versions.
+def origin_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
+    """What a result rests on, before it is made: the recording's ``name``, size [bytes] and SHA-256, the options,
+    the versions.
 
-    Two results of equal provenance are equal. Raises :class:`InputError` for what cannot be read.
+    Two results of equal origin are equal. Raises :class:`InputError` for what cannot be read.
     """
     if path.is_dir():
         raise InputError("is a folder, not a recording", where=str(path), fix="rename the folder")
     try:
-        with path.open("rb") as stream:
-            digest = hashlib.file_digest(stream, "sha256").hexdigest()
         size = path.stat().st_size
     except OSError as error:
         raise InputError("cannot be read", where=str(path), why=error.strerror or str(error)) from error
+    digest = sha256_of(path)
+    if digest is None:
+        raise InputError("cannot be read", where=str(path), fix="check its permissions")
     packages = {name: version(name) for name in ("numpy", "pandas", "scipy", "pyarrow")}
     software = {"seatrial": software_version(), "python": sys.version.split()[0], **packages}
     return {
@@ -137,7 +139,7 @@ def process(path: Path | str, folder: Path | str, options: Options | None = None
     be written.
     """
     path, folder, options = Path(path), Path(folder), options or Options()
-    provenance = provenance_of(path, options, name)
+    provenance = origin_of(path, options, name)
     products = analysed(path, options, name)
     row = summary_of(products, provenance)
     try:
@@ -172,7 +174,7 @@ def reusable(path: Path, folder: Path, options: Options, name: str = "") -> Row 
         row: Row = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return row if row.get("provenance") == json.loads(json.dumps(provenance_of(path, options, name))) else None
+    return row if row.get("provenance") == json.loads(json.dumps(origin_of(path, options, name))) else None
 
 
 def analysed(path: Path, options: Options, name: str = "") -> Products:
@@ -324,7 +326,8 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
     write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
     if products.windows is not None:
-        write_windows(products.windows, folder / "windows.parquet")
+        named = {provenance["recording"]: {**origin, "trial": plain(products.recording.trial.as_metadata())}}
+        write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from acquisition.angles import wrap_360
 from acquisition.channels import POSE
 from analysis.frames import NANO, index_of, times_ns
-from analysis.history import history_of, with_step
+from analysis.history import with_step
 from analysis.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
 from analysis.motion_model import (
     BODY,
@@ -41,6 +41,7 @@ from analysis.motion_model import (
 )
 from analysis.noise_levels import NoiseLevels, estimate_levels
 from analysis.parquet import write_parquet
+from analysis.provenance import provenance_of
 from analysis.resample import checked_rate, grid, own_gap_s
 from analysis.slow_motion import local_quadratic, smooth_motion
 from analysis.smoothing_consistency import Consistency, consistency_of
@@ -301,15 +302,19 @@ def summary_of(smoothed: Smoothed) -> dict[str, Any]:
 
 
 def write_smoothed(smoothed: Smoothed, path: Path | str) -> None:
-    """Write a result as Parquet: states, the 21 elements of their covariance, and the slow states.
+    """Write a result as Parquet: states, the standard deviation of each in its unit as
+    ``<name>_sigma``, the 21 elements of the covariance of pose and velocity in SI, and the slow states.
 
-    Units stand on the columns, the figures of :func:`summary_of` and the history in the metadata. Raises
+    Units stand on the columns, the figures of :func:`summary_of` and the provenance in the metadata. Raises
     :class:`acquisition.errors.StorageError` when the file cannot be written.
     """
-    slow = smoothed.slow.add_prefix("slow_")
-    rows = pd.concat([smoothed.states, smoothed.covariance_columns(), slow], axis=1)
-    units = {name: _UNITS[name.rsplit("_", 1)[1]] for name in (*BODY, *map(str, slow.columns))}
-    figures = {"smoothing": summary_of(smoothed), "history": history_of(smoothed.states)}
+    slow, deviations = smoothed.slow.add_prefix("slow_"), smoothed.standard_deviations()
+    sigmas = deviations.add_suffix("_sigma")
+    rows = pd.concat([smoothed.states, sigmas, smoothed.covariance_columns(), slow], axis=1)
+    names = (*BODY, *map(str, sigmas.columns), *map(str, slow.columns))
+    units = {name: _UNITS[name.removesuffix("_sigma").rsplit("_", 1)[1]] for name in names}
+    provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
+    figures = {"smoothing": summary_of(smoothed), "history": provenance["history"], "provenance": provenance}
     write_parquet(rows, path, units, {key: json.dumps(each) for key, each in figures.items()})
 
 

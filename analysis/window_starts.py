@@ -13,7 +13,7 @@ positions jitter in time it is much worse (16.9 m for 6.8 m).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -21,6 +21,7 @@ import pandas as pd
 from acquisition.channels import BY_NAME, POSE, VELOCITY
 from acquisition.recording.reader import read_recording
 from analysis.prepare import Preparation, prepared
+from analysis.provenance import provenance_of
 from analysis.resample import resample
 from analysis.smooth import COVARIANCE_NAMES, Smoothed, smooth
 from analysis.windows import HeldWindows, held_windows, joined, nothing_held_is_an_error, trial_names
@@ -82,7 +83,7 @@ def windows_of_recordings(
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
     cutting = how or Cutting()
-    parts, motion, names = [], {}, trial_names(paths)
+    parts, motion, names, provenance = [], {}, trial_names(paths), {}
     for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
         raw = Preparation(repair=cutting.repair, remove_delays=cutting.remove_delays)
         simple = not (cutting.starts or cutting.repair or cutting.remove_delays)
@@ -91,8 +92,9 @@ def windows_of_recordings(
         parts.append(
             held_windows(seconds, cutting.horizon_s, cutting.stride_s, trial=trial, keep_moving=cutting.keep_moving)
         )
+        provenance[trial] = provenance_of(seconds, asdict(cutting), path)
         if cutting.starts and parts[-1].kept:
             motion[trial] = smooth(table, 1.0)
         progress((number + 1) / len(paths))
-    windows = nothing_held_is_an_error(joined(parts), ", ".join(names))
+    windows = replace(nothing_held_is_an_error(joined(parts), ", ".join(names)), provenance=provenance)
     return with_starts(windows, motion) if cutting.starts else windows

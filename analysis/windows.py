@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -50,6 +51,7 @@ class HeldWindows:
     ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
     channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
     of ``dropped``. ``starts`` has one row a window, see :func:`analysis.window_starts.with_starts`.
+    ``provenance`` says by trial where they come from (:func:`analysis.provenance.provenance_of`).
     """
 
     rows: pd.DataFrame
@@ -59,6 +61,7 @@ class HeldWindows:
     horizon_s: int = 15
     stride_s: int = 5
     starts: pd.DataFrame | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def legs(self) -> int:
@@ -287,7 +290,7 @@ def nothing_held_is_an_error(windows: HeldWindows, where: str) -> HeldWindows:
 
 
 def write_windows(windows: HeldWindows, path: Path | str) -> None:
-    """Write the windows as Parquet, the account of the candidates in the file's metadata.
+    """Write the windows as Parquet, the account of the candidates and their provenance in the file's metadata.
 
     Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
     :class:`acquisition.errors.StorageError` when a file cannot be written.
@@ -300,10 +303,12 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
         "stride_s": windows.stride_s,
     }
     units = {name: BY_NAME[name].unit for name in NAMES} | {"second": "s"}
-    write_parquet(windows.rows, path, units, {"windows": json.dumps(account)})
+    provenance = {"provenance": json.dumps(windows.provenance)}
+    write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance})
     if windows.starts is not None:
         states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
-        write_parquet(windows.starts, starts_path(path), states, {"covariance": "SI, angles in radians"})
+        about = {"covariance": "SI, angles in radians", **provenance}
+        write_parquet(windows.starts, starts_path(path), states, about)
 
 
 def starts_path(path: Path | str) -> Path:
@@ -317,7 +322,10 @@ def read_windows(path: Path | str) -> HeldWindows:
     if "windows" not in metadata or set(COLUMNS) - set(rows.columns):
         raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
     names = [*COLUMNS, *(["held"] if "held" in rows else [])]
-    return HeldWindows(rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path))
+    return HeldWindows(
+        rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path),
+        provenance=json.loads(metadata.get("provenance", "{}")),
+    )  # fmt: skip
 
 
 def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ from analysis.page import Page
 from analysis.parquet import write_parquet
 from analysis.quality.samples import runs_of
 from analysis.quality.summary import ALL
-from analysis.quality.terminal import counts_of, sentences
+from analysis.quality.terminal import counts_of, missing_text, sentences
 from analysis.time_span import main_stretch
 
 if TYPE_CHECKING:
@@ -38,17 +38,23 @@ _BINS = 1200
 _GRAVER = (Quality.GOOD, Quality.NOT_EVALUATED, Quality.SUSPECT, Quality.BAD)
 
 
-def write_quality(quality: DataQuality, folder: Path, trial: Mapping[str, str], recording: str) -> list[Path]:
+def write_quality(
+    quality: DataQuality, folder: Path, trial: Mapping[str, str], provenance: Mapping[str, Any]
+) -> list[Path]:
     """Write ``quality.json``, ``flags.parquet`` and ``quality.html`` into a folder; it is made if need be.
+
+    ``provenance`` (:func:`analysis.provenance.provenance_of`) goes into both of the files for programs.
 
     Raises :class:`StorageError` when they cannot be written.
     """
     found = quality.as_json()
     report = folder / "quality.json"
     with in_place_of(report) as partial:
-        partial.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps({**found, "provenance": provenance}, indent=1) + "\n", encoding="utf-8")
     flags = folder / "flags.parquet"
-    about = {"recording": json.dumps(recording), "findings": json.dumps(found["findings"])}
+    recording = str(provenance["recording"])
+    said = {"recording": recording, "findings": found["findings"], "provenance": provenance}
+    about = {key: json.dumps(value) for key, value in said.items()}
     write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
     return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
 
@@ -82,6 +88,8 @@ def add_quality(page: Page, quality: DataQuality) -> None:
               "steps back", "good"]  # fmt: skip
     page.table(header, [[name, each.grade, *counts_of(each), _good_share(quality, name)]
                         for name, each in quality.channels.items()])  # fmt: skip
+    if missing := missing_text(quality):
+        page.text(missing)
 
 
 def _headline(quality: DataQuality) -> dict[str, str]:

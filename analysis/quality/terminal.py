@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from acquisition.channels import NAMES
 from analysis.quality.summary import ALL
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ _COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "
 def print_quality(console: Console, quality: DataQuality) -> None:
     """Print the table of channels and each finding with its remedy."""
     console.print(channel_table(quality))
+    if missing := missing_text(quality):
+        console.print(missing, style="yellow", highlight=False)
     console.print()
     if not quality.findings:
         console.print("Nothing found.", style="green")
@@ -30,6 +33,12 @@ def print_quality(console: Console, quality: DataQuality) -> None:
         span = f"{finding.start:%Y-%m-%d %H:%M:%S} to {finding.end:%H:%M:%S}"
         console.print(f"  {span}", style="dim", highlight=False)
         console.print(f"  {sentences(finding)}", highlight=False, markup=False)
+
+
+def missing_text(quality: DataQuality) -> str:
+    """Which of the 13 channels the recording lacks altogether, which no check can judge; empty if it has all."""
+    missing = [name for name in NAMES if name not in quality.channels]
+    return f"not in the recording: {', '.join(missing)}" if missing else ""
 
 
 def sentences(finding: Finding) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 import typer
@@ -17,6 +20,7 @@ from acquisition.frames import Quality
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from analysis.parquet import read_parquet
 from analysis.quality.check import check_recording, check_table
 from analysis.table import read_table
 from hybrid.truth.trial import simulate_trial
@@ -125,3 +129,54 @@ def test_half_a_recording_years_away_is_said_and_not_repaired(recording: Path) -
     outlier = next(each for each in quality.findings if each.code == "time_outlier")
     assert not outlier.certain
     assert "900 days" in outlier.text
+
+
+def provenances(folder: Path) -> dict[str, Any]:
+    """What each product in a folder says of where it comes from; of one trial where it goes by trials."""
+    said = {}
+    for path in sorted(folder.rglob("*.parquet")):
+        said[path.name] = json.loads(read_parquet(path)[1]["provenance"])
+    for path in sorted(folder.rglob("*.json")):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        said[path.name] = content.get("recordings", [content])[0]["provenance"]
+    return {name: each.get("voyage", each) for name, each in said.items()}
+
+
+def test_every_product_says_where_it_comes_from(recording: Path, tmp_path: Path) -> None:
+    digest = hashlib.sha256(recording.read_bytes()).hexdigest()
+    for words in (
+        ("windows", "-o", "w.parquet", "--horizon", "5", "--keep-moving", "--remove-delays"),
+        ("smooth", "-o", "s.parquet"), ("check", "-o", "quality"), ("manoeuvres", "-o", "manoeuvres"),
+    ):  # fmt: skip
+        command, option, place, *more = words
+        assert RUN.invoke(app, [command, str(recording), option, str(tmp_path / place), *more]).exit_code == 0
+    said = provenances(tmp_path)
+    assert len(said) == 6
+    for name, each in said.items():
+        assert (each["recording"], each["recording_sha256"]) == ("voyage.mcap", digest), name
+        assert each["software_version"].startswith("seatrial")
+        assert each["trial"]["name"] == "voyage"
+        assert str(recording.parent) not in json.dumps(each)
+    assert said["w.parquet"]["options"]["keep_moving"]
+    assert said["w.parquet"] == said["w.starts.parquet"]
+    assert "smooth" in [step["step"] for step in said["s.parquet"]["history"]]
+    assert str(recording.parent) not in (tmp_path / "manoeuvres" / "manoeuvres.json").read_text(encoding="utf-8")
+
+
+def test_smoothed_motion_has_the_standard_deviation_of_each_state_in_its_unit(
+    recording: Path, tmp_path: Path
+) -> None:
+    assert RUN.invoke(app, ["smooth", str(recording), "-o", str(tmp_path / "s.parquet")]).exit_code == 0
+    rows = read_parquet(tmp_path / "s.parquet")[0]
+    variance = rows["cov_heading_deg_heading_deg"].to_numpy()
+    np.testing.assert_allclose(np.deg2rad(rows["heading_deg_sigma"].to_numpy()) ** 2, variance, rtol=1e-9)
+    np.testing.assert_allclose(rows["north_m_sigma"] ** 2, rows["cov_north_m_north_m"], rtol=1e-9)
+
+
+def test_channels_that_are_not_recorded_are_named(recording: Path, tmp_path: Path) -> None:
+    without = read_table(recording).drop(columns=["wind_speed_mps", "tunnel_rpm"])
+    write_table(without, tmp_path / "few.mcap", Trial())
+    run = RUN.invoke(app, ["check", str(tmp_path / "few.mcap"), "-o", str(tmp_path)])
+    assert "not in the recording: wind_speed_mps, tunnel_rpm" in run.stdout
+    assert "not in the recording: wind_speed_mps" in (tmp_path / "quality.html").read_text(encoding="utf-8")
+    assert "not in the recording" not in RUN.invoke(app, ["check", str(recording)]).stdout

@@ -22,9 +22,10 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.tabular import import_table
 from acquisition.trial import Trial
-from analysis.export import export_table, matlab_name, provenance_of, with_flags
+from analysis.export import export_table, matlab_name, with_flags
 from analysis.history import history_of, with_step
 from analysis.prepare import Preparation, prepared
+from analysis.provenance import provenance_of
 from analysis.quality.findings import Checked
 from analysis.resample import resample
 from analysis.table import read_table

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -54,7 +55,9 @@ def test_a_folder_gets_json_flags_and_a_page(recording: Path, tmp_path: Path) ->
     run = RUN.invoke(app, ["check", str(recording), "-o", str(tmp_path / "quality"), "--json"])
     assert run.exit_code == 0
     folder = tmp_path / "quality"
-    assert json.loads((folder / "quality.json").read_text()) == json.loads(run.stdout)
+    written = json.loads((folder / "quality.json").read_text())
+    assert written.pop("provenance")["recording_sha256"] == hashlib.sha256(recording.read_bytes()).hexdigest()
+    assert written == json.loads(run.stdout)
     flags, metadata = read_parquet(folder / "flags.parquet")
     assert flags.shape == (1100, 13)
     assert {str(each) for each in flags.dtypes} == {"uint8"}
