@@ -11,6 +11,14 @@ import typer
 from acquisition.cli import AsJson, Output
 from analysis.files import expect_suffix
 
+RebuildPositions = Annotated[
+    bool,
+    typer.Option(
+        "--rebuild-positions",
+        help="With the repairs: take the path that speeds and heading give for positions whose stamps jitter.",
+    ),
+]
+
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
@@ -30,6 +38,7 @@ def check(
     repair: Annotated[
         Path | None, typer.Option("--repair", help="Write a recording with what is certain put right.")
     ] = None,
+    rebuild_positions: RebuildPositions = False,
     as_json: AsJson = False,
 ) -> None:
     """Say what is wrong with a recording."""
@@ -39,6 +48,8 @@ def check(
 
     if repair is not None:
         expect_suffix(repair, ".mcap")
+    elif rebuild_positions:
+        raise typer.BadParameter("--rebuild-positions needs --repair")
     recording = read_recording(file)
     table = table_of(recording)
     quality = check_recording(recording, table)
@@ -49,9 +60,10 @@ def check(
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
             typer.echo(path, err=True)
     if repair is not None:
-        from analysis.quality.repairs import write_repaired
+        from analysis.quality.repairs import rebuilding_positions, write_repaired
 
-        repairs = write_repaired(recording, table, quality.findings, repair, quality.flags).repairs
+        findings = rebuilding_positions(quality.findings, table) if rebuild_positions else quality.findings
+        repairs = write_repaired(recording, table, findings, repair, quality.flags).repairs
         for each in repairs:
             values = "1 value" if each.changed == 1 else f"{each.changed:,} values"
             typer.echo(f"repaired {each.channel}: {each.text}, {values}", err=True)
@@ -114,6 +126,7 @@ def windows(
     remove_delays: Annotated[
         bool, typer.Option("--remove-delays", help="Take estimated delays of channels off their times before.")
     ] = False,
+    rebuild_positions: RebuildPositions = False,
     starts: Annotated[
         bool, typer.Option("--starts/--no-starts", help="Smoothed start states beside, in NAME.starts.parquet.")
     ] = True,
@@ -125,7 +138,8 @@ def windows(
     from analysis.windows import write_windows
 
     expect_suffix(output, ".parquet")
-    how = Cutting(horizon, stride, keep_moving, repair, remove_delays, starts)
+    repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
+    how = Cutting(horizon, stride, keep_moving, repair, remove_delays, starts, rebuild_positions)
     with bar("windows") as progress:
         found = windows_of_recordings(files, how, progress)
     write_windows(found, output)
@@ -220,6 +234,7 @@ def batch(
         float | None, typer.Option(min=0.1, help="The ship's length in metres, for distances in lengths.")
     ] = None,
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
+    rebuild_positions: RebuildPositions = False,
     no_smooth: Annotated[bool, typer.Option("--no-smooth", help="No smoother: no uncertainties.")] = False,
     no_pictures: Annotated[bool, typer.Option("--no-pictures", help="Pages without pictures, sooner.")] = False,
     again: Annotated[bool, typer.Option("--again", help="Compute what is there anew.")] = False,
@@ -233,7 +248,9 @@ def batch(
     from analysis.batch import Terminated, run_batch
     from analysis.one_recording import Options
 
-    options = Options(not no_repair, not no_smooth, not no_pictures, horizon, stride, length)
+    if rebuild_positions and no_repair:
+        raise typer.BadParameter("--rebuild-positions needs the repairs")
+    options = Options(not no_repair, not no_smooth, not no_pictures, horizon, stride, length, rebuild_positions)
     try:
         with bar("batch") as progress:
             summary = run_batch(

@@ -33,7 +33,7 @@ from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
 from analysis.parquet import write_parquet
 from analysis.provenance import sha256_of
 from analysis.quality.check import DataQuality, check_recording
-from analysis.quality.repairs import Repair, Repaired, repair
+from analysis.quality.repairs import Repair, Repaired, rebuilding_positions, repair
 from analysis.resample import resample
 from analysis.smooth import Smoothed, smooth
 from analysis.table import require, table_of
@@ -62,7 +62,8 @@ class Options:
 
     ``repair`` applies the repairs that are certain, ``smooth`` gives the motion its standard deviations,
     ``pictures`` go on the page (the two that take time); windows cover ``horizon_s`` [s] and are tried every
-    ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths.
+    ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths; ``rebuild_positions``, with the
+    repairs, takes the path that speeds and heading give for the positions.
     """
 
     repair: bool = True
@@ -71,6 +72,7 @@ class Options:
     horizon_s: int = 15
     stride_s: int = 5
     length_m: float | None = None
+    rebuild_positions: bool = False
 
 
 @dataclass(slots=True)
@@ -183,7 +185,8 @@ def analysed(path: Path, options: Options, name: str = "") -> Products:
     raw = table_of(recording)
     raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
-    mended = repair(raw, quality.findings, quality.flags, recording) if options.repair else Repaired(raw, ())
+    findings = rebuilding_positions(quality.findings, raw) if options.rebuild_positions else quality.findings
+    mended = repair(raw, findings, quality.flags, recording) if options.repair else Repaired(raw, ())
     one_hz = resample(mended.table, 1.0)
     products = Products(recording, quality, mended.table, one_hz, mended.repairs)
     with products.step():

@@ -36,9 +36,11 @@ class Preparation:
     flags: bool = False
 
 
-def prepared(recording: Recording, how: Preparation) -> pd.DataFrame:
+def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
+    ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
+    (:func:`analysis.quality.repairs.rebuilding_positions`).
     Raises :class:`acquisition.errors.DataShortageError` for a recording without samples,
     :class:`acquisition.errors.InputError` where smoothing lacks position or heading.
     """
@@ -49,12 +51,13 @@ def prepared(recording: Recording, how: Preparation) -> pd.DataFrame:
         return _at_rate(raw, how, {})
     from analysis.quality.check import check_recording
     from analysis.quality.motion_checks import delays_of
-    from analysis.quality.repairs import flags_after, repair
+    from analysis.quality.repairs import flags_after, rebuilding_positions, repair
 
     quality = check_recording(recording, raw)
     flags, table = quality.flags, raw
     if how.repair:
-        table = repair(raw, quality.findings, flags, recording).table
+        findings = rebuilding_positions(quality.findings, raw) if rebuild_positions else quality.findings
+        table = repair(raw, findings, flags, recording).table
         flags = flags_after(raw, table, flags)
     delays = delays_of(quality.findings, raw) if how.remove_delays else {}
     result = _at_rate(table, how, delays)

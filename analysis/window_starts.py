@@ -41,7 +41,8 @@ class Cutting:
     """How windows are cut out of recordings.
 
     ``keep_moving`` keeps those in which a thruster moved; ``repair`` and ``remove_delays`` put right before what
-    a check is certain of; ``starts`` adds where they start from.
+    a check is certain of, ``rebuild_positions`` with the repairs the positions too; ``starts`` adds where they
+    start from.
     """
 
     horizon_s: int = 15
@@ -50,6 +51,7 @@ class Cutting:
     repair: bool = False
     remove_delays: bool = False
     starts: bool = True
+    rebuild_positions: bool = False
 
 
 def with_starts(windows: HeldWindows, motion: Mapping[str, Smoothed]) -> HeldWindows:
@@ -87,7 +89,8 @@ def windows_of_recordings(
     for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
         raw = Preparation(repair=cutting.repair, remove_delays=cutting.remove_delays)
         simple = not (cutting.starts or cutting.repair or cutting.remove_delays)
-        table = prepared(read_recording(path), replace(raw, rate_hz=1.0) if simple else raw)
+        how_raw = replace(raw, rate_hz=1.0) if simple else raw
+        table = prepared(read_recording(path), how_raw, rebuild_positions=cutting.rebuild_positions)
         seconds = table if simple else resample(table, 1.0)
         parts.append(
             held_windows(seconds, cutting.horizon_s, cutting.stride_s, trial=trial, keep_moving=cutting.keep_moving)

@@ -97,6 +97,19 @@ def repair(
     return Repaired(table, tuple(repairs))
 
 
+def rebuilding_positions(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
+    """The findings with the order to rebuild the positions, for :func:`repair`.
+
+    It is never certain by itself: positions that jitter in time are found, but whether the path that speeds and
+    heading give is the better truth is for the analyst to say. It is where windows of predicted position are to
+    be judged, whose errors would else be the stamps' own.
+    """
+    others = [finding for finding in findings if finding.code != "position_time_jitter"]
+    times = utc_index(table)
+    order = Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True)
+    return (*others, order)
+
+
 def write_repaired(
     recording: Recording,
     table: pd.DataFrame,

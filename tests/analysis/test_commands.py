@@ -180,3 +180,50 @@ def test_channels_that_are_not_recorded_are_named(recording: Path, tmp_path: Pat
     assert "not in the recording: wind_speed_mps, tunnel_rpm" in run.stdout
     assert "not in the recording: wind_speed_mps" in (tmp_path / "quality.html").read_text(encoding="utf-8")
     assert "not in the recording" not in RUN.invoke(app, ["check", str(recording)]).stdout
+
+
+@pytest.fixture(scope="module")
+def jittering(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
+    """Positions stamped up to a second wrong, and the table before."""
+    table = simulate_trial("gunnerus_short", "calm", "zigzag_20_20", 300.0, 2.0, seed=5)[0]
+    shift = np.random.default_rng(5).integers(-2, 3, len(table))
+    rows = np.clip(np.arange(len(table)) + shift, 0, len(table) - 1)
+    late = table.assign(**{name: table[name].to_numpy()[rows] for name in ("north_m", "east_m")})
+    path = tmp_path_factory.mktemp("jitter") / "voyage.mcap"
+    write_table(late, path, Trial("voyage"))
+    return path, table
+
+
+def test_positions_are_rebuilt_on_request_and_only_then(
+    jittering: tuple[Path, pd.DataFrame], tmp_path: Path
+) -> None:
+    path, truth = jittering
+
+    def repaired(name: str, *more: str) -> pd.DataFrame:
+        run = RUN.invoke(app, ["check", str(path), "--repair", str(tmp_path / name), *more])
+        assert run.exit_code == 0, run.output
+        return read_table(tmp_path / name)
+
+    plain, rebuilt = repaired("plain.mcap"), repaired("rebuilt.mcap", "--rebuild-positions")
+    pd.testing.assert_series_equal(plain["north_m"], read_table(path)["north_m"])
+    off = [
+        each[["north_m", "east_m"]].to_numpy() - truth[["north_m", "east_m"]].to_numpy()
+        for each in (plain, rebuilt)
+    ]
+    step = [np.hypot(*np.diff(each, axis=0).T) for each in off]
+    assert np.median(step[1]) < 0.2 * np.median(step[0])
+    assert "rebuilt" in str(rebuilt.attrs["history"])
+
+
+def test_windows_of_rebuilt_positions_say_so(jittering: tuple[Path, pd.DataFrame], tmp_path: Path) -> None:
+    words = ["windows", str(jittering[0]), "-o", str(tmp_path / "w.parquet"), "--no-starts", "--keep-moving"]
+    assert RUN.invoke(app, [*words, "--rebuild-positions"]).exit_code == 0
+    said = json.loads(read_parquet(tmp_path / "w.parquet")[1]["provenance"])["voyage"]
+    assert said["options"]["rebuild_positions"]
+    assert "position_time_jitter" in [step["options"].get("code") for step in said["history"]]
+
+
+def test_positions_are_not_rebuilt_without_repairs(recording: Path, tmp_path: Path) -> None:
+    assert RUN.invoke(app, ["check", str(recording), "--rebuild-positions"]).exit_code == 2
+    words = ["batch", str(tmp_path), "-o", str(tmp_path / "out"), "--rebuild-positions", "--no-repair"]
+    assert RUN.invoke(app, words).exit_code == 2
