@@ -15,17 +15,7 @@ import pandas as pd
 from acquisition.errors import DataShortageError, InputError
 from acquisition.frames import Quality
 from analysis.frames import utc_index
-from analysis.quality.contradictions import (
-    SPEED_UNITS,
-    YAW_RATE_UNITS,
-    Unit,
-    believable,
-    contradiction,
-    flag_displaced,
-    jump_finding,
-    unfitted,
-    unit_of,
-)
+from analysis.quality.contradictions import contradiction, flag_displaced, jump_finding, unfitted
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.kinematic_coarse import coarse_fit
 from analysis.quality.kinematic_delays import CAUSES, OBSERVED, Explanation, explain
@@ -34,29 +24,12 @@ from analysis.quality.kinematic_jumps import PositionJump, position_jumps
 from analysis.quality.kinematic_parts import with_parts
 from analysis.quality.kinematic_series import GROUPS, MOTION
 from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics, quantile
+from analysis.quality.motion_scales import CHANCE, heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
 
-CHANCE = 1e-4
-"""Probability that a figure of a sound trial is called wrong."""
-
-_SMALLEST = {
-    "speed_factor": 0.005,
-    "yaw_rate_factor": 0.01,
-    "yaw_rate_bias_radps": np.deg2rad(0.02),
-    "heading_offset_rad": np.deg2rad(0.3),
-}
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_JITTER_S = 0.15
 _LEAST_RATIO = 2.0
 _SMALLEST_ARM_M = 0.5
-_SYSTEMATIC = {
-    "speed_factor": 2e-4,
-    "yaw_rate_factor": 5e-4,
-    "yaw_rate_bias_radps": np.deg2rad(5e-4),
-    "heading_offset_rad": np.deg2rad(0.01),
-}
-"""What sampling and interpolation may do, as standard deviations: no interval is narrower."""
-
-_CERTAIN_HALF_WIDTH = 0.005
 _WHAT = {
     "north_m": "The positions",
     "heading_deg": "The heading",
@@ -120,10 +93,10 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     jitter = stamp_jitter(table, fit)
     explanation = explain(fit, jitter.variance_s2 if _jitters(jitter) else 0.0)
     found = [
-        _speed_scale(fit, start, end),
-        _yaw_rate_scale(fit, start, end),
-        _yaw_rate_bias(fit, start, end),
-        _heading_offset(fit, start, end),
+        speed_scale(fit, start, end),
+        yaw_rate_scale(fit, start, end),
+        yaw_rate_bias(fit, start, end),
+        heading_offset(fit, start, end),
         *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
         _arm(explanation, fit, start, end),
         _jitter(jitter, start, end),
@@ -150,109 +123,6 @@ def _with_positions(table: pd.DataFrame) -> list[str]:
     own = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
     same = [name for name in _OVER_GROUND if own and sources.get(name) == sources["north_m"]]
     return [name for name in (*_GEOGRAPHIC, *same) if name in table]
-
-
-def _interval(fit: Kinematics, name: str) -> tuple[float, float]:
-    low, high = fit.interval(name)
-    half = float(np.hypot(0.5 * (high - low), 1.96 * _systematic(fit, name)))
-    return fit.value(name) - half, fit.value(name) + half
-
-
-def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
-    """Whether a figure differs from its neutral value, by more than chance and by enough to matter."""
-    away = abs(fit.value(name) - neutral)
-    critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
-    return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
-
-
-def _systematic(fit: Kinematics, name: str) -> float:
-    """In proportion to a factor."""
-    return float(_SYSTEMATIC[name] * (abs(fit.value(name)) if name.endswith("factor") else 1.0))
-
-
-def _certain(factor: float, low: float, high: float, unit: Unit | None) -> bool:
-    half = 0.5 * (high - low)
-    precise = half < _CERTAIN_HALF_WIDTH * max(abs(factor), 1.0) and abs(factor - 1.0) > 4.0 * half
-    return bool(precise and believable(factor, unit))
-
-
-def _speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not _clear(fit, "speed_factor", 1.0):
-        return None
-    factor, (low, high) = fit.value("speed_factor"), _interval(fit, "speed_factor")
-    unit = unit_of(factor, SPEED_UNITS, low, high)
-    how = (
-        f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
-        if factor > 0.0
-        else "run against"
-    )
-    return Finding(
-        "speed_scale", "surge_mps", start, end,
-        f"Surge and sway {how} the rate of the positions {_factor(fit, 'speed_factor', unit)}",
-        f"Multiply surge and sway by {factor:.4f}." if unit is None or unit.sure else "Find out which it is.",
-        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
-    )  # fmt: skip
-
-
-def _yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not _clear(fit, "yaw_rate_factor", 1.0):
-        return None
-    factor, (low, high) = fit.value("yaw_rate_factor"), _interval(fit, "yaw_rate_factor")
-    unit = unit_of(factor, YAW_RATE_UNITS, low, high)
-    how = (
-        f"reads {abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
-        if factor > 0.0
-        else "reads against the turns of the heading"
-    )
-    return Finding(
-        "yaw_rate_scale", "yaw_rate_dps", start, end,
-        f"The yaw rate {how} {_factor(fit, 'yaw_rate_factor', unit)}", f"Multiply the yaw rate by {factor:.4f}.",
-        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
-    )  # fmt: skip
-
-
-def _factor(fit: Kinematics, name: str, unit: Unit | None) -> str:
-    """A factor with its interval, the unit that it tells of, and whether it holds throughout."""
-    low, high = _interval(fit, name)
-    text = f"(factor {fit.value(name):.4f}, 95 % {low:.4f} to {high:.4f})"
-    if unit is not None:
-        text += f", {unit.words}"
-    apart = fit.half_between[NAMES.index(name)] > max(_SMALLEST[name], 2.0 * fit.standard_error(name))
-    return text + ("; it is not the same throughout the recording" if apart else "")
-
-
-def _yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not _clear(fit, "yaw_rate_bias_radps"):
-        return None
-    scale = -180.0 / np.pi / fit.value("yaw_rate_factor")
-    bias, (high, low) = (
-        fit.value("yaw_rate_bias_radps") * scale,
-        np.array(_interval(fit, "yaw_rate_bias_radps")) * scale,
-    )
-    text = f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})"
-    return Finding(
-        "yaw_rate_bias", "yaw_rate_dps", start, end, text, "Subtract it, and set the gyro's zero.",
-        {"bias_dps": bias, "low": float(low), "high": float(high)},
-    )  # fmt: skip
-
-
-def _heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not _clear(fit, "heading_offset_rad"):
-        return None
-    angle, (low, high) = (
-        np.rad2deg(fit.value("heading_offset_rad")),
-        np.rad2deg(_interval(fit, "heading_offset_rad")),
-    )
-    astern = ", unless surge and sway have the wrong sign" if abs(angle) > 175.0 else ""
-    text = (
-        f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
-        f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}"
-    )
-    return Finding(
-        "heading_offset", "heading_deg", start, end, text,
-        "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
-        {"angle_deg": float(angle), "low": float(low), "high": float(high)},
-    )  # fmt: skip
 
 
 def _delay(
