@@ -6,13 +6,12 @@ execute in the old direction. It is read off a fit of the heading, as the larges
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, nominal_deg
+from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
 from analysis.manoeuvres.segments import Plateau, alike, counted, event_notes, execute_s, the_other
@@ -25,7 +24,6 @@ _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
 _SWITCH_SHARE = 0.16  # people switch early and late
 _INITIAL_TURN_DEG = 10.0
-_NUMBERED = re.compile(r"overshoot_\d+_deg")
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_SWINGS) -> list[list[Plateau]]:
@@ -142,7 +140,7 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
     executes = counted(motion, both)
     approach = approach_of(motion, both[0, 0])
     heading, steady = _deviation_deg(motion, executes, approach)
-    values = _overshoots(motion, heading, both)
+    values, beside = _overshoots(motion, heading, both)
     if executes.size >= 5:
         values["period_s"] = float(np.mean(executes[3:-1] - executes[1:-3]))
     if steady:
@@ -155,7 +153,7 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
             "reach_s": back_s - executes[0],
             "speed_loss": 1.0 - float(swinging.speed_mps.mean()) / approach["approach_mps"],
         }
-    return values
+    return values | beside
 
 
 def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, float]) -> tuple[Floats, bool]:
@@ -169,27 +167,23 @@ def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, floa
     return _first_side(motion, executes) * (motion.heading_deg - base), steady
 
 
-def _overshoots(motion: Motion, heading: Floats, both: Floats) -> dict[str, float]:
-    """Every overshoot and the time it took to check the yaw, and the mean overshoot of three and more."""
-    executes, beside, name = counted(motion, both), *the_other(motion, both)
+def _overshoots(motion: Motion, heading: Floats, both: Floats) -> tuple[dict[str, float], dict[str, float]]:
+    """Every overshoot and the mean of three and more; beside them those from the other moment of the command, and
+    the times it took to check the yaw."""
+    executes, others, name = counted(motion, both), *the_other(motion, both)
     swings = executes.size - 2
     values: dict[str, float] = {}
-    found = []
+    beside: dict[str, float] = {}
     for number in range(1, swings + 1):
         towards = heading if number % 2 else -heading
         last = executes[number + 1] if number < swings else motion.time_s[-1]
         time_s, top = peak(motion.time_s, towards, executes[number], float(last))
         if number == swings and time_s >= executes[-1]:
             continue  # the helm was taken off before the ship had answered
-        found.append(top - float(np.interp(executes[number], motion.time_s, towards)))
-        values[f"overshoot_{number}_deg"] = found[-1]
-        values[f"overshoot_{number}_{name}_deg"] = top - float(np.interp(beside[number], motion.time_s, towards))
-        values[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
-    if len(found) > 2:
-        values["overshoot_mean_deg"] = float(np.mean(found))
-    return values
-
-
-def repeats_of(indices: Mapping[str, Index]) -> Floats:
-    """All overshoots of one zigzag [deg], in their order: their spread says how well it can be repeated."""
-    return np.array([each.value for name, each in indices.items() if _NUMBERED.fullmatch(name)])
+        at_execute, at_other = np.interp([executes[number], others[number]], motion.time_s, towards)
+        values[f"overshoot_{number}_deg"] = top - float(at_execute)
+        beside[f"overshoot_{number}_{name}_deg"] = top - float(at_other)
+        beside[f"time_to_check_yaw_{number}_s"] = time_s - executes[number]
+    if len(values) > 2:
+        values["overshoot_mean_deg"] = float(np.mean(list(values.values())))
+    return values, beside
