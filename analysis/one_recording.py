@@ -31,7 +31,7 @@ from analysis.export import FLAG_MEANING, SIGMA_SUFFIX, unit_of
 from analysis.history import history_of, with_step
 from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
 from analysis.parquet import write_parquet
-from analysis.provenance import sha256_of
+from analysis.provenance import provenance_of, sha256_of
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, Repaired, rebuilding_positions, repair
 from analysis.resample import resample
@@ -329,7 +329,8 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_json(folder / "quality.json", {**products.quality.as_json(), "repairs": repairs, **origin})
     write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
     if products.windows is not None:
-        named = {provenance["recording"]: {**origin, "trial": plain(products.recording.trial.as_metadata())}}
+        whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
+        named = {provenance["recording"]: plain(whence)}
         write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)

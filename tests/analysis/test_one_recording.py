@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -203,3 +204,21 @@ def test_whatever_comes_out_is_json(value: object) -> None:
 def test_numbers_and_times_of_other_libraries_become_plain() -> None:
     value = {"a": np.float32(np.nan), "b": np.arange(2), "c": pd.Timestamp("2022-10-27T00:00:00Z")}
     assert plain(value) == {"a": None, "b": [0, 1], "c": "2022-10-27T00:00:00+00:00"}
+
+
+def test_windows_and_their_starts_say_where_they_come_from(recording: Path, result: Path) -> None:
+    digest = hashlib.sha256(recording.read_bytes()).hexdigest()
+    for name in ("windows.parquet", "windows.starts.parquet"):
+        (said,) = json.loads(read_parquet(result / name)[1]["provenance"]).values()
+        assert (said["recording"], said["recording_sha256"]) == ("trial_1.mcap", digest)
+        assert "smooth" in [step["step"] for step in said["history"]]
+        assert str(recording.parent) not in json.dumps(said)
+
+
+def test_one_stamp_of_1970_costs_a_row_and_not_the_recording(tmp_path: Path) -> None:
+    table = sailed(seconds=120)
+    times = pd.DatetimeIndex(table.index).insert(0, pd.Timestamp(0, tz="UTC")).delete(1)
+    write_table(table.set_axis(times.rename("time"), axis=0), tmp_path / "first.mcap", Trial())
+    row = process(tmp_path / "first.mcap", tmp_path / "out", QUICK)
+    assert row["findings_by_code"]["time_outlier"] == 1
+    assert 100.0 < row["duration_s"] < 130.0
