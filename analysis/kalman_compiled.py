@@ -15,8 +15,8 @@ Counts = NDArray[np.int64]
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def advance(mean: Floats, covariance: Floats, sizes: Counts, forward: Floats, added: Floats) -> None:
-    """Move a state [n] and its covariance [n, n] on in place; ``forward`` and ``added`` [blocks, 4, 4]."""
-    half = np.empty((4, 4))
+    """Move a state [n] and its covariance [n, n] on in place; ``forward`` and ``added`` [blocks, m, m]."""
+    half = np.empty(forward.shape[1:])
     first = 0
     for a in range(sizes.size):
         for i in range(sizes[a]):

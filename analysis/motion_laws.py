@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-QUANTITIES, LARGEST = 3, 4
+QUANTITIES, LARGEST = 3, 5
 _SAME_S = 1e-9
+_CORNER = 1.2  # of a swing's low-pass, in its frequencies
 
 
 class Law(Protocol):
@@ -67,45 +68,57 @@ class WhiteJerk:
 
 @dataclass(frozen=True, slots=True)
 class WaveMotion:
-    """A swing about zero: a damped oscillator, driven by noise that a low-pass of second order has made smooth.
+    """A swing about zero: a damped oscillator, driven by noise that a low-pass has made smooth.
 
-    ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` where the oscillator swings,
-    which is also the low-pass's corner (Butterworth), and ``damping`` its share of critical damping, which is
-    the spectrum's width. The spectrum of position falls with the eighth power of frequency above the peak: a
-    sea's falls with the fifth, and a hull, longer than short waves, follows them still less. The state has the
-    third derivative too.
+    ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` where the oscillator swings
+    and ``damping`` its share of critical damping, which is the spectrum's width. The low-pass (Butterworth, of
+    order 2 or 3) has its corner a little above, so that no two roots are the same. The spectrum of position falls
+    with the power 4 + 2 ``order`` of frequency above the peak: that of a sea's surface falls with the fifth, and
+    a hull, longer and deeper than short waves, averages them over her draught and, what turns her more than
+    what shifts her, along her length. The state has derivatives up to ``order`` + 1.
     """
 
     speed: float
     frequency_radps: float
     damping: float
+    order: int = 2
     may_jump: bool = False
-    size: int = 4
+
+    @property
+    def size(self) -> int:
+        """The number of states."""
+        return 2 + self.order
 
     @property
     def _system(self) -> Floats:
-        w, z = self.frequency_radps, self.damping
-        slope = np.sqrt(2.0)
-        polynomial = np.polymul([1.0, 2 * z * w, w**2], [1.0, slope * w, w**2])
-        system = np.eye(4, k=1)
-        system[3] = -polynomial[:0:-1]
+        """The system with the time in units of 1 / frequency."""
+        angles = np.pi * (2 * np.arange(self.order) + self.order + 1) / (2 * self.order)
+        low_pass = np.real(np.poly(_CORNER * np.exp(1j * angles)))
+        polynomial = np.polymul([1.0, 2 * self.damping, 1.0], low_pass)
+        system = np.eye(self.size, k=1)
+        system[-1] = -polynomial[:0:-1]
         return system
 
     @property
+    def _powers(self) -> Floats:
+        """What turns derivatives by the system's own time into those by seconds [size]."""
+        return np.asarray(self.frequency_radps ** np.arange(self.size))
+
+    @property
     def covariance(self) -> Floats:
-        """The covariance of the swing at any time [4, 4]."""
-        identity, system = np.eye(4), self._system
-        drive = np.zeros((4, 4))
-        drive[3, 3] = 1.0
+        """The covariance of the swing at any time [size, size]."""
+        identity, system, drive = np.eye(self.size), self._system, np.zeros((self.size, self.size))
+        drive[-1, -1] = 1.0
         lyapunov = np.kron(system, identity) + np.kron(identity, system)
-        unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(4, 4)
+        unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(drive.shape) * np.outer(self._powers, self._powers)
         return np.asarray(unit * self.speed**2 / unit[1, 1])
 
     def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """As :class:`Law` says; the roots differ for a damping below 0.7."""
+        """As :class:`Law` says."""
         roots, vectors = np.linalg.eig(self._system)
-        powers = np.exp(roots * dt_s[:, None])
+        powers = np.exp(roots * self.frequency_radps * dt_s[:, None])
         forward = np.real(np.einsum("ij,kj,jl->kil", vectors, powers, np.linalg.inv(vectors)))
+        forward *= self._powers[:, None] / self._powers
         stationary = self.covariance
         added = stationary - forward @ stationary @ forward.transpose(0, 2, 1)
         return forward, (added + added.transpose(0, 2, 1)) / 2.0
@@ -151,7 +164,7 @@ class Model:
         return matrix
 
     def blocks_over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """Transition and added covariance over each of ``dt_s`` [k], block by block: twice [k, blocks, 4, 4].
+        """Transition and added covariance over each of ``dt_s`` [k], block by block: twice [k, blocks, 5, 5].
 
         A smaller block fills the first rows and columns of its matrices.
         """

@@ -39,6 +39,7 @@ _LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
 _JERKS, _LEAST_JERK, _MOST_JERK = (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 1e-7, 1e2
 _WAVE_PERIODS_S, _LONGEST_WAVE_S = (3.0, 5.0, 8.0, 12.0), 20.0
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # where the search for waves begins, m/s and rad/s
+_YAW_ORDER = 3  # a hull averages turning along her length once more than shifting
 _DAMPINGS, _AT_BOUND = (0.02, 0.6), 0.01
 _STARTS, _MOST_STEPS, _MOST_TRIES = 2, 20, 5
 _DIFFERENCE, _LONGEST_STEP, _ENOUGH = 1e-4, 1.5, 0.2  # of logarithms, and of the cost
@@ -81,7 +82,7 @@ class NoiseLevels:
     @property
     def yaw_laws(self) -> tuple[Law, ...]:
         """How the heading moves: slowly, and in waves where there are any."""
-        waves = WaveMotion(self.yaw_wave_speed, self.yaw_wave_frequency_radps, self.yaw_wave_damping)
+        waves = WaveMotion(self.yaw_wave_speed, self.yaw_wave_frequency_radps, self.yaw_wave_damping, _YAW_ORDER)
         return (WhiteJerk(self.yaw_jerk), *([waves] if self.yaw_wave_speed > 0 else []))
 
     @property
@@ -123,7 +124,7 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
     alone = [(heading_steps(part, 1.0, 1.0), first_state(part)) for part in parts]
     turning = _Search(alone, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
-                      (_LEAST["heading"], _LEAST["yaw_rate"]), rules)  # fmt: skip
+                      (_LEAST["heading"], _LEAST["yaw_rate"]), rules, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
     given = [_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts]
@@ -201,6 +202,7 @@ class _Search:
     least: tuple[float, float]
     gate: Gate
     added: Sequence[Floats] = ()
+    order: int = 2
 
     def cost(self, logs: Floats) -> float:
         """Minus twice the log-likelihood; each innovation's square counts up to the gate."""
@@ -221,7 +223,7 @@ class _Search:
         for share in (1.0, across)[: len(self.quantities)]:
             laws.append(WhiteJerk(float(levels[2])))
             if levels.size > _CALM:
-                laws.append(WaveMotion(share * float(levels[3]), float(levels[4]), float(levels[5])))
+                laws.append(WaveMotion(share * float(levels[3]), float(levels[4]), float(levels[5]), self.order))
         quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
         model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
         if (len(laws), direction_rad) not in self._views:
