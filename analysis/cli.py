@@ -245,8 +245,8 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.progress import bar
-    from analysis.batch import Terminated, run_batch
-    from analysis.one_recording import Options
+    from analysis.season.batch import Terminated, run_batch
+    from analysis.season.products import Options
 
     if rebuild_positions and no_repair:
         raise typer.BadParameter("--rebuild-positions needs the repairs")

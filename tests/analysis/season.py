@@ -13,7 +13,7 @@ from acquisition.angles import wrap_360
 from acquisition.channels import NAMES
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
-from analysis.one_recording import Options
+from analysis.season.products import Options
 from tests.analysis.conftest import table_at
 
 QUICK = Options(smooth=False, pictures=False)

@@ -16,8 +16,8 @@ from websockets.sync.client import connect
 
 from acquisition.channels import NAMES as CHANNELS
 from acquisition.errors import StorageError
-from analysis.batch_index import failures_of, gone_rows, index_table, read_index, write_index
-from analysis.index_page import index_page
+from analysis.season.index import failures_of, gone_rows, index_table, read_index, write_index
+from analysis.season.index_page import index_page
 
 Evaluate = Callable[[str], Any]
 

@@ -17,9 +17,11 @@ from acquisition.channels import NAMES
 from acquisition.errors import InputError, StorageError
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
-from analysis import one_recording
-from analysis.one_recording import SUMMARY, cause_of, distance_m, plain, process, reusable, thumbnail
 from analysis.parquet import read_parquet
+from analysis.season import one_recording
+from analysis.season.one_recording import SUMMARY, process, reusable
+from analysis.season.products import cause_of
+from analysis.season.row import distance_m, plain, thumbnail
 from analysis.windows import read_windows
 from tests.analysis.conftest import table_at
 from tests.analysis.season import QUICK, hashes, sailed

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.manoeuvres import Manoeuvre
-    from analysis.one_recording import Products
     from analysis.quality.findings import Finding
+    from analysis.season.products import Products
 
 _PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
 """Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""

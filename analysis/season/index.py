@@ -14,9 +14,9 @@ from typing import Any
 import pandas as pd
 
 from acquisition.errors import storage_error
-from analysis.index_page import index_page
-from analysis.one_recording import SUMMARY
 from analysis.parquet import read_parquet, write_parquet
+from analysis.season.index_page import index_page
+from analysis.season.one_recording import SUMMARY
 
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""

@@ -15,7 +15,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.one_recording import SUMMARY, Options, Row, cause_of, process, reusable
+from analysis.season.one_recording import SUMMARY, process, reusable
+from analysis.season.products import Options, cause_of
+from analysis.season.row import Row
 
 MOST_ATTEMPTS = 3
 """So often a recording may take its worker down before it is left alone."""

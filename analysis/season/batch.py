@@ -23,9 +23,11 @@ from queue import Empty, Queue
 from typing import Any, TypeAlias
 
 from acquisition.errors import DataShortageError, InputError, SourceError, StorageError, storage_error
-from analysis.batch_index import Failures, failures_of, gone_rows, write_index
-from analysis.batch_job import MARKS, MOST_ATTEMPTS, Job, attempt, failed_row
-from analysis.one_recording import Options, Row, cause_of, clear_partials
+from analysis.season.index import Failures, failures_of, gone_rows, write_index
+from analysis.season.job import MARKS, MOST_ATTEMPTS, Job, attempt, failed_row
+from analysis.season.one_recording import clear_partials
+from analysis.season.products import Options, cause_of
+from analysis.season.row import Row
 
 Progress = Callable[[float], None]
 Task = Callable[[Job], Row]
