@@ -209,6 +209,8 @@ def smooth(
     expect_suffix(output, ".parquet")
     smoothed = smooth_table(read_table(file), rate)
     write_smoothed(smoothed, output)
+    for remark in smoothed.remarks:
+        typer.echo(remark, err=True)
     summary = summary_of(smoothed)
     if as_json:
         typer.echo(json.dumps(summary))

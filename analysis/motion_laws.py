@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 QUANTITIES, LARGEST = 3, 5
 _SAME_S = 1e-9
-_CORNER = 1.2  # of a swing's low-pass, in its frequencies
+_CORNER = 1.1  # of a swing's low-pass, in its frequencies
 
 
 class Law(Protocol):

@@ -10,15 +10,13 @@ make the data more likely by more than their three numbers would by chance (Schw
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.holding import noise_of
-from analysis.kalman import Floats, Gate, Start, Steps, arguments, filter_steps, smooth_filtered
+from analysis.kalman import Floats, Gate, Start, Steps, filter_steps, smooth_filtered
 from analysis.motion_laws import Law, Model, WaveMotion, WhiteJerk
 from analysis.motion_model import (
     EAST,
@@ -33,19 +31,15 @@ from analysis.motion_model import (
     horizontal_steps,
     motion_steps,
 )
+from analysis.noise_search import CALM, LEAST, LEAST_JERK, MOST_JERK, Search, across_of, descended, downhill
 
 STRETCHES, STEPS_OF_STRETCH = 10, 200
-_LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
-_JERKS, _LEAST_JERK, _MOST_JERK = (1e-4, 1e-3, 1e-2, 1e-1, 1.0), 1e-7, 1e2
-_WAVE_PERIODS_S, _LONGEST_WAVE_S = (3.0, 5.0, 8.0, 12.0), 20.0
+_JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+_WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # where the search for waves begins, m/s and rad/s
 _YAW_ORDER = 3  # a hull averages turning along her length once more than shifting
-_DAMPINGS, _AT_BOUND = (0.02, 0.6), 0.01
-_STARTS, _MOST_STEPS, _MOST_TRIES = 2, 20, 5
-_DIFFERENCE, _LONGEST_STEP, _ENOUGH = 1e-4, 1.5, 0.2  # of logarithms, and of the cost
-_CALM, _WAVY, _MOST_VIEWS, _NO_WAVES, _NOTHING = 3, 6, 12, (0.0, 1.0, 0.3), np.zeros(3)
-
-Parts = Sequence[tuple[Steps, Start]]
+_AT_BOUND = 0.01
+_NO_WAVES, _NOTHING = (0.0, 1.0, 0.3), np.zeros(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +101,20 @@ class NoiseLevels:
         quantities = (0,) * len(self.yaw_laws) + (1,) * len(along) + (2,) * len(across)
         return Model(quantities, (*self.yaw_laws, *along, *across), self.wave_direction_rad)
 
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """The channels whose noise is the least that is searched for, and those whose motion's jerk is at an end.
+
+        A search that ends at its bound has not found a level: such data were made, filtered or held.
+        """
+        least = {"position_m": LEAST["position"], "heading_rad": LEAST["heading"], "speed_mps": LEAST["speed"],
+                 "yaw_rate_radps": LEAST["yaw_rate"]}  # fmt: skip
+        found = {name for name, bound in least.items() if getattr(self, name) <= bound * (1.0 + _AT_BOUND)}
+        for name in ("jerk", "yaw_jerk"):
+            if not LEAST_JERK * (1.0 + _AT_BOUND) < getattr(self, name) < MOST_JERK * (1.0 - _AT_BOUND):
+                found.add(name)
+        return tuple(sorted(found))
+
     def as_json(self) -> dict[str, float]:
         """The levels by name."""
         return asdict(self)
@@ -123,16 +131,16 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
     first = _first_levels(data)
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
     alone = [(heading_steps(part, 1.0, 1.0), first_state(part)) for part in parts]
-    turning = _Search(alone, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
-                      (_LEAST["heading"], _LEAST["yaw_rate"]), rules, order=_YAW_ORDER)  # fmt: skip
+    turning = Search(alone, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
+                      (LEAST["heading"], LEAST["yaw_rate"]), rules, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
     given = [_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts]
-    moving = _Search([(steps, start) for steps, start, _ in given], (1, 2), np.array([0, 0, 1, 1]), noise,
-                     (_LEAST["position"], _LEAST["speed"]), rules, [added for *_, added in given])  # fmt: skip
+    moving = Search([(steps, start) for steps, start, _ in given], (1, 2), np.array([0, 0, 1, 1]), noise,
+                     (LEAST["position"], LEAST["speed"]), rules, [added for *_, added in given])  # fmt: skip
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
-    if horizontal.size > _CALM:
+    if horizontal.size > CALM:
         horizontal = _with_direction(moving, horizontal)
         yaw = _with_waves(
             turning, _calm(turning), _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
@@ -142,20 +150,15 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
 
 def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     """The levels from logarithms: two noises, a jerk and, if they go on, waves."""
-    position_m, speed_mps, jerk, *waves = (float(each) for each in np.exp(horizontal[:_WAVY]))
+    position_m, speed_mps, jerk, *waves = (float(each) for each in np.exp(horizontal[:6]))
     speed, frequency, damping = waves or _NO_WAVES
-    across, direction_rad = _across(horizontal)
+    across, direction_rad = across_of(horizontal)
     heading_rad, yaw_rate_radps, yaw_jerk, *yaw_waves = (float(each) for each in np.exp(yaw))
     yaw_speed, yaw_frequency, yaw_damping = yaw_waves or _NO_WAVES
     return NoiseLevels(
         position_m, heading_rad, speed_mps, yaw_rate_radps, jerk, yaw_jerk, speed, frequency, damping,
         yaw_speed, yaw_frequency, yaw_damping, across, direction_rad,
     )  # fmt: skip
-
-
-def _across(logs: Floats) -> tuple[float, float]:
-    """How large the swing is across its direction, and the direction [rad]; 1 and 0 if that is not among them."""
-    return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
 
 
 def _stretches(data: Binned) -> list[Binned]:
@@ -188,129 +191,13 @@ def _given_heading(part: Binned, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, S
     return plain, first_state(part), everything.row[:, NORTH:, 0] ** 2 * covariance[:, :1, 0]
 
 
-@dataclass(frozen=True)
-class _Search:
-    """What is searched for: two noise levels, a jerk and waves, for steps that are given with unit noise.
-
-    ``level_of`` [channels] tells which level is whose, ``added`` is variance that comes on top, by part.
-    """
-
-    parts: Parts
-    quantities: tuple[int, ...]
-    level_of: NDArray[np.int64]
-    first: Floats
-    least: tuple[float, float]
-    gate: Gate
-    added: Sequence[Floats] = ()
-    order: int = 2
-
-    def cost(self, logs: Floats) -> float:
-        """Minus twice the log-likelihood; each innovation's square counts up to the gate."""
-        return self.total(*self.innovations(logs))
-
-    def total(self, innovation: Floats, variance: Floats) -> float:
-        """The cost of innovations and their variances; a refused one's does not fall with its variance."""
-        enough = np.maximum(variance, innovation**2 / self.gate.limit)
-        return float((np.log(enough) + innovation**2 / enough).sum())
-
-    def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
-        """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
-        from analysis.kalman_compiled import innovations_of
-
-        levels = np.exp(logs)
-        across, direction_rad = _across(logs)
-        laws: list[Law] = []
-        for share in (1.0, across)[: len(self.quantities)]:
-            laws.append(WhiteJerk(float(levels[2])))
-            if levels.size > _CALM:
-                laws.append(WaveMotion(share * float(levels[3]), float(levels[4]), float(levels[5]), self.order))
-        quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
-        model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
-        if (len(laws), direction_rad) not in self._views:
-            if len(self._views) > _MOST_VIEWS:
-                self._views.clear()
-            view = self._joined.seen_by(model), self._mean @ model.sums * model.may_jump
-            self._views[len(laws), direction_rad] = view
-        steps, mean = self._views[len(laws), direction_rad]
-        steps = replace(steps, variance=self._joined.variance * levels[self.level_of] ** 2 + self._added)
-        start = replace(self.parts[0][1].seen_by(model), mean=mean)
-        blocks = model.blocks_over(self._intervals_s)
-        innovation, variance = innovations_of(*arguments(steps, start, model, self.gate, blocks), self._begins)
-        return innovation[self._there], variance[self._there]
-
-    @cached_property
-    def _views(self) -> dict[tuple[int, float], tuple[Steps, Floats]]:
-        """The steps and starts as a model of so many laws and a direction sees them, whatever its levels."""
-        return {}
-
-    @cached_property
-    def _joined(self) -> Steps:
-        """The steps of all parts in one."""
-        every = [steps for steps, _ in self.parts]
-        time_s, value, row, variance = (
-            np.concatenate([getattr(each, name) for each in every])
-            for name in ("time_s", "value", "row", "variance")
-        )
-        return Steps(time_s, value, row, variance, every[0].turn, every[0].jumps)
-
-    @cached_property
-    def _there(self) -> NDArray[np.bool_]:
-        return np.isfinite(self._joined.value)
-
-    @cached_property
-    def _begins(self) -> NDArray[np.bool_]:
-        """Where a part begins [steps]."""
-        return np.concatenate([np.arange(steps.time_s.size) == 0 for steps, _ in self.parts])
-
-    @cached_property
-    def _mean(self) -> Floats:
-        """Where each step's part begins [steps, 9]."""
-        return np.concatenate([np.tile(start.mean, (steps.time_s.size, 1)) for steps, start in self.parts])
-
-    @cached_property
-    def _added(self) -> Floats | float:
-        return np.concatenate(list(self.added)) if self.added else 0.0
-
-    @cached_property
-    def _intervals_s(self) -> Floats:
-        """The time before each step of all parts, 0 before the first of each."""
-        return np.where(self._begins, 0.0, np.diff(self._joined.time_s, prepend=self._joined.time_s[:1]))
-
-    @property
-    def count(self) -> int:
-        """How many values there are."""
-        return int(self._there.sum())
-
-    @property
-    def first_logs(self) -> Floats:
-        """The logarithms of the first idea of the two levels."""
-        return np.asarray(np.log(np.maximum(self.first, 3.0 * np.array(self.least))))
-
-    @property
-    def shortest_wave_s(self) -> float:
-        """The shortest wave that the steps can tell from noise: three of them."""
-        return 3.0 * float(np.median(np.diff(self.parts[0][0].time_s))) if self.parts[0][0].time_s.size > 1 else 3.0
-
-    @property
-    def wave_bounds(self) -> Floats:
-        """Where the waves' speed, frequency and damping may be [3, 2], as logarithms."""
-        fastest = 2 * np.pi / self.shortest_wave_s
-        return np.log([(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, fastest), _DAMPINGS])
-
-    @property
-    def bounds(self) -> list[tuple[float, float]]:
-        """Where levels and jerk may be, as logarithms."""
-        noises = [(float(np.log(least)), float(np.log(1e4))) for least in self.least]
-        return [*noises, (float(np.log(_LEAST_JERK)), float(np.log(_MOST_JERK)))]
-
-
-def _calm(search: _Search) -> tuple[Floats, float]:
+def _calm(search: Search) -> tuple[Floats, float]:
     """The logarithms of two levels and the jerk, and their cost: motion without waves."""
-    return _descended(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
+    return descended(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
 
 
 def _with_waves(
-    search: _Search, calm: tuple[Floats, float], speeds: Sequence[float], frequencies: Sequence[float] | Floats
+    search: Search, calm: tuple[Floats, float], speeds: Sequence[float], frequencies: Sequence[float] | Floats
 ) -> Floats:
     """As :func:`_calm`, with the waves' speed, frequency and damping behind, where they are worth their numbers."""
     plain, cost = calm
@@ -320,65 +207,15 @@ def _with_waves(
         for noise in (plain[:2], search.first_logs)
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
-    wavy, wavy_cost = _descended(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
+    wavy, wavy_cost = descended(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
     a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width is the ship's own doing
     return wavy if a_sea and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
 
 
-def _with_direction(search: _Search, wavy: Floats) -> Floats:
+def _with_direction(search: Search, wavy: Floats) -> Floats:
     """With the waves' share across and their direction behind, where the two are worth their numbers."""
     guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
     low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
     start = min(guesses, key=search.cost)
-    found, cost = _downhill(search, start, low, high)
+    found, cost = downhill(search, start, low, high)
     return found if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
-
-
-def _descended(
-    search: _Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
-) -> tuple[Floats, float]:
-    """The lowest cost that is found downhill from the best of the guesses, and where."""
-    low, high = np.array(bounds).T
-    ends = [
-        _downhill(search, np.clip(each, low, high), low, high)
-        for each in sorted(guesses, key=search.cost)[:_STARTS]
-    ]
-    return min(ends, key=lambda end: end[1])
-
-
-def _downhill(search: _Search, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
-    """Fisher scoring, damped as Levenberg and Marquardt do: steps that the innovations' information gives.
-
-    The gradient and the expected curvature of the cost both follow from the derivatives of innovations and
-    variances (Gupta and Mehra 1974), which differences give.
-    """
-    damping, cost = 1e-2, search.cost(logs)
-    for _ in range(_MOST_STEPS):
-        gradient, curvature = _slope(search, logs)
-        free = ~(((logs <= low) & (gradient > 0)) | ((logs >= high) & (gradient < 0)))
-        before = cost
-        for _ in range(_MOST_TRIES):
-            damped = curvature + damping * np.diag(np.diag(curvature)) + 1e-6 * np.eye(logs.size)
-            step = np.zeros(logs.size)
-            step[free] = np.linalg.solve(damped[np.ix_(free, free)], -gradient[free])
-            tried = np.clip(logs + np.clip(step, -_LONGEST_STEP, _LONGEST_STEP), low, high)
-            found = search.cost(tried)
-            if found < cost:
-                logs, cost, damping = tried, found, damping / 5.0
-                break
-            damping *= 8.0
-        if before - cost < _ENOUGH:
-            break
-    return logs, cost
-
-
-def _slope(search: _Search, logs: Floats) -> tuple[Floats, Floats]:
-    """Gradient [levels] and expected curvature [levels, levels] of the cost."""
-    innovation, variance = search.innovations(logs)
-    changed = [search.innovations(logs + _DIFFERENCE * unit) for unit in np.eye(logs.size)]
-    moved = np.stack([(each - innovation) / np.sqrt(variance) for each, _ in changed]) / _DIFFERENCE
-    grown = np.stack([np.log(each / variance) for _, each in changed]) / _DIFFERENCE
-    ratio = innovation / np.sqrt(variance)
-    kept = ratio**2 < search.gate.limit
-    moved, grown = moved * kept, grown * kept
-    return grown @ (1.0 - ratio**2) + 2.0 * moved @ ratio, grown @ grown.T + 2.0 * moved @ moved.T

@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.angles import wrap_360
 from acquisition.channels import POSE
@@ -29,7 +28,6 @@ from analysis.motion_model import (
     BODY,
     CHANNELS,
     HEADING,
-    YAW_RATE,
     Binned,
     Counts,
     binned,
@@ -42,9 +40,10 @@ from analysis.motion_model import (
 from analysis.noise_levels import NoiseLevels, estimate_levels
 from analysis.parquet import write_parquet
 from analysis.provenance import provenance_of
-from analysis.resample import checked_rate, grid, own_gap_s
+from analysis.resample import checked_rate, grid
 from analysis.slow_motion import local_quadratic, smooth_motion
-from analysis.smoothing_consistency import Consistency, consistency_of
+from analysis.smoothing_consistency import Consistency, consistency_of, remarks_of
+from analysis.smoothing_gaps import in_gaps
 from analysis.table import require
 from analysis.time_span import refuse_endless
 
@@ -77,6 +76,11 @@ class Smoothed:
     noise: NoiseLevels
     rejected: pd.DataFrame
     consistency: Consistency
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """One line for each channel whose uncertainties are in doubt, and why."""
+        return remarks_of(self.consistency, self.noise.at_bounds)
 
     def standard_deviations(self) -> pd.DataFrame:
         """The standard deviation of each state, in the unit of its column."""
@@ -125,7 +129,7 @@ def smooth(
         mean, covariance = track.at(grid_s[some])
         motion.keep(some, track.model.sums, mean, covariance)
         slow.keep(some, track.model.sums * track.model.may_jump, mean, covariance)
-    hidden = _in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
+    hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
     for each in (motion, slow):
         each.mean[hidden], each.covariance[hidden] = np.nan, np.nan
     return Smoothed(
@@ -268,26 +272,6 @@ def _apart(values: Floats, state: Floats, offset_s: Floats) -> Floats:
     apart = values - body[:, [BODY.index(name) for name in CHANNELS]]
     apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
     return apart
-
-
-def _in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> NDArray[np.bool_]:
-    """Which grid points lie in a gap of the heading's channels or of the others, or outside them."""
-    there = np.isfinite(motion_values(table))
-    times_s = (times_ns(table) - epoch_ns) / NANO
-    hidden = np.zeros(grid_s.size, dtype=bool)
-    for channels in ([HEADING, YAW_RATE], [2, 3, 4, 5]):
-        hidden |= _beyond(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
-    return hidden
-
-
-def _beyond(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> NDArray[np.bool_]:
-    interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
-    limit_s = own_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
-    before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
-    after = np.minimum(before + 1, samples_s.size - 1)
-    on_sample = np.abs(grid_s - samples_s[np.maximum(before, 0)]) <= 1e-6
-    span = np.where((after > before) & (before >= 0), samples_s[after] - samples_s[np.maximum(before, 0)], np.inf)
-    return np.asarray(~on_sample & (span > limit_s))
 
 
 def summary_of(smoothed: Smoothed) -> dict[str, Any]:

@@ -8,7 +8,7 @@ means of blocks, which counts what is independent.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _BLOCKS = 20
 _NORMAL_95 = 1.959964
+_HARMLESS = (0.816, 1.170)  # NIS at which bands of 95 % hold 97 and 93 %: (1.960 / 2.170)^2, (1.960 / 1.812)^2
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,37 @@ def _judged(ratio: Floats, refused: int) -> ChannelConsistency:
     low, high = (float(chi2.ppf(share, independent)) / independent for share in (0.025, 0.975))
     inside = float((np.abs(ratio) <= _NORMAL_95).mean())
     return ChannelConsistency(float(nis.mean()), low, high, inside, int(nis.size), independent, refused)
+
+
+_CHANNELS_OF = {
+    "heading_rad": ("heading_deg",),
+    "yaw_rate_radps": ("yaw_rate_dps",),
+    "position_m": ("north_m", "east_m"),
+    "speed_mps": ("surge_mps", "sway_mps"),
+    "yaw_jerk": ("heading_deg", "yaw_rate_dps"),
+    "jerk": ("north_m", "east_m", "surge_mps", "sway_mps"),
+}
+"""Which channels a level of :class:`analysis.noise_levels.NoiseLevels` speaks for."""
+
+
+def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[str, ...]:
+    """One line for each channel whose uncertainties are in doubt: NIS well out of its bounds, or a level at one.
+
+    Of six channels one in four good recordings has one just out of its bounds of 95 %, and a long recording tells
+    a NIS of 0.97 from 1: what would leave 95 % bands between 93 and 97 % is not worth a remark.
+    ``at_bounds`` are names of levels, as :attr:`analysis.noise_levels.NoiseLevels.at_bounds` gives them.
+    """
+    lines = []
+    for name, channel in consistency.channels.items():
+        doubts = []
+        if not channel.consistent and not _HARMLESS[0] <= channel.nis <= _HARMLESS[1]:
+            bands = "too narrow" if channel.nis > channel.high else "too wide"
+            doubts.append(f"bands {bands}: NIS {channel.nis:.2f}, expected {channel.low:.2f} to {channel.high:.2f}")
+        ends = [level for level in at_bounds if name in _CHANNELS_OF[level]]
+        doubts += [f"no level found: {level} ends where the search does" for level in ends]
+        if doubts:
+            lines.append(f"{name}: {'; '.join(doubts)}")
+    return tuple(lines)
 
 
 def errors_of(smoothed: Smoothed, truth: pd.DataFrame) -> Floats:

@@ -213,3 +213,17 @@ def test_the_figure_of_consistency_shows_every_channel() -> None:
     consistency(axes, channels)
     assert [text.get_text() for text in axes.get_xticklabels()][:2] == ["heading", "yaw rate"]
     assert axes.get_ylim()[0] == 0.0
+
+
+def test_what_is_in_doubt_is_remarked_on_and_nothing_else() -> None:
+    """Good data get no remark; levels that are wrong or at their bounds get one for each channel concerned."""
+    case = CASES[0]
+    assert result(*case).remarks == ()
+    levels = result(*case).noise
+    bold = smooth(trial(*case), levels=replace(levels, position_m=0.3 * levels.position_m))
+    assert all(
+        any(line.startswith(f"{name}: bands too narrow") for line in bold.remarks) for name in ("north_m", "east_m")
+    )
+    least = smooth(trial(*case), levels=replace(levels, speed_mps=1e-4)).remarks
+    assert sum("speed_mps ends where the search does" in line for line in least) == 2
+    assert len({line.split(":")[0] for line in least}) == len(least)
