@@ -24,6 +24,7 @@ from analysis.prepare import Preparation, prepared
 from analysis.provenance import provenance_of
 from analysis.resample import resample
 from analysis.smooth import COVARIANCE_NAMES, Smoothed, smooth
+from analysis.twins import refuse_twins
 from analysis.windows import HeldWindows, held_windows, joined, nothing_held_is_an_error, trial_names
 
 STATES = (*POSE, *VELOCITY)
@@ -82,9 +83,11 @@ def windows_of_recordings(
 ) -> HeldWindows:
     """The windows of recordings, by the trial's name, which is the file's, with their starts.
 
-    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
+    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
+    :class:`InputError` when one recording is given twice.
     """
     cutting = how or Cutting()
+    refuse_twins(paths)
     parts, motion, names, provenance = [], {}, trial_names(paths), {}
     for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
         raw = Preparation(repair=cutting.repair, remove_delays=cutting.remove_delays)

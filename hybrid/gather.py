@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
 
-from acquisition.errors import InputError
 from analysis.smooth import smooth_motion
+from analysis.twins import refuse_twins
 from analysis.windows import tables_of_recordings, windows_of_tables
 from hybrid.horizon import Horizons, from_rows
 
 Progress = Callable[[float], None]
-_BLOCK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +39,6 @@ class Gathered:
     dropped: dict[str, int] = field(default_factory=dict)
 
 
-def file_hash(path: Path) -> str:
-    """The SHA-256 of a file, by which a recording is known again under any name."""
-    digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        while block := stream.read(_BLOCK_BYTES):
-            digest.update(block)
-    return digest.hexdigest()
-
-
 def gather(
     paths: Sequence[Path],
     horizon_s: int,
@@ -62,25 +51,13 @@ def gather(
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
     :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
     """
+    hashes = refuse_twins(paths)
     tables = tables_of_recordings(paths, progress, part)
     windows = windows_of_tables(tables, horizon_s, stride_s)
     motion = [start_motion(windows.rows[windows.rows["trial"] == trial], table) for trial, table in tables.items()]
     horizons = from_rows(windows.rows, pd.concat(motion))
-    sources = tuple(Source(path, file_hash(path), part) for path in paths)
-    _refuse_twins(sources)
+    sources = tuple(Source(path, digest, part) for path, digest in zip(paths, hashes, strict=True))
     return Gathered(horizons, sources, windows.candidates, windows.dropped)
-
-
-def _refuse_twins(sources: Sequence[Source]) -> None:
-    first: dict[str, Path] = {}
-    for each in sources:
-        if first.setdefault(each.sha256, each.path) is not each.path:
-            raise InputError(
-                "is given twice",
-                where=str(each.path),
-                why=f"it is the same recording as {first[each.sha256]}",
-                fix="give it once",
-            )
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:

@@ -363,6 +363,7 @@ FAULTS: dict[str, tuple[str, str]] = {
     "a time that is none": ("predict {good} --at noon", r"'noon' is no time; write it like"),
     "a time without zone": ("predict {good} --at 2026-06-01T08:00:10", r"has no time zone; write it like"),
     "one recording twice": ("validate {good} {good}", r"is given twice"),
+    "one recording twice in windows": ("windows {good} {good} -o {d}/w.parquet", r"is given twice"),
 }  # fmt: skip
 
 
