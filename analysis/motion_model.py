@@ -216,3 +216,15 @@ def body_states(mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     jacobian[:, 6, R] += sway
     jacobian[:, 7, R] -= surge
     return body, jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+
+
+def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
+    """Samples minus what the filter's states [rows, 9] say ``offset_s`` later [rows, channels], SI; the heading's
+    in -pi to pi."""
+    moved = state.copy()
+    moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
+    moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
+    body, _ = body_states(moved, np.zeros((len(moved), 9, 9)))
+    apart = values - body[:, [BODY.index(name) for name in CHANNELS]]
+    apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
+    return apart

@@ -27,9 +27,9 @@ from analysis.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
 from analysis.motion_model import (
     BODY,
     CHANNELS,
-    HEADING,
     Binned,
     Counts,
+    apart_from,
     binned,
     body_states,
     first_state,
@@ -255,23 +255,12 @@ def _rejected(
     values, step = motion_values(table.iloc[rows]), data.step_of[rows]
     refused = innovations.refused[step] & np.isfinite(values)
     offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
-    off = np.abs(_apart(values, innovations.mean[step], offset_s)) > np.sqrt(gate.limit) * noise.by_channel
+    off = np.abs(apart_from(values, innovations.mean[step], offset_s)) > np.sqrt(gate.limit) * noise.by_channel
     for channel in range(len(CHANNELS)):
         some = refused[:, channel] & off[:, channel]
         explained = np.bincount(step[some], minlength=data.time_s.size) > 0
         flags[rows, channel] = some | (refused[:, channel] & ~explained[step])
     return pd.DataFrame(flags, index=table.index, columns=list(CHANNELS))
-
-
-def _apart(values: Floats, state: Floats, offset_s: Floats) -> Floats:
-    """Samples minus what the states [rows, 9] say ``offset_s`` later [rows, channels]."""
-    moved = state.copy()
-    moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
-    moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
-    body, _ = body_states(moved, np.zeros((len(moved), 9, 9)))
-    apart = values - body[:, [BODY.index(name) for name in CHANNELS]]
-    apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
-    return apart
 
 
 def summary_of(smoothed: Smoothed) -> dict[str, Any]:
