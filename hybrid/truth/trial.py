@@ -88,7 +88,7 @@ def simulate_trial(
     voyage = sail_through(
         ship, plant, sea, legs, (rows - 1) * steps_per_row, dt_s, heading_deg, streams[0], streams[1]
     )
-    moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s), dt_s)
+    moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     every = slice(None, None, steps_per_row)
     reported = measured(moving, plant, dt_s)[every]
     recorded = noisy(streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every])

@@ -167,6 +167,17 @@ def test_measured_wave_motion_is_consistent() -> None:
     assert rate[:, 2] == pytest.approx(x[:, 5], abs=2e-3)
 
 
+def test_wave_speeds_are_the_rates_of_the_displacements_at_any_step(plant: Plant) -> None:
+    """Differences over the tenths of a second of a simulation would be some percent too small."""
+    fine_s = np.arange(0.0, 60.0, 0.01)
+    states = np.column_stack([5.0 * fine_s, *np.zeros((1, 6000)), 0.02 * fine_s, *np.zeros((3, 6000))])
+    states[:, 3:] = np.column_stack([5.0 * np.cos(states[:, 2]), -5.0 * np.sin(states[:, 2]), np.full(6000, 0.02)])
+    fine = wave_motion(_rng(), sea_state_named("moderate"), plant, states, 0.01)
+    coarse = wave_motion(_rng(), sea_state_named("moderate"), plant, states[::10], 0.1)
+    rate = np.gradient(fine[:, :3], 0.01, axis=0)[::10]
+    assert coarse[1:, 3:] == pytest.approx(rate[1:], rel=1e-3, abs=1e-3 * np.abs(rate).max(axis=0).min())
+
+
 def test_gusts_and_slow_drift_have_their_statistics() -> None:
     """Mean and spread of the wind, its correlation time, and a drift force that is exponential about its mean."""
     sea = sea_state_named("moderate")
