@@ -247,7 +247,8 @@ def batch(
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.progress import bar
-    from analysis.season.batch import Terminated, run_batch
+    from analysis.season.batch import run_batch
+    from analysis.season.interrupts import Terminated
     from analysis.season.products import Options
 
     if rebuild_positions and no_repair:

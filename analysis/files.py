@@ -12,10 +12,12 @@ from acquisition.errors import InputError, storage_error
 def expect_suffix(path: Path | str, *suffixes: str) -> str:
     """The suffix of ``path`` in small letters, which has to be one of ``suffixes``.
 
-    Raises :class:`InputError` for another: a file should hold what its name says.
+    A name without suffix is taken where there is only one kind to write. Raises :class:`InputError` for another
+    suffix: a file should hold what its name says.
     """
     path = Path(path)
-    if (kind := path.suffix.lower()) not in suffixes:
+    kind = path.suffix.lower() or (suffixes[0] if len(suffixes) == 1 else "")
+    if kind not in suffixes:
         *others, last = suffixes
         named = f"{', '.join(others)} or {last}" if others else last
         raise InputError(

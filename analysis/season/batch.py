@@ -10,20 +10,19 @@ import fcntl
 import os
 import re
 import shutil
-import signal
-import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
-from multiprocessing import resource_tracker
 from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, TypeAlias
 
 from acquisition.errors import DataShortageError, InputError, SourceError, StorageError, storage_error
 from analysis.season.index import Failures, failures_of, gone_rows, write_index
+from analysis.season.interrupts import deaf_to_interrupts, ended_by_terminate
 from analysis.season.job import MARKS, MOST_ATTEMPTS, Job, attempt, failed_row
 from analysis.season.one_recording import clear_partials
 from analysis.season.products import Options, cause_of
@@ -182,50 +181,13 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
             with _connected(scheduler) as client:
                 yield client
             return
-        with _deaf_to_interrupts():
+        with deaf_to_interrupts():
             cluster = distributed.LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
                 dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, silence_logs="CRITICAL",
             )  # fmt: skip
         with cluster, distributed.Client(cluster, set_as_default=False) as client:
             yield client
-
-
-class Terminated(KeyboardInterrupt):
-    """The process was asked to end by SIGTERM, as systemd and a cluster's queue do."""
-
-
-@contextmanager
-def ended_by_terminate() -> Iterator[None]:
-    """SIGTERM ends what is done here as Ctrl-C does, instead of the process where it stands."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough; what follows is the way out
-        raise Terminated
-
-    before = signal.signal(signal.SIGTERM, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Threads and processes that begin here, and those that they begin, never hear Ctrl-C; it waits for us.
-
-    A terminal interrupts the whole group of processes, and each worker would print where it was. The tracker of
-    multiprocessing begins before: the thread that starts it hears Ctrl-C again afterwards.
-    """
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -244,6 +206,10 @@ def _connected(scheduler: str) -> Iterator[Client]:
         yield client
 
 
+_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
+"""So often a row is asked for; who takes a worker down is told by the marks long before."""
+
+
 def _computed(client: Client, jobs: list[Job], task: Task, progress: Progress) -> list[Row]:
     """The rows of all jobs in their order, as they come."""
     ended: Queue[Future] = Queue()
@@ -251,11 +217,12 @@ def _computed(client: Client, jobs: list[Job], task: Task, progress: Progress) -
 
     def submit(number: int) -> None:
         future = client.submit(task, jobs[number], pure=False)
+        submitted[number] += 1
         pending[future.key] = number, future
         future.add_done_callback(ended.put)
 
     rows: dict[int, Row] = {}
-    retried: set[int] = set()
+    submitted: Counter[int] = Counter()
     try:
         for number in range(len(jobs)):
             submit(number)
@@ -263,8 +230,7 @@ def _computed(client: Client, jobs: list[Job], task: Task, progress: Progress) -
             future = _next(client, ended)
             number, _ = pending.pop(future.key)
             row = _row_of(future, jobs[number])
-            if row is None and number not in retried:  # its worker died, perhaps over another recording
-                retried.add(number)
+            if row is None and submitted[number] < _MOST_SUBMITTED:
                 submit(number)
                 continue
             rows[number] = row or failed_row(jobs[number], "its workers died over it again and again")
@@ -291,13 +257,13 @@ def _next(client: Client, ended: Queue[Future]) -> Future:
 
 
 def _row_of(future: Future, job: Job) -> Row | None:
-    """A task's row; ``None`` when its worker died too often for the scheduler to go on."""
-    error = future.exception() if future.status == "error" else None
-    if type(error).__name__ == "KilledWorker":
+    """A task's row; ``None`` where it is to be asked for once more: its worker died, perhaps over another
+    recording, or it died with the row before anybody had fetched it (the result itself is on the disk then)."""
+    if future.status == "error":
+        error = future.exception()
+        return None if type(error).__name__ == "KilledWorker" else failed_row(job, cause_of(error))
+    try:
+        row: Row | None = future.result() if future.status == "finished" else None
+    except Exception:  # lost between the question and the answer
         return None
-    if error is not None:
-        return failed_row(job, cause_of(error))
-    if future.status != "finished":
-        return failed_row(job, f"was {future.status} by the scheduler")
-    row: Row = future.result()
     return row
