@@ -202,8 +202,8 @@ def smooth(
     as_json: AsJson = False,
 ) -> None:
     """Smooth a recording's motion."""
-    from analysis.smooth import smooth as smooth_table
-    from analysis.smooth import summary_of, write_smoothed
+    from analysis.smoothing.smooth import smooth as smooth_table
+    from analysis.smoothing.smooth import summary_of, write_smoothed
     from analysis.table import read_table
 
     expect_suffix(output, ".parquet")

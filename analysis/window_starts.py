@@ -1,13 +1,14 @@
 """Where the windows start from: the smoothed motion at second 0 of each, with how sure it is.
 
 A prediction starts from a state that nobody measured without noise. Here it is the Kalman smoother's, with its
-covariance, from the raw samples at their own times (:mod:`analysis.smooth`): the motion as perfect sensors would
-have measured it, the swing in waves included, and beside it the ship's own slow motion without that swing.
+covariance, from the raw samples at their own times (:mod:`analysis.smoothing.smooth`): the motion as perfect
+sensors would have measured it, the swing in waves included, and beside it the ship's own slow motion without
+that swing.
 
-Predictions do not start from that slow motion but from the local fit of :mod:`analysis.slow_motion`: held at
-constant speed over 15 s and 30 s, neither is the better everywhere. The smoother's is on a docking (1.3 m for
-1.45 m rms at 15 s), and in waves it is as good in position and up to 10 % worse in heading; on a recording whose
-positions jitter in time it is much worse (16.9 m for 6.8 m).
+Predictions do not start from that slow motion but from the local fit of :mod:`analysis.smoothing.slow_motion`:
+held at constant speed over 15 s and 30 s, neither is the better everywhere. The smoother's is on a docking (1.3
+m for 1.45 m rms at 15 s), and in waves it is as good in position and up to 10 % worse in heading; on a
+recording whose positions jitter in time it is much worse (16.9 m for 6.8 m).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from acquisition.recording.reader import read_recording
 from analysis.prepare import Preparation, prepared
 from analysis.provenance import provenance_of
 from analysis.resample import resample
-from analysis.smooth import COVARIANCE_NAMES, Smoothed, smooth
+from analysis.smoothing.smooth import COVARIANCE_NAMES, Smoothed, smooth
 from analysis.twins import refuse_twins
 from analysis.windows import HeldWindows, held_windows, joined, nothing_held_is_an_error, trial_names
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from analysis.smooth import smooth_motion
+from analysis.smoothing.smooth import smooth_motion
 from analysis.twins import refuse_twins
 from analysis.windows import tables_of_recordings, windows_of_tables
 from hybrid.horizon import Horizons, from_rows

@@ -28,7 +28,7 @@ from analysis.quality.orders import orders
 from analysis.quality.runs import runs
 from analysis.quality.samples import white_noise
 from analysis.resample import resample
-from analysis.slow_motion import local_quadratic
+from analysis.smoothing.slow_motion import local_quadratic
 from analysis.table import require
 
 Floats = NDArray[np.float64]

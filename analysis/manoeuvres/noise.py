@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.manoeuvres.indices import unit_of
 from analysis.manoeuvres.motion import MEASURED, Floats, Motion
-from analysis.slow_motion import local_quadratic
+from analysis.smoothing.slow_motion import local_quadratic
 
 REPLICATES = 48
 WIDEST_S = 8.0
@@ -42,8 +42,8 @@ def smoothed(motion: Motion, half_width: float) -> Motion:
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
-    """:func:`analysis.slow_motion.local_quadratic` of values without holes: a convolution, and at the ends the
-    sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
+    """:func:`analysis.smoothing.slow_motion.local_quadratic` of values without holes: a convolution, and at the
+    ends the sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
     reach = int(np.ceil(half_width))
     if reach < 6 or values.size < 4 * reach:
         return local_quadratic(values, half_width)

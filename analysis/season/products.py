@@ -17,7 +17,7 @@ from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, Repaired, rebuilding_positions, repair
 from analysis.resample import resample
-from analysis.smooth import Smoothed, smooth
+from analysis.smoothing.smooth import Smoothed, smooth
 from analysis.table import require, table_of
 from analysis.window_starts import with_starts
 from analysis.windows import HeldWindows, held_windows

@@ -22,8 +22,8 @@ from analysis.export import export_table
 from analysis.manoeuvres import find_manoeuvres
 from analysis.quality.check import check_table
 from analysis.resample import resample, resample_recording
-from analysis.slow_motion import smooth_motion
-from analysis.smooth import smooth
+from analysis.smoothing.slow_motion import smooth_motion
+from analysis.smoothing.smooth import smooth
 from analysis.table import joined, read_table
 from analysis.windows import held_windows
 from tests.analysis.conftest import turn_between

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from acquisition.angles import difference, wrap_360
 from acquisition.channels import POSE, VELOCITY
-from analysis.smooth import local_quadratic, smooth_motion
+from analysis.smoothing.smooth import local_quadratic, smooth_motion
 from tests.analysis.conftest import table_at, turn_between
 
 MOTION = (*POSE, *VELOCITY)

@@ -11,8 +11,8 @@ import pytest
 
 from acquisition.angles import difference
 from acquisition.errors import InputError
-from analysis.smooth import Smoothed, smooth
-from analysis.smoothing_consistency import coverage, nees, with_accelerations
+from analysis.smoothing.consistency import coverage, nees, with_accelerations
+from analysis.smoothing.smooth import Smoothed, smooth
 from hybrid.truth.sensors import Noise
 from hybrid.truth.trial import simulate_trial
 
@@ -191,8 +191,8 @@ def test_both_engines_and_all_blocks_give_the_same(monkeypatch: pytest.MonkeyPat
     whole = smooth(table, levels=levels, engine="compiled")
     slow = smooth(table, levels=levels, engine="filterpy")
     assert slow.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-6, abs=1e-6)
-    monkeypatch.setattr("analysis.smooth._BLOCK_STEPS", 200)
-    monkeypatch.setattr("analysis.smooth._OVERLAP_STEPS", 150)
+    monkeypatch.setattr("analysis.smoothing.smooth._BLOCK_STEPS", 200)
+    monkeypatch.setattr("analysis.smoothing.smooth._OVERLAP_STEPS", 150)
     parts = smooth(table, levels=levels, engine="compiled")
     assert parts.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-3, abs=2e-3)
     assert parts.states.notna().to_numpy().all()

@@ -82,7 +82,7 @@ def measure(path: Path) -> dict[str, Any]:
 
     from acquisition.recording.reader import read_recording
     from analysis.resample import resample_recording
-    from analysis.smooth import smooth
+    from analysis.smoothing.smooth import smooth
     from analysis.windows import held_windows
 
     steps: dict[str, tuple[float, float, float]] = {}

@@ -17,8 +17,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.smooth import smooth
-from analysis.smoothing_consistency import coverage, nees, with_accelerations
+from analysis.smoothing.consistency import coverage, nees, with_accelerations
+from analysis.smoothing.smooth import smooth
 from hybrid.truth.sensors import Noise
 from hybrid.truth.trial import simulate_trial
 

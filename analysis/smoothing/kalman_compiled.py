@@ -1,4 +1,4 @@
-"""The recursions of :mod:`analysis.kalman`, compiled: explicit loops, which numba turns into machine code."""
+"""The recursions of :mod:`.kalman`, compiled: explicit loops, which numba turns into machine code."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def forward_pass(
     mean: Floats, covariance: Floats, sizes: Counts, forward: Floats, added: Floats,
     limit: float, patience_s: float, patience: int,
 ) -> Any:  # fmt: skip
-    """The filter over all steps; returns the fields of :class:`analysis.kalman.Filtered` in their order."""
+    """The filter over all steps; returns the fields of :class:`.kalman.Filtered` in their order."""
     steps, channels = value.shape
     n = mean.size
     prior_means, means = np.empty((steps, n)), np.empty((steps, n))

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from analysis.frames import NANO, times_ns
-from analysis.kalman import Flags, Floats
-from analysis.motion_model import HEADING, YAW_RATE, motion_values
 from analysis.resample import own_gap_s
+from analysis.smoothing.kalman import Flags, Floats
+from analysis.smoothing.motion_model import HEADING, YAW_RATE, motion_values
 
 _GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
 _OTHERS = [2, 3, 4, 5]  # position and speeds

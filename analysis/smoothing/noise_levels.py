@@ -16,9 +16,9 @@ from itertools import product
 import numpy as np
 
 from analysis.holding import noise_of
-from analysis.kalman import Floats, Gate, Start, Steps, filter_steps, smooth_filtered
-from analysis.motion_laws import Law, Model, WaveMotion, WhiteJerk
-from analysis.motion_model import (
+from analysis.smoothing.kalman import Floats, Gate, Start, Steps, filter_steps, smooth_filtered
+from analysis.smoothing.motion_laws import Law, Model, WaveMotion, WhiteJerk
+from analysis.smoothing.motion_model import (
     EAST,
     HEADING,
     NORTH,
@@ -31,7 +31,16 @@ from analysis.motion_model import (
     horizontal_steps,
     motion_steps,
 )
-from analysis.noise_search import CALM, LEAST, LEAST_JERK, MOST_JERK, Search, across_of, descended, downhill
+from analysis.smoothing.noise_search import (
+    CALM,
+    LEAST,
+    LEAST_JERK,
+    MOST_JERK,
+    Search,
+    across_of,
+    descended,
+    downhill,
+)
 
 STRETCHES, STEPS_OF_STRETCH = 10, 200
 _JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
@@ -69,7 +78,7 @@ class NoiseLevels:
 
     @property
     def by_channel(self) -> Floats:
-        """Standard deviations in the order of :data:`analysis.motion_model.CHANNELS`."""
+        """Standard deviations in the order of :data:`.motion_model.CHANNELS`."""
         position, speed = [self.position_m] * 2, [self.speed_mps] * 2
         return np.array([self.heading_rad, self.yaw_rate_radps, *position, *speed])
 

@@ -1,8 +1,8 @@
 """The ship's motion from raw samples at any rate, with how sure it is: a Kalman smoother over all six channels.
 
 Every sample counts at its own time, channels may come at different rates, irregularly and with gaps, and any of
-the velocities may be absent. Noise and jerk are estimated from the data (:mod:`analysis.noise_levels`); a sample
-far off is refused and flagged (:mod:`analysis.kalman`); what the states are is in :mod:`analysis.motion_model`.
+the velocities may be absent. Noise and jerk are estimated from the data (:mod:`.noise_levels`); a sample
+far off is refused and flagged (:mod:`.kalman`); what the states are is in :mod:`.motion_model`.
 
 Systematic errors are no noise: a speed that is 2 % low, or a position that comes late, is not found here. It
 shows in :attr:`Smoothed.consistency`; check and repair a recording first.
@@ -23,8 +23,13 @@ from acquisition.angles import wrap_360
 from acquisition.channels import POSE
 from analysis.frames import NANO, index_of, times_ns
 from analysis.history import with_step
-from analysis.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
-from analysis.motion_model import (
+from analysis.parquet import write_parquet
+from analysis.provenance import provenance_of
+from analysis.resample import checked_rate, grid
+from analysis.smoothing.consistency import Consistency, consistency_of, remarks_of
+from analysis.smoothing.gaps import in_gaps
+from analysis.smoothing.kalman import Engine, Flags, Floats, Gate, Track, smooth_steps
+from analysis.smoothing.motion_model import (
     BODY,
     CHANNELS,
     Binned,
@@ -37,13 +42,8 @@ from analysis.motion_model import (
     motion_steps,
     motion_values,
 )
-from analysis.noise_levels import NoiseLevels, estimate_levels
-from analysis.parquet import write_parquet
-from analysis.provenance import provenance_of
-from analysis.resample import checked_rate, grid
-from analysis.slow_motion import local_quadratic, smooth_motion
-from analysis.smoothing_consistency import Consistency, consistency_of, remarks_of
-from analysis.smoothing_gaps import in_gaps
+from analysis.smoothing.noise_levels import NoiseLevels, estimate_levels
+from analysis.smoothing.slow_motion import local_quadratic, smooth_motion
 from analysis.table import require
 from analysis.time_span import refuse_endless
 
@@ -61,7 +61,7 @@ _IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for 
 class Smoothed:
     """The motion on whole multiples of 1 / rate in UTC.
 
-    ``states`` [rows] has the columns :data:`analysis.motion_model.BODY`: pose and velocity in the units of the
+    ``states`` [rows] has the columns :data:`.motion_model.BODY`: pose and velocity in the units of the
     channels, and the rates of change of surge, sway [m/s2] and yaw rate [deg/s2]. ``covariance`` [rows, 9, 9] is
     theirs in the same order in SI, angles in radians. ``slow`` and ``slow_covariance`` are the same without the
     swing in waves, and the same altogether where the data show none. Rows inside long gaps are NaN. ``rejected``

@@ -1,4 +1,4 @@
-"""The engine of :mod:`analysis.kalman` on filterpy (Labbe): its KalmanFilter and its RTS smoother."""
+"""The engine of :mod:`.kalman` on filterpy (Labbe): its KalmanFilter and its RTS smoother."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from analysis.kalman import Filtered, Floats, Gate, Start, Steps, Track
-from analysis.motion_laws import Model
+from analysis.smoothing.kalman import Filtered, Floats, Gate, Start, Steps, Track
+from analysis.smoothing.motion_laws import Model
 
 
 class _Patience:
@@ -29,7 +29,7 @@ class _Patience:
 
 
 def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> Track:
-    """As :func:`analysis.kalman.smooth_steps` says."""
+    """As :func:`.kalman.smooth_steps` says."""
     count, channels = steps.value.shape
     dt_s = np.diff(steps.time_s, prepend=steps.time_s[0])
     forward, added = model.transition(dt_s), model.process_noise(dt_s)

@@ -1,4 +1,4 @@
-"""Kalman filter and Rauch-Tung-Striebel smoother over quantities that move by laws of :mod:`analysis.motion_laws`.
+"""Kalman filter and Rauch-Tung-Striebel smoother over quantities that move by laws of :mod:`.motion_laws`.
 
 The state is blocks, each a quantity with its derivatives; a quantity may be the sum of two
 blocks, slow motion and waves. Steps come at any times; at each, every channel may have one value, which sees
@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.motion_laws import Model
+from analysis.smoothing.motion_laws import Model
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -146,7 +146,7 @@ def predicted(mean: Floats, covariance: Floats, dt_s: Floats, model: Model) -> t
 def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: Engine = "auto") -> Track:
     """Filter forwards, smooth backwards. ``start`` holds at the first step's time; all on the model's states."""
     if engine == "filterpy" or (engine == "auto" and steps.time_s.size <= LONGEST_FOR_FILTERPY):
-        from analysis.kalman_filterpy import filter_and_smooth
+        from analysis.smoothing.kalman_filterpy import filter_and_smooth
 
         return filter_and_smooth(steps, start, model, gate)
     return smooth_filtered(steps.time_s, filter_steps(steps, start, model, gate), model)
@@ -154,7 +154,7 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
 
 def filter_steps(steps: Steps, start: Start, model: Model, gate: Gate) -> Filtered:
     """The forward pass of the compiled engine."""
-    from analysis.kalman_compiled import forward_pass
+    from analysis.smoothing.kalman_compiled import forward_pass
 
     return Filtered(*forward_pass(*arguments(steps, start, model, gate)))
 
@@ -172,7 +172,7 @@ def arguments(
 
 def smooth_filtered(time_s: Floats, filtered: Filtered, model: Model) -> Track:
     """The backward pass (Rauch, Tung and Striebel 1965) of the compiled engine."""
-    from analysis.kalman_compiled import backward_pass
+    from analysis.smoothing.kalman_compiled import backward_pass
 
     gain = _gain(filtered.covariance[:-1], model.transition(np.diff(time_s)), filtered.prior_covariance[1:])
     mean, covariance = backward_pass(

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from acquisition.angles import difference
 from acquisition.channels import BY_NAME
 from analysis.frames import NANO, times_ns
-from analysis.kalman import Floats, Start, Steps
+from analysis.smoothing.kalman import Floats, Start, Steps
 
 Counts = NDArray[np.int64]
 

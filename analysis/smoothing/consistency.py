@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 
 from acquisition.angles import difference
-from analysis.kalman import Flags, Floats
-from analysis.motion_model import BODY, CHANNELS
+from analysis.smoothing.kalman import Flags, Floats
+from analysis.smoothing.motion_model import BODY, CHANNELS
 
 if TYPE_CHECKING:
-    from analysis.smooth import Smoothed
+    from analysis.smoothing.smooth import Smoothed
 
 _BLOCKS = 20
 _NORMAL_95 = 1.959964
@@ -92,7 +92,7 @@ _CHANNELS_OF = {
     "yaw_jerk": ("heading_deg", "yaw_rate_dps"),
     "jerk": ("north_m", "east_m", "surge_mps", "sway_mps"),
 }
-"""Which channels a level of :class:`analysis.noise_levels.NoiseLevels` speaks for."""
+"""Which channels a level of :class:`.noise_levels.NoiseLevels` speaks for."""
 
 
 def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[str, ...]:
@@ -100,7 +100,7 @@ def remarks_of(consistency: Consistency, at_bounds: Collection[str]) -> tuple[st
 
     Of six channels one in four good recordings has one just out of its bounds of 95 %, and a long recording tells
     a NIS of 0.97 from 1: what would leave 95 % bands between 93 and 97 % is not worth a remark.
-    ``at_bounds`` are names of levels, as :attr:`analysis.noise_levels.NoiseLevels.at_bounds` gives them.
+    ``at_bounds`` are names of levels, as :attr:`analysis.smoothing.noise_levels.NoiseLevels.at_bounds` gives them.
     """
     lines = []
     for name, channel in consistency.channels.items():

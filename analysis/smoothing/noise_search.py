@@ -1,7 +1,7 @@
 """The search for noise levels: what a choice of them costs, and the way down to the least cost.
 
 The cost is minus twice the logarithm of the likelihood of a filter's innovations (Schweppe 1965) in which the
-square of each counts only up to the gate. What is searched for and from where is in :mod:`analysis.noise_levels`.
+square of each counts only up to the gate. What is searched for and from where is in :mod:`.noise_levels`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.kalman import Floats, Gate, Start, Steps, arguments
-from analysis.motion_laws import Law, Model, WaveMotion, WhiteJerk
+from analysis.smoothing.kalman import Floats, Gate, Start, Steps, arguments
+from analysis.smoothing.motion_laws import Law, Model, WaveMotion, WhiteJerk
 
 LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
 """The least noise that is searched for, SI."""
@@ -54,7 +54,7 @@ class Search:
 
     def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
         """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
-        from analysis.kalman_compiled import innovations_of
+        from analysis.smoothing.kalman_compiled import innovations_of
 
         levels = np.exp(logs)
         across, direction_rad = across_of(logs)
