@@ -48,7 +48,7 @@ class Products:
 
     ``table`` has the raw samples, after repairs if there were any; ``one_hz`` is it once a second, motion from
     the smoother with a column ``<name>_sigma`` beside each where that was made. ``shortfalls`` says in one line
-    each what could not be made, and why.
+    each what could not be made, and why; ``remarks`` which of the smoother's bands are in doubt.
     """
 
     recording: Recording
@@ -59,6 +59,7 @@ class Products:
     windows: HeldWindows | None = None
     manoeuvres: tuple[Manoeuvre, ...] = ()
     shortfalls: list[str] = field(default_factory=list)
+    remarks: tuple[str, ...] = ()
 
     @contextmanager
     def step(self) -> Iterator[None]:
@@ -88,7 +89,7 @@ def analysed(path: Path, options: Options, name: str = "") -> Products:
     if options.smooth:
         with products.step():
             motion = smooth(mended.table, 1.0)
-            products.one_hz = _with_motion(one_hz, motion)
+            products.one_hz, products.remarks = _with_motion(one_hz, motion), motion.remarks
             if products.windows is not None:
                 products.windows = with_starts(products.windows, {name or path.stem: motion})
     return products

@@ -38,7 +38,7 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
     if provenance["options"]["pictures"] and products.windows is not None:
         add_recording(page, products.one_hz, products.windows.rows)
     _add_windows(page, row)
-    _add_uncertainty(page, products.one_hz)
+    _add_uncertainty(page, products.one_hz, products.remarks)
     _add_manoeuvres(page, products, provenance["options"])
     _add_origin(page, provenance)
     return page
@@ -106,7 +106,7 @@ def _add_windows(page: Page, row: dict[str, Any]) -> None:
     )
 
 
-def _add_uncertainty(page: Page, one_hz: pd.DataFrame) -> None:
+def _add_uncertainty(page: Page, one_hz: pd.DataFrame, remarks: tuple[str, ...]) -> None:
     """How well the smoother knows the motion, and how far the samples lie from it."""
     names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and name in BY_NAME]
     if not names:
@@ -124,6 +124,10 @@ def _add_uncertainty(page: Page, one_hz: pd.DataFrame) -> None:
             for name, half in halves.items() if len(half)
         ],
     )  # fmt: skip
+    if remarks:
+        page.text("These bands are in doubt, since innovations do not have the size that they promise:")
+        for remark in remarks:
+            page.text(remark)
 
 
 def _add_manoeuvres(page: Page, products: Products, options: dict[str, Any]) -> None:

@@ -131,6 +131,14 @@ def test_a_ship_without_a_tunnel_thruster_still_has_her_motion_with_uncertaintie
     assert "wind_direction_deg" in row["cause"]
 
 
+def test_the_page_says_which_uncertainties_are_in_doubt(tmp_path: Path) -> None:
+    """A speed that is 30 % too high cannot agree with the positions, and no band can be believed."""
+    table = sailed(300)
+    write_table(table.assign(surge_mps=1.3 * table["surge_mps"]), tmp_path / "fast.mcap", Trial("fast", "ship"))
+    process(tmp_path / "fast.mcap", tmp_path / "out", replace(SMOOTHED, repair=False))
+    assert "in doubt" in (tmp_path / "out" / "page.html").read_text()
+
+
 def test_a_clock_that_was_set_by_years_is_an_error_and_not_a_table_of_years(tmp_path: Path) -> None:
     table = sailed(seconds=20)
     late = pd.DatetimeIndex(table.index) + pd.Timedelta(days=3650)
