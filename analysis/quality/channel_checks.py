@@ -19,6 +19,7 @@ from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
+_SPARSE_S = 0.4  # waves of 3 s have hardly eight samples then
 _BLOCK = 64
 _POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("environment", "m/s"): 2.0,
                   ("environment", "deg"): 10.0, ("velocity", "m/s"): 0.3, ("velocity", "deg/s"): 1.0}  # fmt: skip
@@ -92,7 +93,9 @@ def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
     """Bad where one to three samples leave their neighbours and return.
 
     What they leave is the line between the samples before and after. Leaving is more than 5 times what 80 % of
-    the neighbourhood does (7.8 standard deviations of white noise; waves and manoeuvres raise it themselves),
+    the neighbourhood does (7.8 standard deviations of white noise; waves and manoeuvres raise it themselves; where
+    samples are so far apart that a wave is a sample, also 2.5 times what 97 % of the whole record does, since a
+    turn into beam seas raises it at once),
     more than the ship or the thruster could do in the time, more than 3 of the channel's own steps, and more
     than twice the steps just beside: the crest of a wave and a thruster that is stirred are lively there too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
@@ -106,9 +109,12 @@ def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
         found = np.zeros(values.size, dtype=bool)
         slope, noise, step = _local_slope(seconds, values), np.zeros(values.size), _smallest_step(values)
         possible = 2.0 * _sustained_step(values)
+        sparse = float(np.median(np.diff(seconds))) >= _SPARSE_S
         for width in range(1, WIDEST_SPIKE + 1):
             away, leaving, span = _leaving(seconds, values, slope, width)
             noise = np.maximum(noise, _neighbourhood(away, 0.8 if width == 1 else 0.9))
+            if sparse:
+                noise = np.maximum(noise, 0.5 * np.quantile(away, 0.97))
             limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(possible, _possible(channel, span)))
             starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
             starts = starts[leaving[starts] > 2.0 * _beside(seconds, values, slope, starts, width)]
