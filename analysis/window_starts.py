@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from acquisition.channels import BY_NAME, POSE, VELOCITY
+from acquisition.channels import POSE, VELOCITY
 from acquisition.recording.reader import read_recording
 from analysis.prepare import Preparation, prepared
 from analysis.provenance import provenance_of
@@ -32,10 +32,6 @@ STATES = (*POSE, *VELOCITY)
 SLOW = tuple(f"slow_{name}" for name in STATES)
 START_COLUMNS = ("window", "trial", "leg", "start", *STATES, *COVARIANCE_NAMES, *SLOW)
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
-
-START_UNITS = {name: BY_NAME[name].unit for name in STATES} | {
-    f"slow_{name}": BY_NAME[name].unit for name in STATES
-}
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import circular_mean, difference, unwrap, wrap_180, wrap_360
+from acquisition.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.channels import POSE, VELOCITY
 from analysis.frames import NANO, times_ns
 from analysis.history import history_of
@@ -284,8 +284,3 @@ def _held(grid: pd.DataFrame, name: str) -> Floats:
     if name not in grid:
         return np.zeros(len(grid))
     return filled(unwrap(grid[name].to_numpy()))
-
-
-def mean_heading_deg(motion: Motion) -> float:
-    """The mean direction of the bow, 0 <= x < 360."""
-    return float(wrap_360(circular_mean(motion.heading_deg)))

@@ -17,7 +17,7 @@ from analysis.files import in_place_of
 from analysis.frames import times_ns
 from analysis.page import Page
 from analysis.parquet import write_parquet
-from analysis.quality.samples import runs_of
+from analysis.quality.runs import runs
 from analysis.quality.summary import ALL
 from analysis.quality.terminal import counts_of, missing_text, sentences
 from analysis.time_span import main_stretch
@@ -173,7 +173,7 @@ def _colour(code: str, codes: list[str]) -> str:
 
 def _draw_line(axes: Axes, line: int, days: NDArray[np.float64], flags: NDArray[np.int64]) -> None:
     for flag, colour in COLOURS.items():
-        starts, ends = runs_of(flags == flag)
+        starts, ends = runs(flags == flag)
         bars = [(days[a], days[b] - days[a]) for a, b in zip(starts, ends, strict=True)]
         axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
 

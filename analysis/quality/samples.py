@@ -14,6 +14,7 @@ from acquisition.channels import BY_NAME, Channel
 from acquisition.frames import Quality
 from acquisition.recording.reader import Series
 from analysis.frames import NANO, index_of
+from analysis.quality.runs import runs
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -112,12 +113,6 @@ def turns_between(values: Floats, circular: bool) -> Floats:
     return wrap_180(steps) if circular else steps
 
 
-def runs_of(condition: Mask) -> tuple[Integers, Integers]:
-    """First places and places behind the last of each run of True."""
-    edges = np.diff(np.concatenate([[False], condition, [False]]).astype(np.int8))
-    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-
-
 def flags_where(condition: Mask, flag: Quality, values: Floats) -> NDArray[np.uint8]:
     """``flag`` where the condition holds, missing where there is no value, good elsewhere."""
     flags = np.full(values.size, Quality.GOOD, dtype=np.uint8)
@@ -129,6 +124,6 @@ def flags_where(condition: Mask, flag: Quality, values: Floats) -> NDArray[np.ui
 def stretches_of(samples: pd.Series[Any], flagged: Mask) -> list[Stretch]:
     """Runs of flagged samples as stretches, sized by their number of samples."""
     times = times_of(samples)
-    starts, ends = runs_of(flagged)
+    starts, ends = runs(flagged)
     pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
     return [Stretch(first, last, float(count)) for (first, last), count in pairs]
