@@ -16,7 +16,7 @@ from safetensors.torch import load_file, save_file
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
 from acquisition.trial import software_version
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.calibrators.calibrator import Calibrator
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import Source
 from hybrid.vessel.files import load_vessel
@@ -35,8 +35,8 @@ class Trained:
     radius that held 95 % of the positions on legs kept out of the training, second by second.
     """
 
-    calibrator: NetworkCalibrator
-    data_driven: NetworkCalibrator
+    calibrator: Calibrator
+    data_driven: Calibrator
     horizon_s: int
     vessel: str
     vessel_sha256: str
@@ -99,8 +99,7 @@ def load(folder: Path) -> Trained:
         tensors = {name: load_file(folder / file) for name, file in _WEIGHTS.items()}
         calibrator = make_calibrator(sidecar["method"], sidecar["seed"]).restore(tensors["calibrator"])
         data_driven = make_calibrator("data_driven", sidecar["seed"]).restore(tensors["data_driven"])
-        widths = all(each.input_scaling_.mean.numel() == len(each.inputs) for each in (calibrator, data_driven))
-        if list(calibrator.inputs) != sidecar["inputs"] or not widths:
+        if list(calibrator.inputs) != sidecar["inputs"]:
             raise InputError(
                 "was trained on other inputs than this version gives", where=str(path), fix="train anew"
             )

@@ -55,7 +55,7 @@ def gather(
     tables = tables_of_recordings(paths, progress, part)
     windows = windows_of_tables(tables, horizon_s, stride_s)
     motion = [start_motion(windows.rows[windows.rows["trial"] == trial], table) for trial, table in tables.items()]
-    horizons = from_rows(windows.rows, pd.concat(motion))
+    horizons = from_rows(windows.rows, pd.concat(motion), tables)
     sources = tuple(Source(path, digest, part) for path, digest in zip(paths, hashes, strict=True))
     return Gathered(horizons, sources, windows.candidates, windows.dropped)
 

@@ -6,6 +6,7 @@ is the measured track that its prediction is compared with.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,9 @@ from acquisition.errors import DataShortageError
 
 Floats = NDArray[np.float64]
 
+PAST_S = 30
+"""How many seconds before its start a window knows of."""
+
 
 @dataclass(frozen=True, slots=True)
 class Horizons:
@@ -28,6 +32,10 @@ class Horizons:
     ``wind`` [N, 2]: direction it comes from [rad], speed [m/s]; ``control`` [N, 5]: port [rev/s], port angle
     [rad], starboard [rev/s], starboard angle [rad], tunnel [rpm]; ``trial``, ``leg`` [N] name where each
     window comes from and ``start_time`` [N] when it starts.
+
+    ``past`` [N, P+1, 13] is what was measured at second 0 and at each of the P seconds before, newest first, as it
+    was measured: the six columns of ``start``, the two of ``wind``, the five of ``control``; NaN where nothing was
+    recorded. The heading has no jumps and meets that of ``track`` at second 0.
     """
 
     start: Floats
@@ -37,6 +45,7 @@ class Horizons:
     trial: NDArray[np.str_]
     leg: NDArray[np.str_]
     start_time: pd.DatetimeIndex
+    past: Floats
 
     def __len__(self) -> int:
         return len(self.start)
@@ -56,14 +65,18 @@ class Horizons:
             self.trial[chosen],
             self.leg[chosen],
             self.start_time[chosen],
+            self.past[chosen],
         )
 
 
-def from_rows(rows: pd.DataFrame, motion: pd.DataFrame | None = None) -> Horizons:
+def from_rows(
+    rows: pd.DataFrame, motion: pd.DataFrame | None = None, tables: Mapping[str, pd.DataFrame] | None = None
+) -> Horizons:
     """Arrays from the long table of held windows: one row a window and second, second 0 first.
 
     ``motion`` has the state that each window starts from, in the order of the windows' numbers; without it
-    the measured values at second 0 are taken.
+    the measured values at second 0 are taken. ``tables`` of one row a second by trial give what came before;
+    without them nothing but second 0 is known of it.
 
     Raises :class:`DataShortageError` when there is no window in it.
     """
@@ -76,15 +89,49 @@ def from_rows(rows: pd.DataFrame, motion: pd.DataFrame | None = None) -> Horizon
     first = ordered.groupby("window", sort=True).first()
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, value["heading_deg"]))
     track = np.stack([value["north_m"], value["east_m"], heading], axis=-1)
+    now = _si(cube[:, 0])
+    past = _past(now, first, tables or {})
+    past[..., 2] += np.round((track[:, :1, 2] - past[:, :1, 2]) / (2.0 * np.pi)) * 2.0 * np.pi
     return Horizons(
         start=_start(value, motion),
         track=track,
-        wind=np.column_stack([np.deg2rad(value["wind_direction_deg"][:, 0]), value["wind_speed_mps"][:, 0]]),
-        control=_control(value),
+        wind=now[:, 6:8],
+        control=now[:, 8:],
         trial=first["trial"].to_numpy(dtype=str),
         leg=first["leg"].to_numpy(dtype=str),
         start_time=pd.DatetimeIndex(first["start"]),
+        past=past,
     )
+
+
+def _si(channels: Floats) -> Floats:
+    """The 13 channels [..., 13] in SI units and radians, as :class:`Horizons` orders them: the same order."""
+    unit = {"deg": np.pi / 180.0, "dps": np.pi / 180.0, "rpm": 1.0 / 60.0}
+    factor = [unit.get(name.rsplit("_", 1)[-1], 1.0) for name in NAMES]
+    factor[NAMES.index("tunnel_rpm")] = 1.0
+    return np.asarray(channels * np.array(factor))
+
+
+def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame]) -> Floats:
+    """What was measured at second 0 and the :data:`PAST_S` seconds before [N, PAST_S + 1, 13], newest first."""
+    past = np.full((len(first), PAST_S + 1, len(NAMES)), np.nan)
+    past[:, 0] = now
+    trial, start_ns = first["trial"].to_numpy(dtype=str), pd.DatetimeIndex(first["start"]).as_unit("ns").asi8
+    for name, table in tables.items():
+        times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+        mine = np.flatnonzero(trial == name)
+        wanted = start_ns[mine, None] - np.arange(1, PAST_S + 1) * 1_000_000_000
+        row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
+        values = _si(table[list(NAMES)].to_numpy(dtype=float))[row]
+        past[mine, 1:] = np.where((times_ns[row] == wanted)[..., None], values, np.nan)
+    turn = difference_rad(past[:, :-1, 2], past[:, 1:, 2])
+    past[:, 1:, 2] = past[:, :1, 2] - np.cumsum(turn, axis=1)
+    return past
+
+
+def difference_rad(angle: Floats, other: Floats) -> Floats:
+    """``angle - other`` the short way round, in radians."""
+    return np.asarray(np.angle(np.exp(1j * (angle - other))))
 
 
 def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
@@ -95,18 +142,6 @@ def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
     north, east, heading, surge, sway, rate = measured.values()
     near = value["heading_deg"][:, 0] + difference(heading, value["heading_deg"][:, 0])
     return np.column_stack([north, east, np.deg2rad(near), surge, sway, np.deg2rad(rate)])
-
-
-def _control(value: dict[str, Floats]) -> Floats:
-    return np.column_stack(
-        [
-            value["port_rpm"][:, 0] / 60.0,
-            np.deg2rad(value["port_angle_deg"][:, 0]),
-            value["starboard_rpm"][:, 0] / 60.0,
-            np.deg2rad(value["starboard_angle_deg"][:, 0]),
-            value["tunnel_rpm"][:, 0],
-        ]
-    )
 
 
 def split_by_group(

@@ -97,7 +97,7 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    return from_rows(labelled, start_motion(labelled, table)), bool(
+    return from_rows(labelled, start_motion(labelled, table), {"prediction": table}), bool(
         rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
     )
 

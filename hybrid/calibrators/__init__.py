@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 from acquisition.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.network import NetworkCalibrator
+    from hybrid.calibrators.calibrator import Calibrator
+    from hybrid.vessel.plant import Plant
 
 # Imported when first used: torch takes more than a second.
 _METHODS = {
@@ -18,10 +19,10 @@ _METHODS = {
 METHODS: tuple[str, ...] = tuple(_METHODS)
 
 
-def make_calibrator(method: str, seed: int = 0) -> NetworkCalibrator:
+def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
     """An untrained calibrator by its method's name. Raises :class:`ConfigurationError`."""
     if method not in _METHODS:
         raise ConfigurationError(f"no calibrator is called {method!r}", fix=f"use one of {', '.join(METHODS)}")
     module, name = _METHODS[method]
-    calibrator: NetworkCalibrator = getattr(import_module(module), name)(seed)
+    calibrator: Calibrator = getattr(import_module(module), name)(seed, plant)
     return calibrator

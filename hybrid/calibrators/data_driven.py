@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from hybrid.calibrators.calibrator import Floats
 from hybrid.calibrators.features import START_INPUTS, start_inputs
-from hybrid.calibrators.network import Floats, NetworkCalibrator
+from hybrid.calibrators.network import NetworkCalibrator
 from hybrid.horizon import Horizons
 
 

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from abc import abstractmethod
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from acquisition.errors import InputError
 from hybrid.baselines import constant_velocity
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
 from hybrid.calibrators.features import displacement
 from hybrid.horizon import Horizons
 
-Floats = NDArray[np.float64]
-Progress = Callable[[float], None]
+if TYPE_CHECKING:
+    from hybrid.vessel.plant import Plant
 
 HIDDEN = (10, 10, 10)
 LEARNING_RATE = 1e-3
@@ -59,30 +59,30 @@ def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) ->
     return nn.Sequential(*layers, nn.Linear(widths[-1], outputs)).double()
 
 
-class NetworkCalibrator(ABC):
+class NetworkCalibrator(Calibrator):
     """One network from features of a window and second to the displacement at that second.
 
-    Learned values end in an underscore, as in scikit-learn. ``fit`` stops early on windows it is not trained
-    on and keeps the best weights seen.
+    ``fit`` stops early on windows it is not trained on and keeps the best weights seen.
     """
 
-    method: ClassVar[str]
-    inputs: ClassVar[tuple[str, ...]]
     needs_reference: ClassVar[bool]
 
-    def __init__(self, seed: int = 0, epochs: int = 1000, batch: int = 512, patience: int = 150) -> None:
-        self.seed, self.epochs, self.batch, self.patience = seed, epochs, batch, patience
+    def __init__(
+        self,
+        seed: int = 0,
+        plant: Plant | None = None,
+        epochs: int = 1000,
+        batch: int = 512,
+        patience: int = 150,
+    ) -> None:
+        super().__init__(seed, plant)
+        self.epochs, self.batch, self.patience = epochs, batch, patience
 
     @abstractmethod
     def features(self, horizons: Horizons, reference: Floats) -> Floats:
         """The network's inputs [N, H, C], columns as ``inputs``."""
 
-    def fit(
-        self,
-        training: tuple[Horizons, Floats],
-        stopping: tuple[Horizons, Floats],
-        progress: Progress = lambda share: None,
-    ) -> NetworkCalibrator:
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         torch.manual_seed(self.seed)
         torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
@@ -106,7 +106,7 @@ class NetworkCalibrator(ABC):
         position = horizons.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
         return np.concatenate([position, self.heading(horizons, reference)[..., None]], axis=-1)
 
-    def outside(self, horizons: Horizons, reference: Floats) -> NDArray[np.bool_]:
+    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
         """Which windows [N] have an input beyond what was trained on, where the network is guessing."""
         features = torch.from_numpy(self.features(horizons, reference))
         low, high = self.input_range_
@@ -127,8 +127,10 @@ class NetworkCalibrator(ABC):
         tensors["input.range"] = self.input_range_
         return {name: value.contiguous() for name, value in tensors.items()}
 
-    def restore(self, tensors: dict[str, Tensor]) -> NetworkCalibrator:
-        """The inverse of :meth:`state`."""
+    def restore(self, tensors: dict[str, Tensor]) -> Self:
+        """The inverse of :meth:`state`. Raises :class:`InputError` for a network with other inputs."""
+        if tensors["input.mean"].numel() != len(self.inputs):
+            raise InputError("was trained on other inputs than this version gives", fix="train anew")
         self.input_scaling_ = Scaling(tensors["input.mean"], tensors["input.deviation"])
         self.output_scaling_ = Scaling(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]

@@ -9,8 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from hybrid.calibrators.calibrator import Floats
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS, displacement, start_inputs
-from hybrid.calibrators.network import Floats, NetworkCalibrator
+from hybrid.calibrators.network import NetworkCalibrator
 from hybrid.horizon import Horizons
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from hybrid.baselines import constant_velocity
-from hybrid.horizon import Horizons
+from hybrid.horizon import PAST_S, Horizons
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> 
         trial=np.array(["trial"] * count),
         leg=np.array([f"trial/{number:03d}" for number in range(count)]),
         start_time=pd.date_range("2026-06-01T08:00:00Z", periods=count, freq="60s"),
+        past=np.full((count, PAST_S + 1, 13), np.nan),
     )
     return replace(empty, track=constant_velocity(empty))
 

@@ -1,0 +1,61 @@
+"""What every calibrator can do: learn from windows, predict tracks, say how sure it is, be saved."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.horizon import Horizons
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Progress = Callable[[float], None]
+Examples = tuple[Horizons, Floats]
+"""Windows and the reference's tracks on them [N, H+1, 3]."""
+
+
+class Calibrator(ABC):
+    """A learned map from the start of a window, and the reference's track, to the track of the ship.
+
+    Learned values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
+    that look inside it.
+    """
+
+    method: ClassVar[str]
+    inputs: ClassVar[tuple[str, ...]]
+
+    def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
+        self.seed, self.plant = seed, plant
+
+    @abstractmethod
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+        """Learn from windows; ``stopping`` are windows of other legs, to stop or choose by."""
+
+    @abstractmethod
+    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
+        """The predicted tracks [N, H+1, 3]: north, east [m], heading [rad]."""
+
+    @abstractmethod
+    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
+        """Which windows [N] lie beyond what it was trained on, where it is guessing."""
+
+    def spread(self, horizons: Horizons, reference: Floats) -> Floats:
+        """How uncertain each prediction is in proportion to others [N, H], any unit; the same for all here."""
+        return np.ones((len(horizons), horizons.horizon_s))
+
+    @abstractmethod
+    def state(self) -> dict[str, Tensor]:
+        """Everything learned, by name."""
+
+    @abstractmethod
+    def restore(self, tensors: dict[str, Tensor]) -> Self:
+        """The inverse of :meth:`state`."""
