@@ -15,23 +15,27 @@ from numba import njit
 from numba.core.registry import CPUDispatcher
 
 from hybrid.vessel.compiling import FAST, Floats
-from hybrid.vessel.plant import ForceFunction, Plant
+from hybrid.vessel.plant import ForceFunction, Plant, Plants
 
 _NONE = np.zeros((1, 1))
 
 
-def combined(plants: Sequence[Plant]) -> tuple[ForceFunction | None, Floats]:
+def combined(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     """One compiled force for all of ``plants`` and its parameters [P, Q], or ``None`` where none has any.
 
-    A plant's parameters are, force by force, a switch (1 on, 0 off) and then the force's own.
+    A plant's parameters are, force by force, a switch (1 on, 0 off) and then the force's own. Packed plants
+    have none.
     """
+    if isinstance(plants, np.ndarray):
+        return None, _NONE
+    each: Sequence[Plant] = (plants,) if isinstance(plants, Plant) else plants
     sizes: dict[ForceFunction, int] = {}
-    for plant in plants:
+    for plant in each:
         for force in plant.forces:
             sizes.setdefault(force.function, len(force.parameters))
     if not sizes:
         return None, _NONE
-    parameters = np.array([_row(plant, sizes) for plant in plants])
+    parameters = np.array([_row(plant, sizes) for plant in each])
     return _chain(tuple(sizes.items())), parameters
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -154,6 +155,8 @@ class Plant:
 NUMBERS: tuple[str, ...] = tuple(field.name for field in fields(Plant) if field.name != "forces")
 """The names of a plant's numbers, in their order in :data:`DTYPE`."""
 
+_NUMBERS_OF = attrgetter(*NUMBERS)
+
 TABLES = ("CX", "CY", "CN")
 DTYPE = np.dtype([(name, np.float64, (TABLE_SIZE,) if name in TABLES else ()) for name in NUMBERS])
 """The record that a plant is packed into: float64 throughout, so :func:`flat` is a view."""
@@ -184,12 +187,28 @@ def bare_plant(vessel: Vessel) -> Plant:
     )
 
 
-def pack(plants: Plant | Sequence[Plant]) -> NDArray[np.void]:
-    """Plants as a record array [P] of :data:`DTYPE`; their extra forces are not in it."""
-    each = (plants,) if isinstance(plants, Plant) else plants
-    if not each:
+Plants = Plant | Sequence[Plant] | NDArray[np.void]
+"""One plant, one a run, or thousands already packed: an array [P] of :data:`DTYPE`, made without objects."""
+
+
+def pack(plants: Plants) -> NDArray[np.void]:
+    """Plants as a record array [P] of :data:`DTYPE`; their extra forces are not in it.
+
+    An array that is packed already comes back as it is. Raises :class:`ConfigurationError` for another
+    array, and where there is no plant.
+    """
+    if isinstance(plants, Plant):
+        return np.array([_NUMBERS_OF(plants)], dtype=DTYPE)
+    if len(plants) == 0:
         raise ConfigurationError("no plant to simulate", fix="give one plant, or one for each run")
-    return np.array([tuple(getattr(plant, name) for name in NUMBERS) for plant in each], dtype=DTYPE)
+    if not isinstance(plants, np.ndarray):
+        return np.array([*map(_NUMBERS_OF, plants)], dtype=DTYPE)
+    if plants.dtype != DTYPE or plants.ndim != 1:
+        raise ConfigurationError(
+            f"packed plants are an array of {plants.dtype.name} with shape {plants.shape}",
+            fix="make it with plant.pack, or with np.empty(N, plant.DTYPE) and fill every field",
+        )
+    return np.ascontiguousarray(plants)
 
 
 def flat(packed: NDArray[np.void]) -> Floats:

@@ -9,7 +9,7 @@ into the loop: ``force(time_s, state, control, environment, parameters) -> (X [N
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,14 +21,12 @@ from acquisition.errors import InputError, ModelRangeError
 from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record
 from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over
 from hybrid.vessel.extra_forces import combined
-from hybrid.vessel.plant import ForceFunction, Plant, pack
+from hybrid.vessel.plant import ForceFunction, Plant, Plants, pack
 
 STATES = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 CONTROLS = ("port_rps", "port_angle_rad", "starboard_rps", "starboard_angle_rad", "tunnel_rpm")
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
-
-Plants = Plant | Sequence[Plant]
 
 
 def _make_run(stamp: int) -> Callable[..., int]:
@@ -136,23 +134,24 @@ def simulate_batch(
 ) -> Runs:
     """Simulate N runs on all cores; runs that leave the range of the model are marked, not raised.
 
-    ``plants`` is one plant or one a run; ``start`` [N, 6] states; ``controls`` [N, K, 5] and ``wind``
-    [N, K, 2] (direction FROM [rad], speed [m/s]), as reported, held over each step of ``dt_s``. Every
-    first dimension may be 1 or missing, then it serves all runs. Each step is integrated in ``substeps``,
-    by default as many as keep them below :data:`LONGEST_STEP_S`. ``acting_start`` [N, 5] are
+    ``plants`` is one plant, one a run, or an array of packed ones (:func:`~hybrid.vessel.plant.pack`);
+    ``start`` [N, 6] states; ``controls`` [N, K, 5] and ``wind`` [N, K, 2] (direction FROM [rad], speed
+    [m/s]), as reported, held over each step of ``dt_s``. Every first dimension may be 1 or missing, then it
+    serves all runs. Each step is integrated in ``substeps``, by default as many as keep them below
+    :data:`LONGEST_STEP_S`. ``acting_start`` [N, 5] are
     the controls that act at the start where the thrusters lag; by default the first reported ones.
     """
-    each = (plants,) if isinstance(plants, Plant) else tuple(plants)
-    extra, parameters = combined(each)
+    packed = pack(plants)
+    extra, parameters = combined(plants)
     arrays = _inputs(start, controls, wind, acting_start)
-    number = max(len(each), *(len(array) for array in arrays))
-    _check_sizes(number, {"plants": len(each)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
+    number = max(len(packed), *(len(array) for array in arrays))
+    _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
     begin, control, air, acting = arrays
     states = np.empty((number, control.shape[1] + 1, 6))
     left = np.empty(number, dtype=np.int64)
     steps = substeps or steps_for(dt_s)
     kernel = run_all if number > 1 else _run_one
-    kernel(pack(each), begin, control, air, dt_s, steps, acting, extra, parameters, states, left)
+    kernel(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left)
     return Runs(states, left)
 
 
@@ -182,7 +181,7 @@ def stepper(plant: Plant, dt_s: float, substeps: int | None = None) -> Callable[
     Such a loop carries its actuators itself: a thruster lag in ``plant`` is not carried from step to step.
     Raises :class:`ModelRangeError` as :func:`simulate` does.
     """
-    extra, parameters = combined((plant,))
+    extra, parameters = combined(plant)
     packed, steps = pack(plant), substeps or steps_for(dt_s)
     states = np.empty((2, 6))
 
@@ -206,15 +205,15 @@ def range_error(runs: Runs, plants: Plants, dt_s: float) -> ModelRangeError:
     """The error that tells which run left the model's range first, when, and at what speeds."""
     run_number = int(np.flatnonzero(~runs.inside)[0])
     step = int(runs.left_at[run_number])
-    each = (plants,) if isinstance(plants, Plant) else tuple(plants)
-    p = each[run_number % len(each)]
+    packed = pack(plants)
+    p = packed[run_number % len(packed)]
     u, v, r = runs.states[run_number, step, 3:]
     return ModelRangeError(
         f"left the range of the model between {step * dt_s:g} and {(step + 1) * dt_s:g} s",
         where=f"run {run_number} of {len(runs.states)}",
         why=f"last inside at surge {u:.2f} m/s, sway {v:.2f} m/s, yaw rate {r:.3f} rad/s, and the "
-        f"coefficients hold for surge {p.surge_low_mps:g} to {p.surge_high_mps:g} m/s, "
-        f"sway within {p.sway_limit_mps:g} m/s and yaw rate within {p.yaw_rate_limit_radps:g} rad/s",
+        f"coefficients hold for surge {p['surge_low_mps']:g} to {p['surge_high_mps']:g} m/s, "
+        f"sway within {p['sway_limit_mps']:g} m/s and yaw rate within {p['yaw_rate_limit_radps']:g} rad/s",
         fix="check the start and the controls, or widen [validity] in the vessel file if its data allow",
     )
 

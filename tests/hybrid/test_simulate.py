@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from acquisition.errors import InputError, ModelRangeError
+from acquisition.errors import ConfigurationError, InputError, ModelRangeError
 from hybrid.effects import CATALOGUE
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.simulate import simulate, simulate_batch, stepper
 from tests.hybrid import gunnerus_by_hand as by_hand
 from tests.hybrid.conftest import Held
@@ -186,3 +186,27 @@ def test_extra_forces_enter_and_can_be_shared_in_a_batch(plant: Plant) -> None:
     both = simulate([forced, plant], start, controls, wind, 1.0)
     assert both[1] == pytest.approx(simulate(plant, start[1], controls[1], wind[1], 1.0), abs=1e-9)
     assert np.abs(both[0] - simulate(plant, start[0], controls[0], wind[0], 1.0)).max() > 0.01
+
+
+def test_packed_plants_are_plants(plant: Plant) -> None:
+    """The same runs to the bit whether plants come as objects or packed, and the same error out of range."""
+    start, controls, wind = _wild(6, 20)
+    plants = [plant.scaled(1.0 + 0.02 * number, "mass_kg", "Xuu") for number in range(6)]
+    packed = pack(plants)
+    assert np.array_equal(
+        simulate(packed, start, controls, wind, 1.0), simulate(plants, start, controls, wind, 1.0)
+    )
+    packed["surge_high_mps"][4] = 0.5
+    assert simulate_batch(packed, start, controls, wind, 1.0).left_at[4] == 0
+    with pytest.raises(ModelRangeError, match=r"run 4 of 6.* to 0\.5 m/s"):
+        simulate(packed, start, controls, wind, 1.0)
+
+
+def test_packed_plants_need_every_number(plant: Plant) -> None:
+    """An array that is no packed plant, or an empty one, is refused before the compiled loop reads it."""
+    start, controls, wind = _wild(1, 3)
+    for wrong in (np.zeros((1, 100)), pack(plant)[["mass_kg", "Xuu"]], pack([plant]).reshape(1, 1)):
+        with pytest.raises(ConfigurationError, match="packed plants"):
+            simulate(wrong, start, controls, wind, 1.0)
+    with pytest.raises(ConfigurationError, match="no plant"):
+        simulate(pack(plant)[:0], start, controls, wind, 1.0)
