@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 _METHODS = {
     "paper": ("hybrid.calibrators.paper", "PaperCalibrator"),
     "data_driven": ("hybrid.calibrators.data_driven", "DataDriven"),
+    "additive": ("hybrid.calibrators.additive", "AdditiveCalibrator"),
 }
 METHODS: tuple[str, ...] = tuple(_METHODS)
 

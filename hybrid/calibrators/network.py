@@ -102,7 +102,8 @@ class NetworkCalibrator(Calibrator):
         """The predicted track [N, H+1, 3]; the heading is that of :meth:`heading`, which is not learned."""
         features = torch.from_numpy(self.features(horizons, reference))
         with torch.no_grad():
-            moved = self.output_scaling_.restored(self.network_(self.input_scaling_.scaled(features)))
+            learned = self.output_scaling_.restored(self.network_(self.input_scaling_.scaled(features))).numpy()
+        moved = self.base(horizons, reference) + learned
         position = horizons.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
         return np.concatenate([position, self.heading(horizons, reference)[..., None]], axis=-1)
 
@@ -112,6 +113,10 @@ class NetworkCalibrator(Calibrator):
         low, high = self.input_range_
         margin = BEYOND * (high - low) + 1e-6
         return np.asarray(((features < low - margin) | (features > high + margin)).any(dim=-1).any(dim=-1).numpy())
+
+    def base(self, horizons: Horizons, reference: Floats) -> Floats:
+        """The displacement [N, H, 2] that what is learned is added to: none here."""
+        return np.zeros((len(horizons), horizons.horizon_s, 2))
 
     def heading(self, horizons: Horizons, reference: Floats) -> Floats:
         """The heading [N, H+1] that goes with the positions: the reference's, or the present turn held."""
@@ -143,7 +148,7 @@ class NetworkCalibrator(Calibrator):
 
     def _rows(self, horizons: Horizons, reference: Floats) -> tuple[Tensor, Tensor]:
         features = self.features(horizons, reference)
-        targets = displacement(horizons.track, horizons.start)
+        targets = displacement(horizons.track, horizons.start) - self.base(horizons, reference)
         return (
             torch.from_numpy(features.reshape(-1, features.shape[-1])),
             torch.from_numpy(targets.reshape(-1, 2)),

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from acquisition.errors import ConfigurationError, InputError, StorageError
 from hybrid.artefact import SIDECAR, Trained, load, plant_for, save
 from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.additive import AdditiveCalibrator
 from hybrid.calibrators.data_driven import DataDriven
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS, start_inputs
 from hybrid.calibrators.network import NetworkCalibrator, Scaling
@@ -125,6 +126,27 @@ def test_early_stopping_keeps_the_best() -> None:
     assert loss() == min(losses)
 
 
+def test_the_additive_one_learns_the_error_of_the_reference() -> None:
+    """Where the reference errs by one constant, what is left to learn is constant: even an untrained network
+    predicts it to the bit, and the paper's, which has to learn the motion, does not."""
+    windows, reference = drifting(40)
+    offset_m = np.array([3.0, -2.0, 0.0])
+    wrong = reference.copy()
+    wrong[:, 1:] = windows.track[:, 1:] + offset_m
+    found = {
+        kind: kind(epochs=1, batch=64).fit((windows, wrong), (windows, wrong))
+        for kind in (AdditiveCalibrator, PaperCalibrator)
+    }
+    unseen, _ = drifting(10, seed=2)
+    wrong = unseen.track + offset_m
+    after = {
+        kind: np.abs(each.predict(unseen, wrong) - unseen.track)[..., :2].max() for kind, each in found.items()
+    }
+    assert after[AdditiveCalibrator] < 1e-9 < 1.0 < after[PaperCalibrator]
+    further = found[AdditiveCalibrator].predict(unseen, wrong + np.linspace(0.0, 1e4, SECONDS + 1)[:, None])
+    assert np.diff(further - unseen.track, axis=1)[:, 1:, :2] == pytest.approx(1e4 / SECONDS)
+
+
 def test_progress_goes_from_nothing_to_all() -> None:
     shares: list[float] = []
     PaperCalibrator(epochs=5, batch=64).fit(drifting(20), drifting(5, seed=1), shares.append)
@@ -187,7 +209,7 @@ def test_north_is_no_edge(fitted: dict[str, NetworkCalibrator], method: str) -> 
     for before, after, most in ((359.9, 0.1, 0.01), (180.1, -179.9, 1e-9), (10.0, 370.0, 1e-9)):
         (features_a, track_a), (features_b, track_b) = predicted(before), predicted(after)
         assert np.abs(features_a - features_b).max() < most
-        assert np.abs(track_a - track_b).max() < max(10 * most, 1e-8)
+        assert np.abs(track_a - track_b).max() < max(20 * most, 1e-8)  # the ship goes 32 m
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -1,0 +1,23 @@
+"""The residual calibrator: what the paper argues against, kept to measure its argument.
+
+The same network on the same inputs as the paper's, but what is learned is the error of the reference, which
+is then added to the reference's track. An untrained one, or one far from its data, stays near the reference.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from hybrid.calibrators.calibrator import Floats
+from hybrid.calibrators.features import displacement
+from hybrid.calibrators.paper import PaperCalibrator
+from hybrid.horizon import Horizons
+
+
+class AdditiveCalibrator(PaperCalibrator):
+    """Measured minus reference displacement from the start and the reference's displacement."""
+
+    method: ClassVar[str] = "additive"
+
+    def base(self, horizons: Horizons, reference: Floats) -> Floats:
+        return displacement(reference, horizons.start)
