@@ -147,12 +147,11 @@ class NetworkCalibrator(Calibrator):
         return self
 
     def _rows(self, horizons: Horizons, reference: Floats) -> tuple[Tensor, Tensor]:
+        """Inputs and targets [rows, C], [rows, 2] of the seconds whose position was measured."""
         features = self.features(horizons, reference)
         targets = displacement(horizons.track, horizons.start) - self.base(horizons, reference)
-        return (
-            torch.from_numpy(features.reshape(-1, features.shape[-1])),
-            torch.from_numpy(targets.reshape(-1, 2)),
-        )
+        measured = np.isfinite(targets).all(axis=-1)
+        return torch.from_numpy(features[measured]), torch.from_numpy(targets[measured])
 
     def _scaled_rows(self, horizons: Horizons, reference: Floats) -> tuple[Tensor, Tensor]:
         inputs, targets = self._rows(horizons, reference)
