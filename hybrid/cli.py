@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from hybrid.evaluation import cli as evaluation
 
 HORIZON_S = 15
 SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
@@ -26,6 +27,7 @@ def mount(app: typer.Typer) -> None:
     app.command("validate", help="Score every method on recordings that none has seen.")(validate)
     app.command("predict", help="Predict one track from one instant of a recording.")(predict)
     app.command("effects", help="List the effects that a model may lack.")(effects)
+    evaluation.mount(app)
 
 
 def simulate(

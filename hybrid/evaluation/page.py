@@ -1,0 +1,131 @@
+"""An evaluation on a page: which method is worth what, where it is good, and what a random split would hide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from acquisition.errors import storage_error
+from analysis.page import Page
+from hybrid.evaluation import plots
+from hybrid.evaluation.bootstrap import Interval
+from hybrid.evaluation.summary import Evaluation, SplitSummary
+from hybrid.evaluation.tables import MEANING, caption_of, counts_of, spread
+from hybrid.plots import title_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
+_HEADER = ["method", "mean distance [m]", "at the end [m]", "heading [deg]", "ratio to the best baseline",
+           "inside the 95 % region"]  # fmt: skip
+
+
+def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write the JSON ``text`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
+    path = folder / JSON_FILE
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error
+    return [path, page_of(evaluation, about).write(folder / PAGE_FILE)]
+
+
+def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:
+    """The page; ``about`` says what was evaluated: files, vessel, stride, seed."""
+    names = ", ".join(Path(each).name for each in about["files"])
+    page = Page(
+        f"What each method is worth over {evaluation.horizon_s} s",
+        f"{names}; vessel {about['vessel']}; {evaluation.windows} held windows of {evaluation.legs} legs",
+    )
+    page.headline(headline_of(evaluation))
+    if evaluation.outside:
+        page.note(f"{evaluation.outside} windows are left out: the reference leaves its range in them.")
+    _add_overview(page, evaluation)
+    for split in evaluation.splits.values():
+        _add_split(page, split)
+    _add_leak(page, evaluation)
+    return page
+
+
+def headline_of(evaluation: Evaluation) -> dict[str, str]:
+    """The best method of each honest split, and how it stands to the best baseline."""
+    figures = {}
+    for kind, split in evaluation.splits.items():
+        if kind != "random":
+            best = split.whole.best
+            ratio = split.whole.methods[best].ratio
+            figures[f"{title_of(best)} to the best baseline, {MEANING[kind]}"] = f"{ratio.value:.2f}"
+    return figures
+
+
+def _add_overview(page: Page, evaluation: Evaluation) -> None:
+    page.heading("Against the best baseline")
+    rows = sum(len(each.whole.methods) - 1 for each in evaluation.splits.values())
+    page.figure(
+        lambda figure: _drawn(plots.forest(figure.subplots(), evaluation.splits)),
+        (8, 1.0 + 0.28 * rows),
+        "Left of 1 is better than the better of constant velocity and reference; bars are 95 % intervals, from "
+        "drawing legs anew.",
+    )
+
+
+def _add_split(page: Page, split: SplitSummary) -> None:
+    page.heading(f"{split.kind.capitalize()}: {MEANING[split.kind]}; {counts_of(split.whole)}")
+    names = list(split.whole.methods)
+    rows = [
+        [title_of(name), spread(each.mean_distance_m), spread(each.end_distance_m),
+         spread(each.heading_error_deg), spread(each.ratio), _percent(each.coverage_95)]
+        for name, each in split.whole.methods.items()
+    ]  # fmt: skip
+    page.table(_HEADER, rows, best=names.index(split.whole.best))
+    page.text(caption_of(split).capitalize() + ".")
+    page.figure(
+        lambda figure: _draw_seconds(figure, split),
+        (7.5, 3.6),
+        "How the error grows with the time predicted; 95 % intervals shaded. What is much worse than the baselines "
+        "leaves the picture.",
+    )
+    kinds = {kind: classes for kind, classes in split.breakdown.items() if len(classes) > 1}
+    for kind, classes in kinds.items():
+        page.figure(
+            lambda figure, classes=classes: _draw_classes(figure, classes),  # type: ignore[misc]
+            (8.5, 3.2),
+            f"The error by {kind}, with 95 % intervals where there are two legs or more.",
+        )
+
+
+def _add_leak(page: Page, evaluation: Evaluation) -> None:
+    if not evaluation.leak:
+        return
+    page.heading("What a random split hides")
+    page.figure(
+        lambda figure: _drawn(plots.leak(figure.subplots(), evaluation.splits)),
+        (8, 1.2 + 0.5 * len(evaluation.leak)),
+        "Windows drawn at random overlap those trained on. The error on legs that were never seen is the one that "
+        "is met at sea.",
+    )
+    rows = [[title_of(name), spread(factor)] for name, factor in evaluation.leak.items()]
+    page.table(["method", "error on legs never seen over the error shown, on the same windows"], rows)
+
+
+def _draw_seconds(figure: Figure, split: SplitSummary) -> None:
+    axes = figure.subplots()
+    plots.error_by_second(axes, split.whole)
+    axes.legend(loc="upper left")
+
+
+def _draw_classes(figure: Figure, classes: Mapping[str, Any]) -> None:
+    axes = figure.subplots()
+    plots.breakdown(axes, classes)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)
+
+
+def _drawn(artists: object) -> None:
+    """A figure's drawing returns nothing."""
+
+
+def _percent(interval: Interval) -> str:
+    bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
+    return f"{interval.value:.1%}{bounds}"

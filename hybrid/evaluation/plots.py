@@ -1,0 +1,140 @@
+"""Figures of an evaluation, in the house's style: functions take axes and figures of methods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+
+from analysis.plots import FAINT, INK, PALETTE
+from hybrid.evaluation.bootstrap import Interval
+from hybrid.evaluation.study import BASELINES
+from hybrid.evaluation.summary import SplitSummary, Summary
+from hybrid.plots import title_of
+
+_BASELINE_COLOURS = (INK, PALETTE[4])
+_METHOD_COLOURS = tuple(colour for colour in PALETTE if colour != PALETTE[4])
+_HEADROOM = 1.3
+"""How far above the best baseline's interval an axis of distances reaches; what is worse leaves the picture."""
+
+
+def colours_of(methods: Sequence[str]) -> dict[str, str]:
+    """One colour a method, the baselines' always the same."""
+    learned = [method for method in methods if method not in BASELINES]
+    colours = dict(zip(BASELINES, _BASELINE_COLOURS, strict=True))
+    return colours | {each: _METHOD_COLOURS[number % len(_METHOD_COLOURS)] for number, each in enumerate(learned)}
+
+
+def error_by_second(axes: Axes, summary: Summary) -> list[Artist]:
+    """The mean distance of every method against the second of the prediction, its 95 % interval shaded."""
+    colours, artists = colours_of(list(summary.methods)), list[Artist]()
+    for method, each in summary.methods.items():
+        seconds = np.arange(1, len(each.by_second) + 1)
+        value, low, high = np.array([(one.value, one.low, one.high) for one in each.by_second]).T
+        artists += axes.plot(seconds, value, color=colours[method], label=title_of(method))
+        artists.append(axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0))
+    ends = [_top(summary.methods[name].by_second[-1]) for name in BASELINES]
+    axes.set_ylim(0, _HEADROOM * max(ends))
+    axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
+    axes.set_xlabel("prediction time [s]")
+    axes.set_ylabel("mean distance [m]")
+    return artists
+
+
+def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
+    """The ratio of every method's mean distance to the best baseline's, with its interval, a group a split."""
+    rows = [
+        (kind, method, each.ratio)
+        for kind, split in splits.items()
+        for method, each in split.whole.methods.items()
+        if method != split.whole.best_baseline
+    ]
+    colours = colours_of([method for _, method, _ in rows])
+    artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=1.0)]
+    for row, (_, method, ratio) in enumerate(rows):
+        artists.append(_bar(axes, ratio, row, colours[method]))
+    axes.set_yticks(range(len(rows)), [f"{title_of(method)}, {kind}" for kind, method, _ in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    kinds = [kind for kind, _, _ in rows]
+    for row in range(1, len(rows)):
+        if kinds[row] != kinds[row - 1]:
+            axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
+    _logarithmic(axes, [ratio for _, _, ratio in rows])
+    axes.set_xlabel("mean distance over that of the best baseline [1]")
+    return artists
+
+
+def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
+    """What the random split shows of each method beside what is found on legs never seen."""
+    honest, leaky = splits["leg"].whole.methods, splits["random"].whole.methods
+    artists: list[Artist] = []
+    for row, method in enumerate(honest):
+        shown, found = leaky[method].mean_distance_m, honest[method].mean_distance_m
+        artists += axes.plot([shown.value, found.value], [row, row], color=FAINT, linewidth=2.0, zorder=1)
+        for each, lift, colour, words in (
+            (shown, -0.12, PALETTE[1], "windows at random"),
+            (found, 0.12, PALETTE[0], "legs never seen"),
+        ):
+            artists.append(_bar(axes, each, row + lift, colour, words if row == 0 else ""))
+    axes.set_yticks(range(len(honest)), [title_of(method) for method in honest])
+    axes.set_ylim(len(honest) - 0.5, -0.5)
+    _logarithmic(axes, [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
+    axes.set_xlabel("mean distance [m]")
+    axes.legend(loc="best")
+    return artists
+
+
+def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
+    """The mean distance of every method in each class, with its interval."""
+    methods = list(next(iter(classes.values())).methods)
+    colours, artists = colours_of(methods), list[Artist]()
+    width = 0.8 / len(methods)
+    for number, method in enumerate(methods):
+        at = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * width
+        intervals = [each.methods[method].mean_distance_m for each in classes.values()]
+        value = np.array([each.value for each in intervals])
+        reach = np.nan_to_num(np.array([(each.value - each.low, each.high - each.value) for each in intervals]).T)
+        drawn = axes.bar(at, value, width * 0.9, color=colours[method], label=title_of(method))
+        artists.append(drawn.patches[0])
+        axes.errorbar(at, value, np.maximum(reach, 0.0), fmt="none", ecolor=INK, elinewidth=0.8)
+    ticks = [f"{name}\n{each.windows} windows, {each.legs} legs" for name, each in classes.items()]
+    axes.set_xticks(range(len(classes)), ticks)
+    ends = [_top(each.methods[name].mean_distance_m) for each in classes.values() for name in BASELINES]
+    axes.set_ylim(0, _HEADROOM * max(ends))
+    axes.set_ylabel("mean distance [m]")
+    axes.grid(visible=False, axis="x")
+    return artists
+
+
+def _bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
+    """A point with its interval, lying down."""
+    reach = np.array([[interval.value - interval.low], [interval.high - interval.value]])
+    drawn = axes.errorbar(
+        interval.value,
+        row,
+        xerr=np.maximum(np.nan_to_num(reach), 0.0),
+        fmt="o",
+        color=colour,
+        capsize=2.5,
+        label=label,
+    )
+    return drawn.lines[0]
+
+
+def _logarithmic(axes: Axes, intervals: Sequence[Interval]) -> None:
+    """Half and double stand equally far from one; the ticks are numbers that people read."""
+    axes.set_xscale("log")
+    ends = np.array([(each.low, each.value, each.high) for each in intervals])
+    ends = ends[np.isfinite(ends) & (ends > 0)]
+    low, high = min(ends.min(), 0.8), max(ends.max(), 1.25)
+    marks = [base * 10.0**power for power in range(-3, 4) for base in (1.0, 2.0, 5.0)]
+    inside = [mark for mark in marks if low * 0.8 <= mark <= high * 1.25]
+    axes.set_xticks(inside, [f"{mark:g}" for mark in inside])
+    axes.set_xticks([], minor=True)
+    axes.set_xlim(low * 0.85, high * 1.18)
+
+
+def _top(interval: Interval) -> float:
+    return interval.high if np.isfinite(interval.high) else interval.value

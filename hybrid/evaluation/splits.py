@@ -1,0 +1,134 @@
+"""How windows are parted into those that a method learns from and those that it is judged on.
+
+``leg`` keeps whole legs back, drawn at random; ``time`` keeps the end of every recording back, ``recording`` one
+recording after the other. In these no second of a window that is judged was ever fitted. ``random`` draws windows
+one by one, as is often published: windows overlap, so most seconds that are judged were fitted too. It stands
+beside the others to show how much that flatters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.errors import ConfigurationError, DataShortageError
+from analysis.frames import NANO
+from hybrid.horizon import Horizons, split_by_group
+from hybrid.train import HELD_OUT_SHARE
+
+Flags = NDArray[np.bool_]
+
+TEST_SHARE = 0.3
+"""The share of the windows, or of a recording's time, that is kept back to judge by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One way to part N windows, as masks [N] that exclude each other.
+
+    ``fitting`` is learned from, ``stopping`` ends the learning and sizes the regions, ``held_out`` is judged on.
+    Windows in none of them share seconds with both sides.
+    """
+
+    fitting: Flags
+    stopping: Flags
+    held_out: Flags
+
+
+def draws_of(kind: str, horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+    """The draws of a kind of split: ``draws`` of them where chance plays, otherwise as many as there are.
+
+    Raises :class:`DataShortageError` where windows cannot be parted in that way.
+    """
+    return SPLITS[kind](horizons, draws, seed)
+
+
+def refuse_unknown(kinds: Sequence[str]) -> None:
+    """Raise :class:`ConfigurationError` when one of the names is no kind of split."""
+    for kind in kinds:
+        if kind not in SPLITS:
+            raise ConfigurationError(f"no split is called {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
+
+
+def by_leg(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+    """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
+    parts = [split_by_group(horizons.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
+    return [_with_stopping(horizons, known, unseen, seed + draw) for draw, (known, unseen) in enumerate(parts)]
+
+
+def by_time(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+    """The last 30 % of each recording's time kept back; windows that meet the border are dropped."""
+    first, last = _seconds_of(horizons)
+    known, unseen = np.zeros(len(horizons), dtype=bool), np.zeros(len(horizons), dtype=bool)
+    for trial in np.unique(horizons.trial):
+        mine = horizons.trial == trial
+        border = first[mine].min() + (1.0 - TEST_SHARE) * (last[mine].max() - first[mine].min())
+        known |= mine & (last < border)
+        unseen |= mine & (first > border)
+    if not known.any() or not unseen.any():
+        raise DataShortageError("no held window on one side of 70 % of the time", fix="give longer recordings")
+    return [_with_stopping(horizons, known, unseen, seed)]
+
+
+def by_recording(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+    """Each recording in turn kept back from all others."""
+    trials = np.unique(horizons.trial)
+    if len(trials) < 2:
+        raise DataShortageError("one recording cannot be kept back from others", fix="give two or more")
+    return [_with_stopping(horizons, horizons.trial != each, horizons.trial == each, seed) for each in trials]
+
+
+def at_random(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+    """Single windows kept back, whatever leg they are of, and others of them to stop by: this leaks."""
+    result = []
+    for draw in range(draws):
+        rank = np.random.default_rng(seed + draw).permutation(len(horizons)) / len(horizons)
+        stopping = (rank >= TEST_SHARE) & (rank < TEST_SHARE + HELD_OUT_SHARE * (1.0 - TEST_SHARE))
+        held_out = rank < TEST_SHARE
+        result.append(Draw(~held_out & ~stopping, stopping, held_out))
+    return result
+
+
+SPLITS: dict[str, Callable[[Horizons, int, int], list[Draw]]] = {
+    "leg": by_leg,
+    "time": by_time,
+    "recording": by_recording,
+    "random": at_random,
+}
+"""The kinds of split by name."""
+
+
+def shared_seconds(horizons: Horizons, known: Flags, unseen: Flags) -> int:
+    """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
+    first, last = _seconds_of(horizons)
+    total = 0
+    for trial in np.unique(horizons.trial):
+        sides = (
+            {second for window in np.flatnonzero(side & (horizons.trial == trial))
+             for second in range(first[window], last[window] + 1)}
+            for side in (known, unseen)
+        )  # fmt: skip
+        total += len(set.intersection(*sides))
+    return total
+
+
+def _with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -> Draw:
+    """The draw in which whole legs of what is known are left out of the fit, to stop by."""
+    inner, stopping = split_by_group(horizons.leg[known], HELD_OUT_SHARE, seed)
+    rows = np.flatnonzero(known)
+    return Draw(_mask(rows[inner], len(horizons)), _mask(rows[stopping], len(horizons)), unseen)
+
+
+def _mask(rows: NDArray[np.int64], count: int) -> Flags:
+    mask = np.zeros(count, dtype=bool)
+    mask[rows] = True
+    return mask
+
+
+def _seconds_of(horizons: Horizons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The first and the last second of each window [N], in seconds since 1970."""
+    first = horizons.start_time.as_unit("ns").asi8 // NANO
+    return first, first + horizons.horizon_s

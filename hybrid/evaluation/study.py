@@ -1,0 +1,167 @@
+"""Every method fitted on one part of the windows and judged on the other, split by split, draw by draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.baselines import constant_velocity
+from hybrid.calibrators import make_calibrator
+from hybrid.evaluation.splits import Draw, draws_of
+from hybrid.horizon import Horizons
+from hybrid.scores import distances
+from hybrid.train import band_radius, inside_range
+from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Progress = Callable[[float], None]
+Examples = tuple[Horizons, Floats]
+
+BASELINES = ("constant_velocity", "reference")
+"""What needs no training: the methods that every other has to beat."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """The errors of one method on N windows, seconds 1 to H.
+
+    ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
+    over the seconds; ``inside`` [N, H] whether the 95 % region holds the measured position; ``untrained`` [N]
+    whether the start lies beyond what was trained on. Pooled over draws, the last two are shares.
+    """
+
+    distance_m: Floats
+    north_m: Floats
+    east_m: Floats
+    heading_deg: Floats
+    inside: Floats
+    untrained: Floats
+
+    def subset(self, chosen: Flags) -> Errors:
+        """The errors on the windows that a mask chooses."""
+        return Errors(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+@dataclass(frozen=True, slots=True)
+class SplitResult:
+    """What one kind of split says of all methods.
+
+    ``held_out`` [N] marks the windows that were held out in any draw; ``errors`` by method are on these, each
+    window's averaged over the draws that held it out: so every window counts once. ``fitted`` is the number of
+    windows learned from in each draw.
+    """
+
+    kind: str
+    held_out: Flags
+    errors: dict[str, Errors]
+    fitted: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """The results by split, on ``horizons``, less ``outside`` windows in which the reference leaves its range."""
+
+    horizons: Horizons
+    outside: int
+    results: tuple[SplitResult, ...]
+
+
+def study(
+    horizons: Horizons,
+    plant: Plant,
+    methods: Sequence[str],
+    splits: Sequence[str] = ("leg", "time"),
+    draws: int = 5,
+    seed: int = 0,
+    progress: Progress = lambda share: None,
+) -> Study:
+    """Fit and judge ``methods``, and the baselines beside them, on every split.
+
+    Raises :class:`DataShortageError` where there are too few legs, recordings or windows for a split.
+    """
+    inside, tracks = inside_range(horizons, plant)
+    planned = {kind: draws_of(kind, inside, draws, seed) for kind in splits}
+    total = sum(map(len, planned.values())) * max(len(methods), 1)
+    results: list[SplitResult] = []
+    done = 0
+    for kind, kind_draws in planned.items():
+        parts = []
+        for number, draw in enumerate(kind_draws):
+            parts.append(
+                _judged(draw, (inside, tracks), methods, plant, seed + number, _part(progress, done, total))
+            )
+            done += len(methods)
+        results.append(_pooled(kind, kind_draws, parts))
+    return Study(inside, len(horizons) - len(inside), tuple(results))
+
+
+def _part(progress: Progress, done: int, total: int) -> Progress:
+    """The progress of one draw, in methods, within ``total`` fits of which ``done`` are over."""
+    return lambda fits: progress((done + fits) / total)
+
+
+def _judged(
+    draw: Draw, examples: Examples, methods: Sequence[str], plant: Plant, seed: int, progress: Progress
+) -> dict[str, Errors]:
+    """Every method's errors on the windows that ``draw`` holds out."""
+    fitting, stopping, held_out = (
+        (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
+    )
+    unknown = np.zeros(len(held_out[0]), dtype=bool)
+    errors = {}
+    for name, tracks in (("constant_velocity", lambda each: constant_velocity(each[0])),
+                         ("reference", lambda each: each[1])):  # fmt: skip
+        radius = band_radius(tracks(stopping), stopping[0].track)
+        errors[name] = errors_of(tracks(held_out), held_out[0], radius, unknown)
+    for number, method in enumerate(methods):
+        calibrator = make_calibrator(method, seed, plant)
+        calibrator.fit(fitting, stopping, lambda share, number=number: progress(number + share))  # type: ignore[misc]
+        radius = band_radius(calibrator.predict(*stopping), stopping[0].track)
+        predicted, beyond = calibrator.predict(*held_out), calibrator.outside(*held_out)
+        errors[method] = errors_of(predicted, held_out[0], radius, beyond)
+        progress(number + 1.0)
+    return errors
+
+
+def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained: Flags) -> Errors:
+    """Errors of tracks [N, H+1, 3] whose 95 % regions have ``radius_m`` [H] or [N, H]."""
+    gap = predicted[:, 1:] - horizons.track[:, 1:]
+    distance = distances(predicted, horizons.track)
+    turn = np.angle(np.exp(1j * gap[..., 2]))
+    return Errors(
+        distance_m=distance,
+        north_m=np.abs(gap[..., 0]).mean(axis=1),
+        east_m=np.abs(gap[..., 1]).mean(axis=1),
+        heading_deg=np.rad2deg(np.abs(turn)).mean(axis=1),
+        inside=(distance <= radius_m).astype(float),
+        untrained=untrained.astype(float),
+    )
+
+
+def _pooled(kind: str, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]) -> SplitResult:
+    """One result from all draws, each window's errors averaged over the draws that held it out."""
+    times = np.sum([draw.held_out for draw in draws], axis=0)
+    errors = {
+        method: Errors(
+            *(
+                _mean_over_draws(draws, [getattr(part[method], field.name) for part in parts], times)
+                for field in fields(Errors)
+            )
+        )
+        for method in parts[0]
+    }
+    fitted = tuple(int(draw.fitting.sum()) for draw in draws)
+    return SplitResult(kind, times > 0, errors, fitted)
+
+
+def _mean_over_draws(draws: Sequence[Draw], values: Sequence[Floats], times: NDArray[np.int64]) -> Floats:
+    """The mean of ``values`` of each draw's held-out windows over the draws, for windows held out at all."""
+    total = np.zeros((len(times), *values[0].shape[1:]))
+    for draw, each in zip(draws, values, strict=True):
+        total[draw.held_out] += each
+    seen = times > 0
+    return np.asarray(total[seen] / times[seen].reshape(-1, *[1] * (total.ndim - 1)))

@@ -1,0 +1,185 @@
+"""The figures of a study, each with its interval, and the JSON object that holds them all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+from hybrid.evaluation.bootstrap import Interval, LegBootstrap
+from hybrid.evaluation.breakdown import classes_of
+from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
+from hybrid.horizon import Horizons
+
+
+@dataclass(frozen=True, slots=True)
+class MethodFigures:
+    """One method on one set of windows.
+
+    ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the
+    95 % region, ``by_second`` the mean distance [m] at seconds 1 to H, ``untrained`` the share of windows that
+    start beyond what it was trained on.
+    """
+
+    mean_distance_m: Interval
+    end_distance_m: Interval
+    mae_north_m: Interval
+    mae_east_m: Interval
+    heading_error_deg: Interval
+    ratio: Interval
+    coverage_95: Interval
+    by_second: tuple[Interval, ...]
+    untrained: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        figures = {f.name: getattr(self, f.name) for f in fields(self)}
+        known = {name: each.as_dict() for name, each in figures.items() if isinstance(each, Interval)}
+        known["ratio_to_best_baseline"] = known.pop("ratio")
+        by_second = [{"second": number + 1, **each.as_dict()} for number, each in enumerate(self.by_second)]
+        return {**known, "outside_training_range": self.untrained, "by_second": by_second}
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """All methods on one set of windows of some legs, and which baseline is the best there."""
+
+    windows: int
+    legs: int
+    best_baseline: str
+    methods: dict[str, MethodFigures]
+
+    @property
+    def best(self) -> str:
+        """The method with the least mean distance."""
+        return min(self.methods, key=lambda name: self.methods[name].mean_distance_m.value)
+
+
+@dataclass(frozen=True, slots=True)
+class SplitSummary:
+    """The figures of one split, as a whole and by kind of class and class (``breakdown``)."""
+
+    kind: str
+    fitted: tuple[int, ...]
+    whole: Summary
+    breakdown: dict[str, dict[str, Summary]]
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """The figures of a study by split, and the leak of the random one (:func:`leak_of`)."""
+
+    horizon_s: int
+    windows: int
+    legs: int
+    outside: int
+    splits: dict[str, SplitSummary]
+    leak: dict[str, Interval]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The JSON object."""
+        return {
+            "horizon_s": self.horizon_s,
+            "windows": self.windows,
+            "legs": self.legs,
+            "outside_model_range": self.outside,
+            "splits": {kind: _split_dict(each) for kind, each in self.splits.items()},
+            "leak": {method: factor.as_dict() for method, factor in self.leak.items()},
+        }
+
+
+def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
+    """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
+    return Evaluation(
+        horizon_s=study.horizons.horizon_s,
+        windows=len(study.horizons),
+        legs=len(set(study.horizons.leg)),
+        outside=study.outside,
+        splits={
+            each.kind: _split_summary(each, study.horizons.subset(each.held_out), length_m, seed)
+            for each in study.results
+        },
+        leak=leak_of(study, seed),
+    )
+
+
+def leak_of(study: Study, seed: int) -> dict[str, Interval]:
+    """By method, how many times the error that the random split shows is found on legs never seen.
+
+    Both on the same windows, those held out in both; empty unless both splits were made.
+    """
+    by_kind = {each.kind: each for each in study.results}
+    if not {"leg", "random"} <= set(by_kind):
+        return {}
+    honest, leaky = by_kind["leg"], by_kind["random"]
+    both = honest.held_out & leaky.held_out
+    if not both.any():
+        return {}
+    legs = LegBootstrap.of(study.horizons.leg[both], seed)
+    return {
+        name: legs.ratio(
+            honest.errors[name].distance_m[both[honest.held_out]].mean(axis=1),
+            leaky.errors[name].distance_m[both[leaky.held_out]].mean(axis=1),
+        )
+        for name in honest.errors
+    }
+
+
+def summarise(errors: Mapping[str, Errors], horizons: Horizons, seed: int) -> Summary:
+    """The figures of every method on the same windows; the baselines are among ``errors``."""
+    legs = LegBootstrap.of(horizons.leg, seed)
+    best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
+    baseline = errors[best].distance_m.mean(axis=1)
+    methods = {}
+    for name, each in errors.items():
+        mean_m = each.distance_m.mean(axis=1)
+        methods[name] = MethodFigures(
+            mean_distance_m=legs.mean(mean_m),
+            end_distance_m=legs.mean(each.distance_m[:, -1]),
+            mae_north_m=legs.mean(each.north_m),
+            mae_east_m=legs.mean(each.east_m),
+            heading_error_deg=legs.mean(each.heading_deg),
+            ratio=legs.ratio(mean_m, baseline),
+            coverage_95=legs.mean(each.inside.mean(axis=1)),
+            by_second=tuple(legs.mean(second) for second in each.distance_m.T),
+            untrained=float(each.untrained.mean()),
+        )
+    return Summary(len(horizons), legs.legs, best, methods)
+
+
+def _split_summary(result: SplitResult, horizons: Horizons, length_m: float, seed: int) -> SplitSummary:
+    breakdown: dict[str, dict[str, Summary]] = {}
+    for kind, classes in classes_of(horizons, length_m).items():
+        breakdown[kind] = {}
+        for name, mask in classes.items():
+            errors = {method: each.subset(mask) for method, each in result.errors.items()}
+            breakdown[kind][name] = summarise(errors, horizons.subset(mask), seed)
+    return SplitSummary(result.kind, result.fitted, summarise(result.errors, horizons, seed), breakdown)
+
+
+def _split_dict(split: SplitSummary) -> dict[str, Any]:
+    return {
+        "draws": len(split.fitted),
+        "fitted_windows": list(split.fitted),
+        **_counts(split.whole),
+        "methods": {name: each.as_dict() for name, each in split.whole.methods.items()},
+        "breakdown": {
+            kind: {name: {**_counts(each), "methods": _short(each)} for name, each in classes.items()}
+            for kind, classes in split.breakdown.items()
+        },
+    }
+
+
+def _counts(summary: Summary) -> dict[str, Any]:
+    return {"windows": summary.windows, "legs": summary.legs, "best_baseline": summary.best_baseline}
+
+
+def _short(summary: Summary) -> dict[str, Any]:
+    return {
+        name: {
+            "mean_distance_m": each.mean_distance_m.as_dict(),
+            "ratio_to_best_baseline": each.ratio.as_dict(),
+            "coverage_95": each.coverage_95.as_dict(),
+        }
+        for name, each in summary.methods.items()
+    }

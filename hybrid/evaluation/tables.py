@@ -1,0 +1,105 @@
+"""An evaluation in the terminal: one table a split, and where each method is good."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from hybrid.evaluation.bootstrap import Interval
+from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
+
+MEANING = {
+    "leg": "whole legs never seen",
+    "time": "the last 30 % of the time",
+    "recording": "recordings never seen",
+    "random": "windows at random, which overlap those trained on: flatters",
+}
+FEW_LEGS = 10
+"""With fewer legs than this a bootstrap's intervals are too narrow."""
+
+_COLUMNS = ("mean m", "at the end m", "north m", "east m", "heading deg", "ratio", "in 95 %")
+
+
+def evaluation_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """A table of methods a split, the best in bold, then one of its breakdown."""
+    for split in evaluation.splits.values():
+        yield methods_table(evaluation.horizon_s, split)
+        yield breakdown_table(split)
+    if evaluation.leak:
+        yield _leak_table(evaluation)
+
+
+def methods_table(horizon_s: int, split: SplitSummary) -> Table:
+    """One row a method, figures with their 95 % intervals; ``ratio`` is to the best baseline."""
+    table = _table(f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s",
+                   caption_of(split), *_COLUMNS)  # fmt: skip
+    for name, each in split.whole.methods.items():
+        cells = (
+            spread(each.mean_distance_m), spread(each.end_distance_m), f"{each.mae_north_m.value:.2f}",
+            f"{each.mae_east_m.value:.2f}", f"{each.heading_error_deg.value:.1f}", spread(each.ratio),
+            f"{each.coverage_95.value:.1%}",
+        )  # fmt: skip
+        table.add_row(name, *cells, style="bold" if name == split.whole.best else "")
+    return table
+
+
+def breakdown_table(split: SplitSummary) -> Table:
+    """One row a class, the mean distance of every method, the best in bold."""
+    table = _table(f"{split.kind}: mean distance m by class", None, "windows", "legs", *split.whole.methods)
+    for kind, classes in split.breakdown.items():
+        for name, summary in classes.items():
+            cells = [
+                f"[bold]{spread(each.mean_distance_m)}[/bold]" if method == summary.best
+                else spread(each.mean_distance_m)
+                for method, each in summary.methods.items()
+            ]  # fmt: skip
+            table.add_row(f"{kind}: {name}", str(summary.windows), str(summary.legs), *cells)
+    return table
+
+
+def counts_of(summary: Summary) -> str:
+    """How many windows of how many legs, for people."""
+    return f"{summary.windows} windows of {summary.legs} legs"
+
+
+def caption_of(split: SplitSummary) -> str:
+    """What to know of a split's figures."""
+    fitted = sorted({min(split.fitted), max(split.fitted)})
+    draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
+    parts = [f"{draws}, {' to '.join(map(str, fitted))} windows to learn from",
+             f"best baseline: {split.whole.best_baseline}"]  # fmt: skip
+    parts += [
+        f"{each.untrained:.0%} of the windows start beyond what {name} was trained on"
+        for name, each in split.whole.methods.items()
+        if each.untrained >= 0.005
+    ]
+    if split.whole.legs < FEW_LEGS:
+        parts.append("so few legs that the intervals are too narrow")
+    return "; ".join(parts)
+
+
+def spread(interval: Interval) -> str:
+    """A figure with its interval.
+
+    >>> spread(Interval(1.0, 0.5, 2.0))
+    '1.00 (0.50-2.00)'
+    """
+    bounds = "" if interval.low != interval.low else f" ({interval.low:.2f}-{interval.high:.2f})"
+    return f"{interval.value:.2f}{bounds}"
+
+
+def _leak_table(evaluation: Evaluation) -> Table:
+    table = _table("what the random split hides: error on legs never seen over the error it shows", None, "times")
+    for name, factor in evaluation.leak.items():
+        table.add_row(name, spread(factor))
+    return table
+
+
+def _table(title: str, caption: str | None, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, header_style="dim", caption=caption,
+                  caption_justify="left")  # fmt: skip
+    table.add_column("")
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
