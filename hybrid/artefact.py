@@ -3,77 +3,123 @@
 from __future__ import annotations
 
 import hashlib
-import json
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import safetensors.torch
 from numpy.typing import NDArray
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from torch import Tensor, isfinite, isnan
 
+from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
-from acquisition.trial import software_version
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import Source
+from hybrid.horizon import PAST_S
+from hybrid.sidecar import (
+    FORMAT,
+    SIDECAR,
+    Model,
+    Sidecar,
+    damaged,
+    model_of,
+    read_bytes,
+    read_sidecar,
+    reference_of,
+    text_of,
+    versions,
+)
 from hybrid.vessel.files import load_vessel
+from hybrid.vessel.fingerprint import plant_hash
 from hybrid.vessel.plant import Plant
 
-SIDECAR = "calibrator.json"
-FORMAT = 1
-_WEIGHTS = {name: f"{name}.safetensors" for name in ("calibrator", "data_driven")}
+Tensors = dict[str, Tensor]
+PARTS = ("calibrator", "data_driven")
+"""The tensors of an artefact, a file each."""
+
+
+def now() -> datetime:
+    """The present second, UTC."""
+    return datetime.now(UTC).replace(microsecond=0)
 
 
 @dataclass(frozen=True, slots=True)
 class Trained:
     """What ``train`` makes and ``validate`` and ``predict`` use.
 
-    ``calibrator`` corrects the reference; ``data_driven`` is its twin without a model; ``band_m`` [H] is the
-    radius that held 95 % of the positions on legs kept out of the training, second by second.
+    ``calibrator`` corrects the reference; ``data_driven`` is its twin without a model; ``vessel`` names the
+    reference model and ``plant`` is it; ``band_m`` [H] is the radius that held 95 % of the positions on legs
+    kept out of the training, second by second.
     """
 
     calibrator: Calibrator
     data_driven: Calibrator
     horizon_s: int
     vessel: str
-    vessel_sha256: str
+    plant: Plant
     band_m: NDArray[np.float64]
     sources: tuple[Source, ...]
     metrics: dict[str, Any]
-
-
-def plant_hash(plant: Plant) -> str:
-    """A fingerprint of every number of a vessel model."""
-    return hashlib.sha256(repr(plant).encode()).hexdigest()
+    trained_at: datetime = field(default_factory=now)
+    versions: dict[str, str] = field(default_factory=versions)
 
 
 def save(trained: Trained, folder: Path) -> Path:
-    """Write the artefact into ``folder`` and return the sidecar's path. Raises :class:`StorageError`."""
-    sidecar = {
-        "format": FORMAT,
-        "method": trained.calibrator.method,
-        "inputs": list(trained.calibrator.inputs),
-        "horizon_s": trained.horizon_s,
-        "seed": trained.calibrator.seed,
-        "vessel": trained.vessel,
-        "vessel_sha256": trained.vessel_sha256,
-        "band_m": [float(each) for each in trained.band_m],
-        "trained_on": [{**asdict(each), "path": str(each.path)} for each in trained.sources],
-        "metrics": trained.metrics,
-        "software": software_version(),
-    }
+    """Write the artefact into ``folder`` and return the sidecar's path.
+
+    All files are written in full before the first takes its place, the sidecar last and the old one out of
+    the way: whatever happens, the folder holds the old artefact, the new one or none. Raises
+    :class:`StorageError`, and :class:`InputError` for weights that are no numbers.
+    """
+    tensors = {name: _on_disk(getattr(trained, name).state()) for name in PARTS}
+    for name in PARTS:
+        _refuse_not_numbers(tensors[name], folder / _file(name))
+    contents = {_file(name): safetensors.torch.save(each) for name, each in tensors.items()}
+    sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
     make_folder(folder)
+    _put(folder, contents | {SIDECAR: text_of(sidecar).encode()})
+    return folder / SIDECAR
+
+
+def _put(folder: Path, contents: dict[str, bytes]) -> None:
+    """Write files that go together, the sidecar the last of them. Raises :class:`StorageError`."""
+    partial = {name: folder / f".{name}.part" for name in contents}
     try:
-        for name, model in (("calibrator", trained.calibrator), ("data_driven", trained.data_driven)):
-            save_file(model.state(), folder / _WEIGHTS[name])
-        path = folder / SIDECAR
-        path.write_text(json.dumps(sidecar, indent=2) + "\n")
+        for name, content in contents.items():
+            partial[name].write_bytes(content)
+        (folder / SIDECAR).unlink(missing_ok=True)
+        for name, path in partial.items():
+            path.replace(folder / name)
     except OSError as error:
         raise storage_error(folder / SIDECAR, error) from error
-    return path
+    finally:
+        for path in partial.values():
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
+    return Sidecar(
+        format=FORMAT,
+        trained_at=trained.trained_at,
+        versions=trained.versions,
+        horizon_s=trained.horizon_s,
+        past_s=PAST_S,
+        channels=NAMES,
+        vessel=reference_of(trained.vessel, trained.plant),
+        calibrator=model_of(trained.calibrator, tensors["calibrator"]),
+        data_driven=model_of(trained.data_driven, tensors["data_driven"]),
+        files=digests,
+        band_m=tuple(map(float, trained.band_m)),
+        data=trained.sources,
+        metrics=trained.metrics,
+    )
 
 
 def make_folder(folder: Path) -> None:
@@ -86,49 +132,83 @@ def make_folder(folder: Path) -> None:
 
 def load(folder: Path) -> Trained:
     """Read an artefact. Raises :class:`InputError` naming what is missing or not what it should be."""
-    path = folder / SIDECAR
-    gone = [name for name in (SIDECAR, *_WEIGHTS.values()) if not (folder / name).is_file()]
-    if gone:
-        raise InputError("is no trained calibrator", where=str(folder), why=f"{gone[0]} is missing",
-                         fix="make one with `seatrial train`")  # fmt: skip
+    sidecar, plant = read_sidecar(folder)
+    tensors = {name: _tensors(folder / _file(name), sidecar.files) for name in PARTS}
+    return Trained(
+        calibrator=_restored(sidecar.calibrator, plant, tensors["calibrator"], folder),
+        data_driven=_restored(sidecar.data_driven, plant, tensors["data_driven"], folder),
+        horizon_s=sidecar.horizon_s,
+        vessel=sidecar.vessel.name,
+        plant=plant,
+        band_m=np.array(sidecar.band_m),
+        sources=sidecar.data,
+        metrics=sidecar.metrics,
+        trained_at=sidecar.trained_at,
+        versions=sidecar.versions,
+    )
+
+
+def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Calibrator:
+    """The calibrator that ``model`` describes, with its weights, if one goes with the other."""
+    calibrator = make_calibrator(model.method, model.seed, plant)
+    if calibrator.inputs != tuple(each.name for each in model.inputs):
+        raise InputError("was trained on other inputs than this version gives",
+                         where=str(folder / SIDECAR), fix="train anew")  # fmt: skip
     try:
-        sidecar = json.loads(path.read_text(encoding="utf-8"))
-        if sidecar["format"] != FORMAT:
-            raise InputError(f"is of format {sidecar['format']}, and this version reads {FORMAT}",
-                             where=str(path), fix="train anew")  # fmt: skip
-        tensors = {name: load_file(folder / file) for name, file in _WEIGHTS.items()}
-        calibrator = make_calibrator(sidecar["method"], sidecar["seed"]).restore(tensors["calibrator"])
-        data_driven = make_calibrator("data_driven", sidecar["seed"]).restore(tensors["data_driven"])
-        if list(calibrator.inputs) != sidecar["inputs"]:
-            raise InputError(
-                "was trained on other inputs than this version gives", where=str(path), fix="train anew"
-            )
-        sources = tuple(
-            Source(Path(each["path"]), each["sha256"], (each["part"][0], each["part"][1]))
-            for each in sidecar["trained_on"]
+        calibrator.restore(tensors)
+        described = model_of(calibrator, tensors)
+    except (SeatrialError, KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
+        raise damaged(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
+    if described != model:
+        raise damaged(
+            folder / SIDECAR, f"the inputs and outputs of {model.method} are not scaled as its weights are"
         )
-        return Trained(
-            calibrator, data_driven, sidecar["horizon_s"], sidecar["vessel"], sidecar["vessel_sha256"],
-            _band(sidecar), sources, sidecar["metrics"],
-        )  # fmt: skip
-    except SeatrialError:
-        raise
-    except (OSError, ValueError, KeyError, IndexError, TypeError, SafetensorError, RuntimeError) as error:
-        raise InputError("is damaged or of another version", where=str(folder), why=_reason(error),
-                         fix="train anew") from error  # fmt: skip
+    return calibrator
 
 
-def _band(sidecar: dict[str, Any]) -> NDArray[np.float64]:
-    band = np.array(sidecar["band_m"], dtype=float)
-    if band.shape != (sidecar["horizon_s"],):
-        raise ValueError(f"band_m has {band.size} values for {sidecar['horizon_s']} s")
-    return band
+def _file(name: str) -> str:
+    return f"{name}.safetensors"
+
+
+def _on_disk(tensors: Tensors) -> Tensors:
+    """Tensors in main memory, each with memory of its own, as the format wants them."""
+    return {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
+
+
+def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
+    """The tensors of one file, if it is the one that the sidecar was written with."""
+    content = read_bytes(path)
+    if digests.get(path.name) != _digest(content):
+        raise InputError(
+            "is not the file that its sidecar was written with",
+            where=str(path),
+            why="their hashes differ: it is cut short, damaged, or of another calibrator",
+            fix="take a sound copy of the folder, or train anew",
+        )
+    try:
+        tensors = safetensors.torch.load(content)
+    except (SafetensorError, ValueError, KeyError, RuntimeError) as error:
+        raise damaged(path, _reason(error)) from error
+    _refuse_not_numbers(tensors, path)
+    return tensors
+
+
+def _refuse_not_numbers(tensors: Tensors, path: Path) -> None:
+    """Raise :class:`InputError` for weights that predict nothing; a deviation may be endless, for a constant."""
+    for name, value in tensors.items():
+        if bool(isnan(value).any() if name.endswith("deviation") else not isfinite(value).all()):
+            raise InputError(f"has a {name} that is no number", where=str(path),
+                             why="the training failed or the file was changed", fix="train anew")  # fmt: skip
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _reason(error: Exception) -> str:
     """The first lines of what a library says; torch lists every tensor."""
     text = f"{error} is missing" if isinstance(error, KeyError) else str(error)
-    return " ".join(text.splitlines()[:2])
+    return " ".join(text.splitlines()[:2])[:160]
 
 
 def refuse_horizon(horizon_s: int, trained: Trained) -> None:
@@ -141,16 +221,14 @@ def refuse_horizon(horizon_s: int, trained: Trained) -> None:
 
 
 def plant_for(trained: Trained, vessel: str | None) -> Plant:
-    """The vessel model that a calibrator was trained on; ``vessel`` may name it but not another.
+    """The reference model that a calibrator was trained on; ``vessel`` may name it but not another.
 
-    Raises :class:`ConfigurationError` when the model differs in any number from that of the training.
+    Raises :class:`ConfigurationError` when the named model differs in any number from that of the training.
     """
-    name = vessel or trained.vessel
-    plant = vessel_plant(load_vessel(name))
-    if plant_hash(plant) != trained.vessel_sha256:
+    if vessel is not None and plant_hash(vessel_plant(load_vessel(vessel))) != plant_hash(trained.plant):
         raise ConfigurationError(
-            f"vessel {name!r} is not the model that the calibrator was trained on",
+            f"vessel {vessel!r} is not the model that the calibrator was trained on",
             why=f"it was trained on {trained.vessel!r}, and the numbers differ",
-            fix="give that vessel, or train anew",
+            fix="leave --vessel out, give that vessel, or train anew",
         )
-    return plant
+    return trained.plant

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from analysis.smoothing.smooth import smooth_motion
@@ -18,11 +20,17 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """One recording, or a part of its time in percent, that windows were taken from."""
+    """One recording, or a part of its time in percent, that windows were taken from.
+
+    ``windows`` and ``legs`` count what it gave, ``span`` is from its first window's start to its last one's.
+    """
 
     path: Path
     sha256: str
     part: tuple[float, float] = (0.0, 100.0)
+    windows: int = 0
+    legs: int = 0
+    span: tuple[datetime, datetime] | None = None
 
     def overlaps(self, other: Source) -> bool:
         """Whether both hold the same stretch of the same recording."""
@@ -56,8 +64,20 @@ def gather(
     windows = windows_of_tables(tables, horizon_s, stride_s)
     motion = [start_motion(windows.rows[windows.rows["trial"] == trial], table) for trial, table in tables.items()]
     horizons = from_rows(windows.rows, pd.concat(motion), tables)
-    sources = tuple(Source(path, digest, part) for path, digest in zip(paths, hashes, strict=True))
+    sources = tuple(
+        Source(path, digest, part, *_counted(horizons, trial))
+        for path, digest, trial in zip(paths, hashes, tables, strict=True)
+    )
     return Gathered(horizons, sources, windows.candidates, windows.dropped)
+
+
+def _counted(horizons: Horizons, trial: str) -> tuple[int, int, tuple[datetime, datetime] | None]:
+    """How many windows and legs a recording gave, and the time they start in."""
+    own = horizons.subset(horizons.trial == trial)
+    if not len(own):
+        return 0, 0, None
+    first, last = (each.floor("us").to_pydatetime() for each in (own.start_time.min(), own.start_time.max()))
+    return len(own), int(np.unique(own.leg).size), (first, last)
 
 
 def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:

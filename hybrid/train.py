@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
-from hybrid.artefact import Trained, plant_hash
+from hybrid.artefact import Trained
 from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
 from hybrid.gather import Gathered
@@ -76,7 +76,7 @@ def train(
         data_driven=data_driven,
         horizon_s=horizons.horizon_s,
         vessel=vessel,
-        vessel_sha256=plant_hash(plant),
+        plant=plant,
         band_m=band_radius(predicted, stopping[0].track),
         sources=tuple(replace(each, path=each.path.resolve()) for each in gathered.sources),
         metrics=_metrics(horizons, training, stopping, predicted),

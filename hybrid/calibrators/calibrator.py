@@ -32,6 +32,7 @@ class Calibrator(ABC):
 
     method: ClassVar[str]
     inputs: ClassVar[tuple[str, ...]]
+    outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")
 
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
         self.seed, self.plant = seed, plant

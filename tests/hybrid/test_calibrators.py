@@ -1,11 +1,8 @@
-"""Calibrators: scaling, learning, stopping, seeds, circles, and what comes back from the disk."""
+"""Calibrators: scaling, learning, stopping, seeds and circles."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +10,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.errors import ConfigurationError, InputError, StorageError
-from hybrid.artefact import SIDECAR, Trained, load, plant_for, save
+from acquisition.errors import ConfigurationError
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.additive import AdditiveCalibrator
 from hybrid.calibrators.data_driven import DataDriven
@@ -23,7 +19,6 @@ from hybrid.calibrators.network import NetworkCalibrator, Scaling
 from hybrid.calibrators.paper import PaperCalibrator
 from hybrid.horizon import Horizons
 from hybrid.scores import score
-from hybrid.vessel.files import load_vessel, located, save_vessel
 from tests.hybrid.windows_by_hand import Floats, moved, random_windows, windows_at
 
 SECONDS = 8
@@ -229,113 +224,3 @@ def test_inputs_have_names(fitted: dict[str, NetworkCalibrator], method: str) ->
 def test_an_unknown_method_lists_the_known() -> None:
     with pytest.raises(ConfigurationError, match="paper, data_driven"):
         make_calibrator("oracle")
-
-
-def test_what_is_loaded_predicts_the_same_to_the_bit(small: Trained, small_folder: Path) -> None:
-    """Weights, scalings, band, sources and metrics come back as they were."""
-    loaded = load(small_folder)
-    windows = random_windows(20, small.horizon_s, seed=9)
-    reference = windows.track
-    for kind in ("calibrator", "data_driven"):
-        before, after = getattr(small, kind), getattr(loaded, kind)
-        assert np.array_equal(before.predict(windows, reference), after.predict(windows, reference))
-    assert np.array_equal(loaded.band_m, small.band_m)
-    assert (loaded.sources, loaded.metrics, loaded.horizon_s) == (small.sources, small.metrics, small.horizon_s)
-    assert (loaded.vessel, loaded.vessel_sha256) == (small.vessel, small.vessel_sha256)
-
-
-def test_the_sidecar_is_for_people_and_says_where_it_comes_from(small_folder: Path) -> None:
-    sidecar = json.loads((small_folder / SIDECAR).read_text())
-    assert sidecar["method"] == "paper"
-    assert sidecar["inputs"] == [*START_INPUTS, *REFERENCE_INPUTS]
-    assert len(sidecar["band_m"]) == sidecar["horizon_s"]
-    assert all(len(each["sha256"]) == 64 for each in sidecar["trained_on"])
-    assert sidecar["software"].startswith("seatrial")
-
-
-def edited(**changes: object) -> Callable[[Path], None]:
-    """Change keys of the sidecar."""
-
-    def damage(folder: Path) -> None:
-        sidecar = json.loads((folder / SIDECAR).read_text())
-        (folder / SIDECAR).write_text(json.dumps({**sidecar, **changes}))
-
-    return damage
-
-
-def _truncate(folder: Path) -> None:
-    weights = folder / "calibrator.safetensors"
-    weights.write_bytes(weights.read_bytes()[:200])
-
-
-def _swap(folder: Path) -> None:
-    (folder / "calibrator.safetensors").write_bytes((folder / "data_driven.safetensors").read_bytes())
-
-
-DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
-    "no sidecar": (lambda folder: (folder / SIDECAR).unlink(), "calibrator.json is missing"),
-    "no weights": (lambda folder: (folder / "calibrator.safetensors").unlink(), "safetensors is missing"),
-    "empty sidecar": (lambda folder: (folder / SIDECAR).write_text(""), "is damaged"),
-    "binary sidecar": (lambda folder: (folder / SIDECAR).write_bytes(b"\xff\xfe\x00\x81"), "is damaged"),
-    "a list": (lambda folder: (folder / SIDECAR).write_text("[]"), "is damaged"),
-    "no band": (edited(band_m=None), "is damaged"),
-    "a short band": (edited(band_m=[1.0, 2.0]), "band_m has 2 values for 30 s"),
-    "another format": (edited(format=99), "is of format 99"),
-    "other inputs": (edited(inputs=["moon"]), "other inputs"),
-    "no recordings": (edited(trained_on=[{}]), "is damaged"),
-    "cut weights": (_truncate, "is damaged"),
-    "wrong weights": (_swap, "is damaged|other inputs"),
-    "empty weights": (lambda folder: (folder / "calibrator.safetensors").write_bytes(b""), "is damaged"),
-}
-
-
-@pytest.mark.parametrize("name", DAMAGES)
-def test_a_damaged_artefact_is_one_clear_error(name: str, small: Trained, tmp_path: Path) -> None:
-    """Whatever is missing or broken, the text is one line that names the folder and what to do."""
-    folder = save(small, tmp_path / "calibrator").parent
-    damage, message = DAMAGES[name]
-    damage(folder)
-    with pytest.raises(InputError, match=message) as caught:
-        load(folder)
-    text = str(caught.value)
-    assert str(folder) in text
-    assert "\n" not in text
-    assert "train" in caught.value.fix
-    assert len(text) < 400
-
-
-def test_no_folder_and_no_place_to_write(small: Trained, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="is no trained calibrator"):
-        load(tmp_path / "nowhere")
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="is no trained calibrator"):
-        load(tmp_path / "file")
-    with pytest.raises(StorageError, match="is a file, not a folder"):
-        save(small, tmp_path / "file" / "calibrator")
-
-
-def test_a_calibrator_goes_with_its_vessel_only(small: Trained, tmp_path: Path) -> None:
-    """Another ship, and the same ship with one number changed, are refused; a copy under any name is not."""
-    assert plant_for(small, None) == plant_for(small, "gunnerus_short")
-    with pytest.raises(ConfigurationError, match="not the model that the calibrator was trained on"):
-        plant_for(small, "gunnerus_long")
-    ship = load_vessel("gunnerus_short")
-    heavier = replace(ship, inertia=replace(ship.inertia, mass_kg=ship.inertia.mass_kg + 1.0))
-    for vessel, name in ((ship, "copy.toml"), (heavier, "heavier.toml")):
-        save_vessel(vessel, tmp_path / name)
-    assert plant_for(small, str(tmp_path / "copy.toml")) == plant_for(small, None)
-    with pytest.raises(ConfigurationError, match=r"heavier\.toml"):
-        plant_for(small, str(tmp_path / "heavier.toml"))
-
-
-def test_a_vessel_file_is_found_again_from_another_folder(
-    small: Trained, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """What the artefact remembers of a file given by a relative path holds wherever it is used."""
-    save_vessel(load_vessel("gunnerus_short"), tmp_path / "mine.toml")
-    monkeypatch.chdir(tmp_path)
-    remembered = replace(small, vessel=located("mine.toml"))
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    assert plant_for(remembered, None) == plant_for(small, None)
-    assert located("gunnerus_long") == "gunnerus_long"
