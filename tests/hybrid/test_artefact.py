@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
 from itertools import pairwise
@@ -46,9 +47,8 @@ def tiny(plant: Plant) -> Callable[..., Trained]:
         for calibrator in fitted:
             vars(calibrator).update(epochs=2, batch=32)
             calibrator.fit((training, training.track), (stopping, stopping.track))
-        return Trained(
-            *fitted, SECONDS, "gunnerus_short", plant, np.linspace(0.5, 3.0, SECONDS), (), {"windows": 16}
-        )
+        band_m = np.linspace(0.5, 3.0, SECONDS)
+        return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, (), {"windows": 16})
 
     return trained
 
@@ -57,6 +57,14 @@ def tiny(plant: Plant) -> Callable[..., Trained]:
 def sound(tiny: Callable[..., Trained], tmp_path: Path) -> Path:
     """A sound artefact to do harm to."""
     return save(tiny(), tmp_path / "calibrator").parent
+
+
+def loaded_or_error(folder: Path) -> tuple[Trained | None, str]:
+    """What is loaded, or the text of the error; anything but an error of Seatrial's goes through."""
+    try:
+        return load(folder), ""
+    except SeatrialError as error:
+        return None, str(error)
 
 
 def sidecar_of(folder: Path) -> Json:
@@ -175,6 +183,11 @@ def _swap_with_hashes(folder: Path) -> None:
     rewrite(folder, sidecar)
 
 
+def _make_folder(folder: Path) -> None:
+    (folder / SIDECAR).unlink()
+    (folder / SIDECAR).mkdir()
+
+
 def _write(name: str, content: bytes) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_bytes(content)
 
@@ -186,8 +199,7 @@ def _weights(change: Callable[[dict[str, torch.Tensor]], object]) -> Callable[[P
 DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "no sidecar": (lambda folder: (folder / SIDECAR).unlink(), "calibrator.json is missing"),
     "no weights": (lambda folder: (folder / FILES[0]).unlink(), "calibrator.safetensors is missing"),
-    "a folder as sidecar": (
-        lambda folder: [(folder / SIDECAR).unlink(), (folder / SIDECAR).mkdir()], "cannot be read"),
+    "a folder as sidecar": (_make_folder, "cannot be read"),
     "empty sidecar": (_write(SIDECAR, b""), "is damaged"),
     "binary sidecar": (_write(SIDECAR, b"\xff\xfe\x00\x81"), "is damaged"),
     "half a sidecar": (_write(SIDECAR, b'{"format": 2, "horizon_s": '), "is damaged"),
@@ -274,7 +286,7 @@ anything = st.recursive(
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data(), value=anything, action=st.sampled_from(["replace", "remove", "rename", "double"]))
 def test_no_edit_of_the_sidecar_is_a_traceback(
-    sound: Path, original: Json, data: st.DataObject, value: Any, action: str
+    sound: Path, original: Json, plant: Plant, data: st.DataObject, value: Any, action: str
 ) -> None:
     """Any value anywhere in the file, or a key gone: it is an error of Seatrial's, or predicts as before."""
     sidecar = deepcopy(original)
@@ -293,15 +305,12 @@ def test_no_edit_of_the_sidecar_is_a_traceback(
         if action == "rename" and isinstance(inner, dict):
             inner[str(value)[:10]] = moved
     rewrite(sound, sidecar)
-    windows = random_windows(2, SECONDS, seed=5)
-    try:
-        loaded = load(sound)
-    except SeatrialError as error:
-        assert "\n" not in str(error)
-        assert str(error).isprintable() or not str(value).isprintable()
-    else:
+    loaded, error = loaded_or_error(sound)
+    assert "\n" not in error
+    if loaded is not None:
+        windows = random_windows(2, SECONDS, seed=5)
         assert np.isfinite(loaded.calibrator.predict(windows, windows.track)).all()
-        assert (np.diff(plant_numbers(loaded.plant)["CX"]) != 0.0).any()
+        assert loaded.plant == plant
         assert loaded.band_m.shape == (SECONDS,)
 
 
@@ -322,21 +331,34 @@ def test_one_flipped_bit_of_the_weights_is_found(sound: Path, name: str, at: flo
     windows = random_windows(2, SECONDS, seed=5)
     before = load(sound).calibrator.predict(windows, windows.track)
     path.write_bytes(changed)
-    try:
-        if name == SIDECAR:
-            assert np.array_equal(load(sound).calibrator.predict(windows, windows.track), before)
-        else:
-            with pytest.raises(InputError, match="hashes differ"):
-                load(sound)
-    except SeatrialError as error:
+    loaded, error = loaded_or_error(sound)
+    path.write_bytes(content)
+    assert "\n" not in error
+    if loaded is None:
+        assert name == SIDECAR or "hashes differ" in error
+    else:
         assert name == SIDECAR
-        assert "\n" not in str(error)
-    finally:
-        path.write_bytes(content)
+        assert np.array_equal(loaded.calibrator.predict(windows, windows.track), before)
 
 
 class Crash(BaseException):
     """The machine stops."""
+
+
+def stop_after(steps: int, patch: pytest.MonkeyPatch) -> None:
+    """Let so many steps on the disk be done, and no more."""
+    left = iter(range(steps))
+
+    def counted(step: Callable[..., Any]) -> Callable[..., Any]:
+        def counting(*arguments: Any, **options: Any) -> Any:
+            if next(left, None) is None:
+                raise Crash
+            return step(*arguments, **options)
+
+        return counting
+
+    for name in ("write_bytes", "replace", "unlink"):
+        patch.setattr(Path, name, counted(getattr(Path, name)))
 
 
 def test_a_crash_leaves_the_old_one_or_none(
@@ -344,37 +366,17 @@ def test_a_crash_leaves_the_old_one_or_none(
 ) -> None:
     """Whichever step of the writing is the last one, the folder holds the old artefact, the new one, or none."""
     old, new = tiny(seed=1), tiny(seed=2)
-    steps = ("write_bytes", "replace", "unlink")
     outcomes = []
     for last in range(20):
         folder = save(old, tmp_path / str(last)).parent
-        done = 0
-        with monkeypatch.context() as patch:
-
-            def stopping(step: Callable[..., Any]) -> Callable[..., Any]:
-                def stopped(*arguments: Any, **options: Any) -> Any:
-                    nonlocal done
-                    if done == last:
-                        raise Crash
-                    done += 1
-                    return step(*arguments, **options)
-
-                return stopped
-
-            for name in steps:
-                patch.setattr(Path, name, stopping(getattr(Path, name)))
-            try:
-                save(new, folder)
-            except Crash:
-                pass
-        try:
-            outcomes.append(load(folder).calibrator.seed)
-        except InputError as error:
-            assert "calibrator.json is missing" in str(error)
-            outcomes.append(None)
-    assert outcomes[0] == old.calibrator.seed
-    assert outcomes[-1] == new.calibrator.seed
-    order = [old.calibrator.seed, None, new.calibrator.seed]
+        with monkeypatch.context() as patch, suppress(Crash):
+            stop_after(last, patch)
+            save(new, folder)
+        loaded, error = loaded_or_error(folder)
+        assert loaded or "calibrator.json is missing" in error
+        outcomes.append(loaded.calibrator.seed if loaded else -1)
+    assert (outcomes[0], outcomes[-1]) == (1, 2)
+    order = [1, -1, 2]
     assert all(order.index(before) <= order.index(after) for before, after in pairwise(outcomes))
 
 
@@ -388,9 +390,11 @@ def test_a_full_disk_leaves_the_old_one(
         path.touch()
         raise OSError(28, "No space left on device")
 
-    with monkeypatch.context() as patch, pytest.raises(StorageError, match="No space left.*make room"):
+    other = tiny(seed=2)
+    with monkeypatch.context() as patch:
         patch.setattr(Path, "write_bytes", full)
-        save(tiny(seed=2), folder)
+        with pytest.raises(StorageError, match=r"No space left.*make room"):
+            save(other, folder)
     assert load(folder).calibrator.seed == 1
     assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
 
@@ -398,8 +402,8 @@ def test_a_full_disk_leaves_the_old_one(
 def test_a_failed_training_is_not_saved(tiny: Callable[..., Trained], tmp_path: Path) -> None:
     trained = tiny()
     with torch.no_grad():
-        next(iter(trained.calibrator.network_.parameters()))[0, 0] = torch.nan
-    with pytest.raises(InputError, match="is no number.*train anew"):
+        trained.calibrator.state()["network.0.weight"][0, 0] = torch.nan
+    with pytest.raises(InputError, match=r"is no number.*train anew"):
         save(trained, tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -449,11 +453,16 @@ def test_a_vessel_file_that_is_gone_is_not_missed(
     assert plant_for(load(folder), None) == bare_plant(ship)
 
 
+def with_number(plant: Plant, name: str, value: float) -> Plant:
+    changed: dict[str, Any] = {name: value}
+    return replace(plant, **changed)
+
+
 @given(name=st.sampled_from([name for name in NUMBERS if name not in ("CX", "CY", "CN")]),
        value=st.floats(allow_nan=False, allow_infinity=False))  # fmt: skip
 def test_numbers_are_the_whole_plant(plant: Plant, name: str, value: float) -> None:
     """Through JSON and back it is the same plant with the same hash; any other number is another hash."""
-    changed = replace(plant, **{name: value})
+    changed = with_number(plant, name, value)
     read = {
         key: tuple(each) if isinstance(each, list) else each
         for key, each in json.loads(json.dumps(plant_numbers(changed))).items()
@@ -461,7 +470,7 @@ def test_numbers_are_the_whole_plant(plant: Plant, name: str, value: float) -> N
     assert plant_of(read) == changed
     assert plant_hash(plant_of(read)) == plant_hash(changed)
     assert (plant_hash(changed) == plant_hash(plant)) == (repr(getattr(plant, name)) == repr(value))
-    assert plant_hash(replace(plant, **{name: np.float64(value)})) == plant_hash(changed)
+    assert plant_hash(with_number(plant, name, np.float64(value))) == plant_hash(changed)
 
 
 def test_forces_that_are_code_cannot_be_stored(tiny: Callable[..., Trained], plant: Plant, tmp_path: Path) -> None:
