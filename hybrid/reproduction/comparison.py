@@ -1,0 +1,125 @@
+"""One campaign, every method, two splits: what each predicts on sequences, or on seconds, it was not trained on.
+
+Split by sequence, a test sequence shares nothing with the training. Split at random, as the paper does, the rows
+are the seconds of all sequences, and those before and after a test row are in the training: the leak.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.baselines import constant_velocity, reference
+from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.calibrator import Examples
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.horizon import Horizons, split_by_group
+from hybrid.reproduction.campaign import HORIZON_S, MODEL, SEQUENCES, TRUTH, Campaign, paper_campaign
+from hybrid.train import inside_range
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+TEST_SHARE, STOPPING_SHARE = 0.2, 0.2
+LEARNED = {"paper": "paper", "data_driven": "data_driven", "additive": "additive", "hybrid": "paper"}
+"""The methods of the table that learn, and the calibrator that each is."""
+SPLITS = ("sequence", "random")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is compared: one campaign, by its sea state and seed."""
+
+    sea_state: str
+    seed: int
+    sequences: int = SEQUENCES
+    horizon_s: int = HORIZON_S
+    vessel: str = TRUTH
+    model: str = MODEL
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Which seconds [N, H] a method learns from, stops by and is judged on; no second is in two of them."""
+
+    training: Flags
+    stopping: Flags
+    test: Flags
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Predicted minus measured north and east [n, H, 2] of the n sequences with test rows, NaN beside these."""
+
+    job: Job
+    method: str
+    split: str
+    gap_m: Floats
+
+
+def compare(job: Job) -> list[Errors]:
+    """The errors of every method under both splits, windows in which the reference leaves its range left out."""
+    plant = vessel_plant(load_vessel(job.model))
+    campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
+    horizons, tracks = inside_range(campaign.horizons, plant)
+    campaign = replace(campaign, horizons=horizons)
+    return [
+        error
+        for split in SPLITS
+        for error in _compared(job, campaign, tracks, plant, split, parts_of(horizons, split, job.seed))
+    ]
+
+
+def parts_of(horizons: Horizons, split: str, seed: int) -> Parts:
+    """The parts of a split: whole sequences, or seconds drawn at random from all sequences."""
+    shape = (len(horizons), horizons.horizon_s)
+    if split == "random":
+        drawn = np.random.default_rng(seed).random(shape)
+        test = drawn < TEST_SHARE
+        stopping = ~test & (drawn < TEST_SHARE + STOPPING_SHARE * (1.0 - TEST_SHARE))
+        return Parts(~test & ~stopping, stopping, test)
+    learned, held_out = split_by_group(horizons.leg, TEST_SHARE, seed)
+    _, stops = split_by_group(horizons.leg[learned], STOPPING_SHARE, seed)
+    stopping = np.zeros(len(horizons), dtype=bool)
+    stopping[np.flatnonzero(learned)[stops]] = True
+    rows = (np.broadcast_to(each[:, None], shape) for each in (learned & ~stopping, stopping, held_out))
+    return Parts(*rows)
+
+
+def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: str, parts: Parts) -> list[Errors]:
+    """The errors on the test rows, baselines and floor first."""
+    horizons = campaign.horizons
+    tested = np.asarray(parts.test.any(axis=1))
+    judged = horizons.subset(tested)
+    predicted = {
+        "constant_velocity": constant_velocity(judged),
+        "reference": tracks[tested],
+        "floor": reference(judged, campaign.truth),
+    }
+    training = _examples(horizons, tracks, parts.training)
+    stopping = _examples(horizons, tracks, parts.stopping)
+    for method, calibrator in LEARNED.items():
+        learned = make_calibrator(calibrator, job.seed, plant).fit(training, stopping)
+        predicted[method] = learned.predict(judged, tracks[tested])
+    measured = _masked(judged.track, parts.test[tested])
+    return [
+        Errors(job, method, split, (track[..., :2] - measured[..., :2])[:, 1:])
+        for method, track in predicted.items()
+    ]
+
+
+def _examples(horizons: Horizons, tracks: Floats, rows: Flags) -> Examples:
+    """The windows with any of ``rows`` [N, H], with a measured track at these seconds only."""
+    some = np.asarray(rows.any(axis=1))
+    windows = horizons.subset(some)
+    return replace(windows, track=_masked(windows.track, rows[some])), tracks[some]
+
+
+def _masked(track: Floats, rows: Flags) -> Floats:
+    """A track [N, H+1, 3] with NaN at the seconds 1 to H that are not in ``rows``."""
+    kept = np.concatenate([np.ones((len(rows), 1), dtype=bool), rows], axis=1)
+    return np.where(kept[..., None], track, np.nan)
