@@ -1,0 +1,73 @@
+"""``seatrial reproduce``: the paper's results from scratch. It parses, calls and prints; nothing else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.cli import AsJson
+
+Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder for the results.")]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
+
+
+def mount(app: typer.Typer) -> None:
+    """Add this package's commands to the command line."""
+    reproduce = typer.Typer(no_args_is_help=True)
+    reproduce.command("table3", help="Table III on sequences never seen, beside the random split.")(table3)
+    reproduce.command("figures", help="The figures of the paper, in our own style.")(figures)
+    app.add_typer(reproduce, name="reproduce", help="The paper's results, from scratch.")
+
+
+def table3(
+    output: Folder = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="So many campaigns in each sea state.")] = 5,
+    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare all methods in the paper's three sea states."""
+    from acquisition.progress import bar
+    from hybrid.artefact import make_folder
+    from hybrid.reproduction.table3 import papers_jobs
+    from hybrid.reproduction.table3 import table3 as run
+    from hybrid.reproduction.tables import terminal_tables, write_table3
+
+    if output is not None:
+        make_folder(output)
+    with bar("campaigns") as progress:
+        table = run(papers_jobs(seed, seeds), workers, progress)
+    if output is not None:
+        for path in write_table3(table, output):
+            typer.echo(path, err=True)
+    if as_json:
+        typer.echo(json.dumps(table.as_dict()))
+        return
+    from rich.console import Console
+
+    Console().print(*terminal_tables(table), sep="\n")
+
+
+def figures(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the figures go into.")] = Path(
+        "reproduction"
+    ),
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Draw the figures."""
+    from acquisition.progress import bar
+    from hybrid.artefact import make_folder
+    from hybrid.reproduction.figures import write_figures
+
+    make_folder(output)
+    with bar("figures") as progress:
+        paths = write_figures(output, seed, progress)
+    if as_json:
+        typer.echo(json.dumps({"figures": [str(path) for path in paths]}))
+        return
+    for path in paths:
+        typer.echo(path)

@@ -1,0 +1,84 @@
+"""Table III in the terminal, as CSV, and beside the paper's."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.table import Table
+
+from analysis.files import in_place_of
+from hybrid.reproduction.published import PUBLISHED
+from hybrid.reproduction.table3 import Estimate, Row, Table3
+
+_COLUMNS = ("x m", "y m", "distance m", "reduction", "gap closed", "random: m", "reduction")
+_WHAT = {"reduction_x": "x", "reduction_y": "y", "reduction": "distance"}
+
+
+def terminal_tables(table: Table3) -> Iterator[Table]:
+    """A table of methods for each sea state, then the published reductions beside ours."""
+    for sea_state in dict.fromkeys(row.sea_state for row in table.rows):
+        yield methods_table(sea_state, [row for row in table.rows if row.sea_state == sea_state])
+    yield cells_table(table)
+
+
+def methods_table(sea_state: str, rows: list[Row]) -> Table:
+    """One row a method: sequences never seen, and in the last columns the paper's random split."""
+    unseen = {row.method: row for row in rows if row.split == "sequence"}
+    mixed = {row.method: row for row in rows if row.split == "random"}
+    some = next(iter(unseen.values()))
+    table = _table(f"{sea_state}: {some.sequences} sequences never seen, {some.seeds} seeds", *_COLUMNS)
+    for method, row in unseen.items():
+        leak = mixed[method]
+        table.add_row(
+            method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
+            f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}",
+            f"{leak.mean_distance_m.value:.2f}", f"{leak.reduction.value:.1%}",
+            style="bold" if method == "hybrid" else "",
+        )  # fmt: skip
+    for each in PUBLISHED:
+        if each.sea_state == sea_state:
+            figures = (f"{each.mae_x_m:.2f}", f"{each.mae_y_m:.2f}", f"{each.mean_distance_m:.2f}")
+            table.add_row(f"published {each.method}", *figures, f"{each.reduction:.1%}", style="dim")
+    return table
+
+
+def cells_table(table: Table3) -> Table:
+    """The published reductions, ours with their intervals, and whether ours are above."""
+    above = sum(cell.above for cell in table.cells)
+    title = f"reductions on sequences never seen: {above} of {len(table.cells)} above the published"
+    shown = _table(title, "published", "hybrid", "95 %", "floor", "above")
+    for cell in table.cells:
+        shown.add_row(
+            f"{cell.sea_state} {_WHAT[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
+            f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", f"{cell.floor:.1%}", "yes" if cell.above else "no",
+        )  # fmt: skip
+    return shown
+
+
+def spread(estimate: Estimate) -> str:
+    """A figure with its interval."""
+    return f"{estimate.value:.2f} [{estimate.low:.2f}, {estimate.high:.2f}]"
+
+
+def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
+    """Write ``table3.json`` and ``table3.csv``, which has the rows. Raises :class:`StorageError`."""
+    plain = table.as_dict()
+    as_json, as_csv = folder / "table3.json", folder / "table3.csv"
+    with in_place_of(as_json) as partial:
+        partial.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
+    with in_place_of(as_csv) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, fieldnames=list(plain["rows"][0]))
+        writer.writeheader()
+        writer.writerows(plain["rows"])
+    return as_json, as_csv
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, header_style="dim")
+    table.add_column("")
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
