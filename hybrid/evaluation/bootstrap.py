@@ -27,8 +27,8 @@ class Interval:
 
     def as_dict(self) -> dict[str, float | None]:
         """For JSON, which knows no NaN."""
-        bounds = {"low": self.low, "high": self.high}
-        return {"value": self.value} | {key: each if np.isfinite(each) else None for key, each in bounds.items()}
+        figures = {"value": self.value, "low": self.low, "high": self.high}
+        return {name: each if np.isfinite(each) else None for name, each in figures.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,24 +55,32 @@ class LegBootstrap:
         return int(self.times.shape[1])
 
     def means(self, values: Floats) -> Floats:
-        """The means over windows of ``values`` [N] in each draw [draws]."""
-        sums, counts = np.bincount(self.leg, values, self.legs), np.bincount(self.leg, minlength=self.legs)
-        return np.asarray((self.times @ sums) / (self.times @ counts))
+        """The means over windows of ``values`` [N, K] in each draw [draws, K]."""
+        sums = np.zeros((self.legs, values.shape[1]))
+        np.add.at(sums, self.leg, values)
+        counts = np.bincount(self.leg, minlength=self.legs)
+        return np.asarray((self.times @ sums) / (self.times @ counts)[:, None])
 
     def mean(self, values: Floats) -> Interval:
         """The mean of ``values`` [N] over windows."""
-        return self._interval(float(values.mean()), self.means(values))
+        return self.mean_of_each(values[:, None])[0]
+
+    def mean_of_each(self, values: Floats) -> tuple[Interval, ...]:
+        """The means of the columns of ``values`` [N, K] over windows."""
+        return self._intervals(values.mean(axis=0), self.means(values))
 
     def ratio(self, values: Floats, others: Floats) -> Interval:
         """The mean of ``values`` [N] over that of ``others`` [N], paired; 1 where both are nothing."""
+        means = np.vstack([self.means(np.column_stack([values, others])), [values.mean(), others.mean()]])
         with np.errstate(divide="ignore", invalid="ignore"):
-            drawn = self.means(values) / self.means(others)
-            value = np.divide(values.mean(), others.mean())
-        drawn, whole = np.where(np.isnan(drawn), 1.0, drawn), 1.0 if np.isnan(value) else float(value)
-        return self._interval(whole, drawn)
+            quotients = means[:, 0] / means[:, 1]
+        quotients[np.isnan(quotients)] = 1.0
+        return self._intervals(quotients[-1:], quotients[:-1, None])[0]
 
-    def _interval(self, value: float, drawn: Floats) -> Interval:
+    def _intervals(self, values: Floats, drawn: Floats) -> tuple[Interval, ...]:
+        """Intervals about ``values`` [K] from draws [draws, K]."""
         if self.legs < 2:
-            return Interval(value, np.nan, np.nan)
-        low, high = np.percentile(drawn, COVERAGE_PERCENT)
-        return Interval(value, float(low), float(high))
+            return tuple(Interval(float(each), np.nan, np.nan) for each in values)
+        # without interpolation: between two infinite draws there is no number
+        low, high = np.percentile(drawn, COVERAGE_PERCENT, axis=0, method="nearest")
+        return tuple(Interval(*map(float, each)) for each in zip(values, low, high, strict=True))

@@ -87,8 +87,7 @@ def _add_split(page: Page, split: SplitSummary) -> None:
         "How the error grows with the time predicted; 95 % intervals shaded. What is much worse than the baselines "
         "leaves the picture.",
     )
-    kinds = {kind: classes for kind, classes in split.breakdown.items() if len(classes) > 1}
-    for kind, classes in kinds.items():
+    for kind, classes in split.shown.items():
         page.figure(
             lambda figure, classes=classes: _draw_classes(figure, classes),  # type: ignore[misc]
             (8.5, 3.2),

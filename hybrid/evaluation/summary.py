@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hybrid.evaluation.bootstrap import Interval, LegBootstrap
 from hybrid.evaluation.breakdown import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.horizon import Horizons
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,11 @@ class SplitSummary:
     fitted: tuple[int, ...]
     whole: Summary
     breakdown: dict[str, dict[str, Summary]]
+
+    @property
+    def shown(self) -> dict[str, dict[str, Summary]]:
+        """The kinds of class that part the windows; one class alone says what the whole says."""
+        return {kind: classes for kind, classes in self.breakdown.items() if len(classes) > 1}
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,21 +140,28 @@ def summarise(errors: Mapping[str, Errors], horizons: Horizons, seed: int) -> Su
     legs = LegBootstrap.of(horizons.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
     baseline = errors[best].distance_m.mean(axis=1)
-    methods = {}
-    for name, each in errors.items():
-        mean_m = each.distance_m.mean(axis=1)
-        methods[name] = MethodFigures(
-            mean_distance_m=legs.mean(mean_m),
-            end_distance_m=legs.mean(each.distance_m[:, -1]),
-            mae_north_m=legs.mean(each.north_m),
-            mae_east_m=legs.mean(each.east_m),
-            heading_error_deg=legs.mean(each.heading_deg),
-            ratio=legs.ratio(mean_m, baseline),
-            coverage_95=legs.mean(each.inside.mean(axis=1)),
-            by_second=tuple(legs.mean(second) for second in each.distance_m.T),
-            untrained=float(each.untrained.mean()),
-        )
+    methods = {name: _figures(each, baseline, legs) for name, each in errors.items()}
     return Summary(len(horizons), legs.legs, best, methods)
+
+
+def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFigures:
+    """One method's figures; ``baseline_m`` [N] is the best baseline's mean distance in each window."""
+    mean_m = errors.distance_m.mean(axis=1)
+    inside = errors.inside.mean(axis=1)
+    single = np.column_stack([mean_m, errors.north_m, errors.east_m, errors.heading_deg, inside])
+    by_second = legs.mean_of_each(errors.distance_m)
+    distance, north, east, heading, coverage = legs.mean_of_each(single)
+    return MethodFigures(
+        mean_distance_m=distance,
+        end_distance_m=by_second[-1],
+        mae_north_m=north,
+        mae_east_m=east,
+        heading_error_deg=heading,
+        ratio=legs.ratio(mean_m, baseline_m),
+        coverage_95=coverage,
+        by_second=by_second,
+        untrained=float(errors.untrained.mean()),
+    )
 
 
 def _split_summary(result: SplitResult, horizons: Horizons, length_m: float, seed: int) -> SplitSummary:

@@ -25,7 +25,8 @@ def evaluation_tables(evaluation: Evaluation) -> Iterator[Table]:
     """A table of methods a split, the best in bold, then one of its breakdown."""
     for split in evaluation.splits.values():
         yield methods_table(evaluation.horizon_s, split)
-        yield breakdown_table(split)
+        if split.shown:
+            yield breakdown_table(split)
     if evaluation.leak:
         yield _leak_table(evaluation)
 
@@ -47,7 +48,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
     table = _table(f"{split.kind}: mean distance m by class", None, "windows", "legs", *split.whole.methods)
-    for kind, classes in split.breakdown.items():
+    for kind, classes in split.shown.items():
         for name, summary in classes.items():
             cells = [
                 f"[bold]{spread(each.mean_distance_m)}[/bold]" if method == summary.best
