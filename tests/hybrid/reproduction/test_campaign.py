@@ -1,0 +1,92 @@
+"""The paper's campaign: sequences that are held, balanced, and share no second with each other."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from acquisition.errors import DataShortageError
+from hybrid.baselines import constant_velocity, reference
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.horizon import PAST_S
+from hybrid.reproduction import campaign as campaigns
+from hybrid.reproduction.campaign import AZIMUTHS_DEG, Campaign, paper_campaign
+from hybrid.scores import score
+from hybrid.vessel.files import load_vessel
+
+
+@pytest.fixture(scope="module")
+def calm() -> Campaign:
+    """Eight sequences in a calm: one or two of each of the six swings."""
+    return paper_campaign("calm", seed=3, sequences=8)
+
+
+@pytest.mark.parametrize(("sea_state", "sequences", "horizon_s"), [("gentle", 7, 12), ("calm", 6, 45)])
+def test_any_number_and_length_of_sequences(sea_state: str, sequences: int, horizon_s: int) -> None:
+    """Sequences longer than the paper's swings too: the swings are held for as long as it takes."""
+    made = paper_campaign(sea_state, 1, sequences=sequences, horizon_s=horizon_s)
+    assert len(made) == sequences
+    assert made.horizons.track.shape == (sequences, horizon_s + 1, 3)
+    assert np.isfinite(made.horizons.track).all()
+    assert len(set(made.horizons.leg)) == sequences
+    _share_no_second(made)
+
+
+def test_as_many_swings_to_either_side_at_each_azimuth(calm: Campaign) -> None:
+    """No swing is there more than once more often than another."""
+    counts = Counter(calm.azimuth_deg.tolist())
+    assert set(counts) == {side * angle for angle in AZIMUTHS_DEG for side in (-1.0, 1.0)}
+    assert max(counts.values()) - min(counts.values()) <= 1
+
+
+def test_the_thrusters_stand_where_they_were_ordered(calm: Campaign) -> None:
+    """Both pods at the order at the start, and to the end: the truth with thrusters held stays on the track."""
+    reported_deg = np.rad2deg(calm.horizons.control[:, [1, 3]])
+    assert reported_deg == pytest.approx(np.repeat(calm.azimuth_deg[:, None], 2, axis=1), abs=1.0)
+    gap = reference(calm.horizons, calm.truth)[:, -1, :2] - calm.horizons.track[:, -1, :2]
+    travelled_m = np.linalg.norm(calm.horizons.track[:, -1, :2] - calm.horizons.track[:, 0, :2], axis=1)
+    assert (np.hypot(*gap.T) < 0.02 * travelled_m).all()
+
+
+def test_a_positive_azimuth_turns_the_ship_to_port(calm: Campaign) -> None:
+    turned = calm.horizons.track[:, -1, 2] - calm.horizons.track[:, 15, 2]
+    assert (np.sign(turned) == -np.sign(calm.azimuth_deg)).all()
+
+
+def test_sequences_share_no_second(calm: Campaign) -> None:
+    """Neither with each other nor with what another one knows of the time before its start."""
+    _share_no_second(calm)
+
+
+def _share_no_second(campaign: Campaign) -> None:
+    begins_s = (campaign.horizons.start_time - campaign.horizons.start_time[0]).total_seconds().to_numpy()
+    between_s = np.diff(begins_s)
+    assert (between_s > campaign.horizons.horizon_s + PAST_S).all()
+    assert np.isfinite(campaign.horizons.past[1:]).all()
+
+
+def test_the_floor_is_far_below_the_reference(calm: Campaign) -> None:
+    """The truth from the same measurements beats the ship before her elongation and the motion held."""
+    windows = calm.horizons
+    short = vessel_plant(load_vessel("gunnerus_short"))
+    floor, model, held = (
+        score(each, windows.track).mean_distance_m
+        for each in (reference(windows, calm.truth), reference(windows, short), constant_velocity(windows))
+    )
+    assert floor < 0.25 * model
+    assert floor < 0.5 * held
+
+
+def test_the_same_seed_gives_the_same_campaign(calm: Campaign) -> None:
+    again, other = paper_campaign("calm", 3, sequences=8), paper_campaign("calm", 4, sequences=8)
+    assert np.array_equal(again.horizons.track, calm.horizons.track)
+    assert np.array_equal(again.horizons.past, calm.horizons.past, equal_nan=True)
+    assert not np.array_equal(other.horizons.track, calm.horizons.track)
+
+
+def test_too_short_a_trial_is_an_error_with_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(campaigns, "_STRETCHES", 0.2)
+    with pytest.raises(DataShortageError, match=r"\d+ of 20 sequences found in \d+ s of zigzags in a calm sea"):
+        paper_campaign("calm", sequences=20)

@@ -1,0 +1,193 @@
+"""Table III: what the splits share, what the bootstrap covers, and what is in the JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+import seatrial
+from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.reproduction import comparison
+from hybrid.reproduction.comparison import Errors, Job, parts_of
+from hybrid.reproduction.published import PUBLISHED
+from hybrid.reproduction.table3 import ORDER, Row, Table3, bootstrap_means, cells_of, rows_of, table3
+from hybrid.reproduction.tables import write_table3
+from hybrid.scores import score
+from hybrid.vessel.plant import Plant
+from tests.hybrid.windows_by_hand import random_windows
+
+CONTRACT = {
+    "sea_state", "method", "split", "mae_x_m", "mae_y_m", "mean_distance_m", "low", "high", "reduction",
+    "reduction_x", "reduction_y",
+}  # fmt: skip
+SMALL = [Job("calm", 0, sequences=12), Job("gentle", 1, sequences=12)]
+
+
+def quick(method: str, seed: int, plant: Plant) -> Calibrator:
+    """A calibrator that is not trained for long."""
+    calibrator = make_calibrator(method, seed, plant)
+    if isinstance(calibrator, NetworkCalibrator):
+        calibrator.epochs = 30
+    return calibrator
+
+
+@pytest.fixture(scope="module")
+def small() -> Iterator[Callable[[], Table3]]:
+    """Two small campaigns, compared in this process with little training."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "make_calibrator", quick)
+        yield lambda: table3(SMALL, workers=1)
+
+
+@pytest.fixture(scope="module")
+def table(small: Callable[[], Table3]) -> Table3:
+    return small()
+
+
+@given(count=st.integers(5, 60), seconds=st.integers(2, 20), seed=st.integers(0, 1000))
+@settings(max_examples=30)
+def test_a_split_by_sequence_shares_none_and_the_papers_does(count: int, seconds: int, seed: int) -> None:
+    """Every second is in one part; whole sequences stay together, or the seconds of one are on both sides."""
+    windows = random_windows(count, seconds)
+    for split in ("sequence", "random"):
+        parts = parts_of(windows, split, seed)
+        times = parts.training.astype(int) + parts.stopping + parts.test
+        assert (times == 1).all()
+    whole = parts_of(windows, "sequence", seed)
+    for part in (whole.training, whole.stopping, whole.test):
+        assert part.any()
+        assert (part == part[:, :1]).all()
+    mixed = parts_of(random_windows(count, 40), "random", seed)
+    assert (mixed.training.any(axis=1) & mixed.test.any(axis=1)).any()
+
+
+def test_a_split_leaves_a_fifth_for_the_test() -> None:
+    """Of the paper's 70 sequences 14, and of its rows about as large a share."""
+    windows = random_windows(70, 30)
+    assert parts_of(windows, "sequence", 0).test[:, 0].sum() == 14
+    assert parts_of(windows, "random", 0).test.mean() == pytest.approx(0.2, abs=0.03)
+
+
+def test_the_bootstraps_first_row_is_the_score() -> None:
+    windows = random_windows(9, 12)
+    predicted = windows.track + np.random.default_rng(0).normal(0.0, 2.0, windows.track.shape)
+    gap_m = (predicted - windows.track)[:, 1:, :2]
+    mine, means = score(predicted, windows.track), bootstrap_means([gap_m], draws=3)
+    assert means[0] == pytest.approx([mine.mae_north_m, mine.mae_east_m, mine.mean_distance_m])
+
+
+def test_seconds_that_are_not_judged_do_not_count() -> None:
+    """Whatever stands beside the test rows, the means are those of the test rows."""
+    gap_m = np.random.default_rng(1).normal(0.0, 1.0, (20, 30, 2))
+    rows = np.random.default_rng(2).random((20, 30)) < 0.3
+    means = bootstrap_means([np.where(rows[..., None], gap_m, np.nan)], draws=2)
+    assert means[0, 0] == pytest.approx(np.abs(gap_m[rows][:, 0]).mean())
+
+
+def test_intervals_hold_the_truth() -> None:
+    """Sequences whose errors hang together: the 95 % interval holds the expected error about 95 % of the time.
+
+    Each sequence has one error north for all its seconds, |N(0, 1)|, so that its mean is sqrt(2 / pi).
+    """
+    random, held = np.random.default_rng(3), 0
+    for _ in range(200):
+        by_seed = [np.repeat(random.normal(size=(15, 1, 1)), 30, axis=1) * [1.0, 0.0] for _ in range(5)]
+        low, high = np.quantile(bootstrap_means(by_seed, draws=300)[1:, 0], [0.025, 0.975])
+        held += low <= np.sqrt(2.0 / np.pi) <= high
+    assert 0.88 <= held / 200 <= 0.99
+
+
+def test_reductions_are_paired() -> None:
+    """A method with half the reference's error everywhere has a reduction of one half without any doubt."""
+    gap_m = np.random.default_rng(4).normal(0.0, 3.0, (14, 30, 2))
+    factor = dict.fromkeys(ORDER, 1.0) | {"hybrid": 0.5, "floor": 0.25}
+    errors = [Errors(Job("calm", 0), method, "sequence", gap_m * factor[method]) for method in ORDER]
+    row = next(each for each in rows_of(errors) if each.method == "hybrid")
+    for reduction in (row.reduction, row.reduction_x, row.reduction_y):
+        assert (reduction.low, reduction.value, reduction.high) == pytest.approx((0.5, 0.5, 0.5))
+    assert row.removable_gap_closed.value == pytest.approx(2.0 / 3.0)
+    assert row.mean_distance_m.low < row.mean_distance_m.value < row.mean_distance_m.high
+
+
+def _row(table: Table3, method: str, split: str, sea_state: str = "calm") -> Row:
+    return next(r for r in table.rows if (r.method, r.split, r.sea_state) == (method, split, sea_state))
+
+
+def test_the_floor_lies_below_every_other_row(table: Table3) -> None:
+    """A little training does not reach what the truth itself makes of the measurements."""
+    for sea_state in ("calm", "gentle"):
+        floor = _row(table, "floor", "sequence", sea_state)
+        assert floor.removable_gap_closed.value == pytest.approx(1.0)
+        for method in ("reference", "paper", "data_driven"):
+            assert floor.mean_distance_m.value < _row(table, method, "sequence", sea_state).mean_distance_m.value
+
+
+def test_json_is_the_contracts_object(table: Table3) -> None:
+    """Every method under both splits in each sea state, the keys to the letter, no NaN."""
+    plain = json.loads(json.dumps(table.as_dict(), allow_nan=False))
+    assert set(plain) >= {"rows", "published"}
+    assert all(set(row) >= CONTRACT for row in plain["rows"])
+    named = {(row["sea_state"], row["split"], row["method"]) for row in plain["rows"]}
+    assert named == {(sea, split, method) for sea in ("calm", "gentle") for split in ("sequence", "random")
+                     for method in ORDER}  # fmt: skip
+    assert len(plain["published"]) == len(PUBLISHED) == 6
+    assert len(plain["cells"]) == 6
+    for row in plain["rows"]:
+        assert row["low"] <= row["mean_distance_m"] <= row["high"]
+        assert max(row["mae_x_m"], row["mae_y_m"]) <= row["mean_distance_m"] <= row["mae_x_m"] + row["mae_y_m"]
+
+
+def test_the_same_jobs_give_the_same_table(small: Callable[[], Table3], table: Table3) -> None:
+    assert small().as_dict() == table.as_dict()
+
+
+def test_a_cell_is_above_where_ours_is(table: Table3) -> None:
+    """Ours without error is above the published reduction in every cell; the reference itself in none."""
+    best = [replace(r, reduction=replace(r.reduction, value=1.0)) for r in table.rows if r.split == "sequence"]
+    assert all(cell.above for cell in cells_of(best) if cell.quantity == "reduction")
+    none = [replace(r, method="hybrid") for r in table.rows if r.split == "sequence" and r.method == "reference"]
+    floors = [r for r in table.rows if r.split == "sequence" and r.method == "floor"]
+    assert not any(cell.above for cell in cells_of(none + floors))
+
+
+def test_published_distances_agree_with_their_parts() -> None:
+    """The paper's distance lies between its larger part and their sum, and its reduction within rounding."""
+    for each in PUBLISHED:
+        assert max(each.mae_x_m, each.mae_y_m) <= each.mean_distance_m <= each.mae_x_m + each.mae_y_m
+    for before, after in zip(PUBLISHED[::2], PUBLISHED[1::2], strict=True):
+        rounding = 0.005 / before.mean_distance_m * 2.0
+        assert after.reduction == pytest.approx(1.0 - after.mean_distance_m / before.mean_distance_m, abs=rounding)
+
+
+def test_files_hold_the_table(table: Table3, tmp_path: Path) -> None:
+    as_json, as_csv = write_table3(table, tmp_path / "new")
+    assert json.loads(as_json.read_text()) == json.loads(json.dumps(table.as_dict()))
+    rows = pd.read_csv(as_csv)
+    assert rows["mean_distance_m"].tolist() == pytest.approx([r.mean_distance_m.value for r in table.rows])
+
+
+def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
+    monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
+    plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
+    assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
+    shown = CliRunner().invoke(seatrial.app, ["reproduce", "table3"], env={"COLUMNS": "140"}).stdout
+    assert "published" in shown
+    assert "88.3%" in shown
+
+
+@pytest.mark.slow
+def test_the_number_of_workers_does_not_matter() -> None:
+    jobs = [replace(job, sequences=6) for job in SMALL]
+    assert table3(jobs, workers=2).as_dict() == table3(jobs, workers=1).as_dict()
