@@ -8,11 +8,9 @@ finds his place on the map.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import product
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -25,6 +23,7 @@ from hybrid.calibrators import make_calibrator
 from hybrid.horizon import Horizons
 from hybrid.reproduction.campaign import TRUTH, paper_campaign
 from hybrid.reproduction.degradation import OVERALL, Degradation
+from hybrid.reproduction.processes import in_order
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
 
@@ -178,20 +177,6 @@ def within_range(sequences: Sequences, plants: Sequence[Plant]) -> Sequences:
 
     pool, unseen = sequences.pool, sequences.unseen
     return Sequences(pool.subset(inside(pool)), unseen.subset(inside(unseen)))
-
-
-def in_order(asked: Sequence[tuple[Any, ...]], workers: int, progress: Progress) -> Iterator[Any]:
-    """The result of each call, given as a function and its arguments, in order whichever process ends first."""
-    if workers < 2:
-        for number, (function, *arguments) in enumerate(asked):
-            yield function(*arguments)
-            progress((number + 1) / len(asked))
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as processes:
-        running = [processes.submit(*each) for each in asked]
-        for done, _ in enumerate(as_completed(running), start=1):
-            progress(done / len(running))
-        yield from (each.result() for each in running)
 
 
 def learned_errors_m(

@@ -1,0 +1,242 @@
+"""``seatrial reproduce figures``: figures 4 to 7, 9 and 10 of the paper, from scratch and in our own style.
+
+Every figure is a function that fills a matplotlib figure; :data:`FIGURES` names them with their sizes and captions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from acquisition.angles import unwrap
+from analysis.files import in_place_of
+from analysis.plots import FAINT, INK, STYLE
+from hybrid.reproduction import plots
+from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
+from hybrid.reproduction.comparison import Job
+from hybrid.reproduction.processes import in_order
+from hybrid.reproduction.seas import Sea, example_sequence, sea_of
+from hybrid.train import band_radius
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
+FAN = 12
+PNG_DPI = 150
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What the figures are drawn from: the sea states, and one sequence with all its channels."""
+
+    seas: tuple[Sea, ...]
+    example: pd.DataFrame
+    example_sea: str
+
+
+@dataclass(frozen=True, slots=True)
+class FigureOf:
+    """How a figure is drawn, how large it is, and what is written below it."""
+
+    draw: Callable[[Figure, Shown], None]
+    size_inch: tuple[float, float]
+    caption: str
+
+
+def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share: None) -> list[Path]:
+    """Simulate, train, draw, and write every figure as PNG and SVG. Raises :class:`StorageError`."""
+    return write_drawn(shown_of([Job(sea_state, seed) for sea_state in SEA_STATES], progress), folder)
+
+
+def shown_of(jobs: Sequence[Job], progress: Progress = lambda share: None, workers: int = 2) -> Shown:
+    """The sea states of ``jobs``, in their order; the example is from the last of them."""
+    seas = tuple(in_order([(sea_of, job) for job in jobs], workers, progress))
+    last = jobs[-1]
+    return Shown(seas, example_sequence(last.sea_state, last.seed, last.vessel), last.sea_state)
+
+
+def write_drawn(shown: Shown, folder: Path) -> list[Path]:
+    """Every figure as PNG and SVG in ``folder``, and where each is."""
+    paths = []
+    with mpl.rc_context({**STYLE, "svg.hashsalt": "seatrial"}):  # type: ignore[dict-item]
+        for name, each in FIGURES.items():
+            figure = Figure(figsize=each.size_inch)
+            each.draw(figure, shown)
+            for ending in ("png", "svg"):
+                path = folder / f"{name}.{ending}"
+                with in_place_of(path) as partial:
+                    figure.savefig(
+                        partial, format=ending, dpi=PNG_DPI, metadata={"Date": None} if ending == "svg" else None
+                    )
+                paths.append(path)
+    return paths
+
+
+def draw_tracks(figure: Figure, shown: Shown) -> None:
+    """Figure 4."""
+    panels = _row(figure, len(shown.seas))
+    for axes, sea in zip(panels, shown.seas, strict=True):
+        plots.campaign_tracks(axes, sea.campaign.horizons, sea.campaign.azimuth_deg)
+        axes.set_title(f"{sea.campaign.sea_state}: {len(sea.campaign)} sequences", loc="left")
+    before = Line2D([], [], color=FAINT, label="30 s before")
+    handles = [*panels[0].get_legend_handles_labels()[0], before]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
+
+
+def draw_channels(figure: Figure, shown: Shown) -> None:
+    """Figure 5."""
+    table = shown.example
+    seconds = np.asarray((table.index - table.index[0]).total_seconds(), dtype=float)
+    figure.suptitle(f"One sequence in the {shown.example_sea} sea, as it is recorded", x=0.01, ha="left")
+    for axes, (unit, values) in zip(
+        figure.subplots(3, 3, sharex=True).ravel(), _channels(table).items(), strict=True
+    ):
+        plots.channel(axes, seconds, values, unit)
+    for axes in figure.axes[-3:]:
+        axes.set_xlabel("time [s]")
+
+
+def _channels(table: pd.DataFrame) -> dict[str, Mapping[str, Floats]]:
+    """The 13 channels in nine panels: names in the legend by the label of the axis."""
+    value = {str(name): table[name].to_numpy(dtype=float) for name in table}
+    moved = {name: value[f"{name}_m"] - value[f"{name}_m"][0] for name in ("north", "east")}
+    wind = unwrap(value["wind_direction_deg"])
+    return {
+        "from the start [m]": moved,
+        "heading [deg]": {"heading": unwrap(value["heading_deg"])},
+        "surge [m/s]": {"surge": value["surge_mps"]},
+        "sway [m/s]": {"sway": value["sway_mps"]},
+        "yaw rate [deg/s]": {"yaw rate": value["yaw_rate_dps"]},
+        "wind speed [m/s]": {"wind speed": value["wind_speed_mps"]},
+        "wind direction, from [deg]": {"wind direction": wind},
+        "shaft speed [rpm]": {side: value[f"{side}_rpm"] for side in ("port", "starboard", "tunnel")},
+        "azimuth [deg]": {side: value[f"{side}_angle_deg"] for side in ("port", "starboard")},
+    }
+
+
+def draw_fans(figure: Figure, shown: Shown) -> None:
+    """Figure 6."""
+    panels = _row(figure, len(shown.seas), sharex=True, sharey=True)
+    for axes, sea in zip(panels, shown.seas, strict=True):
+        chosen = _of_every_azimuth(sea.campaign.azimuth_deg, FAN)
+        plots.fans(axes, sea.campaign.horizons.subset(chosen), sea.reference[chosen], "reference")
+        error_m = float(np.hypot(*(sea.gap_m("reference").transpose(2, 0, 1))).mean())
+        axes.set_title(f"{sea.campaign.sea_state}: {error_m:.2f} m on average", loc="left")
+    _only_outer_labels(panels)
+    figure.legend(handles=panels[0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
+
+
+def _of_every_azimuth(azimuth_deg: Floats, count: int) -> NDArray[np.int64]:
+    """The first few windows of every order, some ``count`` in all."""
+    orders = np.unique(azimuth_deg)
+    each = max(1, count // len(orders))
+    return np.concatenate([np.flatnonzero(azimuth_deg == order)[:each] for order in orders])
+
+
+def draw_errors(figure: Figure, shown: Shown) -> None:
+    """Figure 7."""
+    grid = figure.subplots(2, len(shown.seas), sharex=True, squeeze=False)
+    for column, sea in enumerate(shown.seas):
+        for row, coordinate in enumerate(("north", "east")):
+            gaps = {method: sea.gap_m(method)[..., row] for method in ("reference", "hybrid")}
+            plots.error_over_time(grid[row, column], gaps)
+            if column == 0:
+                grid[row, column].set_ylabel(f"error {coordinate} [m]")
+        grid[0, column].set_title(sea.campaign.sea_state, loc="left")
+        grid[1, column].set_xlabel("prediction time [s]")
+    figure.legend(handles=grid[0, 0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
+
+
+def draw_predictions(figure: Figure, shown: Shown) -> None:
+    """Figure 9."""
+    grid = figure.subplots(len(shown.seas), len(AZIMUTHS_DEG), squeeze=False)
+    for row, sea in zip(grid, shown.seas, strict=True):
+        azimuth_deg = np.abs(sea.campaign.azimuth_deg[sea.unseen])
+        ends_m = np.linalg.norm(sea.gap_m("reference")[:, -1], axis=1)
+        around_m = float(np.ceil(1.2 * np.quantile(ends_m, 0.9)))
+        for axes, angle in zip(row, AZIMUTHS_DEG, strict=True):
+            numbers = np.flatnonzero(azimuth_deg == angle)
+            if not numbers.size:
+                axes.set_axis_off()
+                continue
+            _one_prediction(axes, sea, int(numbers[0]), around_m)
+            axes.set_title(f"{sea.campaign.sea_state}, {angle:g}°", loc="left")
+    handles = grid[0, 0].get_legend_handles_labels()[0]
+    band = Patch(facecolor=plots.COLOUR["hybrid"], alpha=0.25, label="95 % region at 30 s")
+    figure.legend(handles=[*handles, band], loc="outside lower center", ncols=4)
+
+
+def _one_prediction(axes: Axes, sea: Sea, number: int, around_m: float) -> None:
+    """One unseen sequence; the band about its end is sized by all other unseen sequences."""
+    judged, others = sea.judged, np.arange(len(sea.unseen)) != number
+    start = judged.start[number]
+    tracks = {method: plots.start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
+    band_m = band_radius(sea.predicted("hybrid")[others], judged.track[others])
+    plots.track_with_end(axes, plots.start_frame(judged.track[number], start), tracks, float(band_m[-1]), around_m)
+
+
+def draw_spread(figure: Figure, shown: Shown) -> None:
+    """Figure 10."""
+    panels = _row(figure, len(shown.seas), sharey=True)
+    for axes, sea in zip(panels, shown.seas, strict=True):
+        errors = {
+            (method, split): np.nanmean(np.linalg.norm(sea.gap_m(method, split), axis=2), axis=1)
+            for method in SPREAD for split in plots.SPLIT_LOOK
+        }  # fmt: skip
+        plots.error_spread(axes, errors, SPREAD)
+        axes.set_title(sea.campaign.sea_state, loc="left")
+    panels[0].set_ylabel("mean distance of a sequence [m]")
+    splits = [Patch(facecolor=INK, alpha=alpha, label=what) for _, alpha, what in plots.SPLIT_LOOK.values()]
+    figure.legend(handles=splits, loc="outside lower center", ncols=2)
+
+
+def _row(figure: Figure, count: int, sharex: bool = False, sharey: bool = False) -> list[Axes]:
+    return list(figure.subplots(1, count, squeeze=False, sharex=sharex, sharey=sharey)[0])
+
+
+def _only_outer_labels(panels: Sequence[Axes]) -> None:
+    for axes in panels[1:]:
+        axes.set_ylabel("")
+
+
+FIGURES: dict[str, FigureOf] = {
+    "figure_04_tracks": FigureOf(
+        draw_tracks, (10.5, 5.0), "The campaign in the three sea states: zigzags, one colour an azimuth, north up."
+    ),
+    "figure_05_channels": FigureOf(
+        draw_channels, (10.5, 6.5), "One sequence of 600 samples: pose, velocities, wind and thrusters."
+    ),
+    "figure_06_reference": FigureOf(
+        draw_fans,
+        (10.5, 4.6),
+        "Measured against the reference model's tracks, all sequences from one start with the bow up.",
+    ),
+    "figure_07_errors": FigureOf(
+        draw_errors,
+        (10.5, 5.6),
+        "Error north and east of reference and hybrid on sequences never seen: mean, and the middle 80 % shaded.",
+    ),
+    "figure_09_predictions": FigureOf(
+        draw_predictions,
+        (10.5, 11.0),
+        "Sequences never seen, one of each azimuth and sea state, bow up; the insets enlarge the last metres.",
+    ),
+    "figure_10_distribution": FigureOf(
+        draw_spread,
+        (10.5, 4.6),
+        "Mean distance of each sequence by method: never seen beside the paper's random split. Boxes hold the "
+        "middle half, whiskers reach to 5 and 95 %.",
+    ),
+}
+"""The figures by the names of their files."""

@@ -1,0 +1,154 @@
+"""Pictures of the reproduction in the house's style: functions take axes and data and return what they drew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from analysis.plots import FAINT, INK, PALETTE
+from hybrid import plots
+from hybrid.horizon import Horizons
+from hybrid.plots import title_of
+
+Floats = NDArray[np.float64]
+
+COLOUR: dict[str, str] = plots.COLOUR | {"paper": PALETTE[5], "additive": PALETTE[1], "floor": INK}
+"""One colour a method, in every figure."""
+AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
+
+
+def start_frame(track: Floats, start: Floats) -> Floats:
+    """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
+    north = track[..., 0] - start[..., 0, None]
+    east = track[..., 1] - start[..., 1, None]
+    sine, cosine = np.sin(start[..., 2, None]), np.cos(start[..., 2, None])
+    return np.stack([east * cosine - north * sine, north * cosine + east * sine], axis=-1)
+
+
+def campaign_tracks(axes: Axes, horizons: Horizons, azimuth_deg: Floats) -> list[Artist]:
+    """Where the sequences lie, one colour an azimuth, with the half minute before each in grey; north up."""
+    artists: list[Artist] = []
+    for past in horizons.past:
+        artists += axes.plot(past[:, 1] / 1e3, past[:, 0] / 1e3, color=FAINT, linewidth=0.7)
+    for angle, colour in AZIMUTH_COLOUR.items():
+        for number in np.flatnonzero(np.abs(azimuth_deg) == angle):
+            track = horizons.track[number] / 1e3
+            named = f"{angle:g}°" if number == np.flatnonzero(np.abs(azimuth_deg) == angle)[0] else None
+            artists += axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=1.8, label=named)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("east [km]")
+    axes.set_ylabel("north [km]")
+    return artists
+
+
+def channel(axes: Axes, seconds: Floats, values: Mapping[str, Floats], label: str) -> list[Artist]:
+    """Channels of one unit against the seconds of a sequence; ``values`` by the name in the legend."""
+    artists: list[Artist] = []
+    for (name, series), colour in zip(values.items(), PALETTE, strict=False):
+        artists += axes.plot(seconds, series, color=colour, linewidth=1.0, label=name)
+    axes.set_ylabel(label)
+    axes.set_xlim(seconds[0], seconds[-1])
+    axes.margins(y=0.15)
+    if len(values) > 1:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(values), borderpad=0.0, fontsize=8)
+    return artists
+
+
+def fans(axes: Axes, horizons: Horizons, predicted: Floats, method: str) -> list[Artist]:
+    """Measured and predicted tracks [N, H+1, 3] of several sequences from one start, bow up and to scale."""
+    artists: list[Artist] = []
+    measured, tracks = (start_frame(each, horizons.start) for each in (horizons.track, predicted))
+    for number, (ours, theirs) in enumerate(zip(measured, tracks, strict=True)):
+        first = number == 0
+        artists += axes.plot(ours[:, 0], ours[:, 1], color=INK, label="measured" if first else None)
+        label = title_of(method) if first else None
+        artists += axes.plot(theirs[:, 0], theirs[:, 1], "--", color=COLOUR[method], label=label)
+    _bow_up(axes)
+    return artists
+
+
+def error_over_time(axes: Axes, gaps_m: Mapping[str, Floats]) -> list[Artist]:
+    """Mean size of one coordinate's error [N, H] by method against time; the shade holds the middle 80 %."""
+    artists: list[Artist] = []
+    for method, gap_m in gaps_m.items():
+        seconds, size = np.arange(1, gap_m.shape[1] + 1), np.abs(gap_m)
+        low, high = np.quantile(size, [0.1, 0.9], axis=0)
+        artists.append(axes.fill_between(seconds, low, high, color=COLOUR[method], alpha=0.22, linewidth=0))
+        artists += axes.plot(seconds, size.mean(axis=0), color=COLOUR[method], label=title_of(method))
+    axes.set_xlim(0, seconds[-1])
+    axes.set_ylim(bottom=0)
+    return artists
+
+
+def track_with_end(
+    axes: Axes, measured: Floats, predicted: Mapping[str, Floats], band_m: float, around_m: float
+) -> list[Artist]:
+    """One sequence [H+1, 2] in the start frame, and its end enlarged: a square of ``around_m`` each way.
+
+    The band is a circle of ``band_m`` about the last method's prediction.
+    """
+    right = measured[-1, 0] >= 0.0
+    ends = axes.inset_axes((0.03, 0.06, 0.42, 0.42) if right else (0.55, 0.06, 0.42, 0.42))
+    artists: list[Artist] = []
+    for panel, wide in ((axes, 1.3), (ends, 1.6)):
+        artists += panel.plot(*measured.T, color=INK, linewidth=wide, label="measured")
+        for method, track in predicted.items():
+            artists += panel.plot(*track.T, "--", color=COLOUR[method], linewidth=wide, label=title_of(method))
+    ends.plot(*measured[-1], "o", color=INK, markersize=4)
+    method, track = list(predicted.items())[-1]
+    circle = Circle((track[-1, 0], track[-1, 1]), band_m, color=COLOUR[method], alpha=0.25, linewidth=0)
+    artists.append(ends.add_patch(circle))
+    for other, each in predicted.items():
+        ends.plot(*each[-1], "o", color=COLOUR[other], markersize=4)
+    _frame_end(ends, measured[-1], around_m)
+    _bow_up(axes)
+    return artists
+
+
+def _frame_end(ends: Axes, middle: Floats, around_m: float) -> None:
+    ends.set_xlim(middle[0] - around_m, middle[0] + around_m)
+    ends.set_ylim(middle[1] - around_m, middle[1] + around_m)
+    ends.set_xticks([])
+    ends.set_yticks([])
+    ends.grid(visible=False)
+    for side in ("top", "right"):
+        ends.spines[side].set_visible(True)
+    ends.set_title(f"end, {2 * around_m:g} m wide", fontsize=7, pad=2)
+
+
+def _bow_up(axes: Axes) -> None:
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("to starboard [m]")
+    axes.set_ylabel("ahead [m]")
+
+
+SPLIT_LOOK = {"sequence": (-0.19, 0.85, "sequences never seen"), "random": (0.19, 0.25, "the random split")}
+
+
+def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods: Sequence[str]) -> list[Artist]:
+    """Mean distance per sequence by method as boxes, the two splits side by side, on a logarithmic axis.
+
+    ``errors_m`` has the errors [n] by method and split. Whiskers reach to the 5th and 95th of 100.
+    """
+    artists: list[Artist] = []
+    for place, method in enumerate(methods):
+        for split, (beside, alpha, _) in SPLIT_LOOK.items():
+            values = errors_m[method, split]
+            drawn = axes.boxplot(
+                values[np.isfinite(values)], positions=[place + beside], widths=0.32, whis=(5, 95),
+                showfliers=False, patch_artist=True, medianprops={"color": INK, "linewidth": 1.5},
+                boxprops={"facecolor": COLOUR[method], "alpha": alpha, "edgecolor": COLOUR[method]},
+                whiskerprops={"color": COLOUR[method]}, capprops={"color": COLOUR[method]},
+            )  # fmt: skip
+            artists += drawn["boxes"]
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xticks(range(len(methods)), [title_of(each).replace(" ", "\n") for each in methods], fontsize=7.5)
+    axes.grid(visible=False, axis="x")
+    return artists

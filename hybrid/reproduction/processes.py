@@ -1,0 +1,29 @@
+"""Many long calls in several processes, the results in the order asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from typing import Any
+
+Progress = Callable[[float], None]
+
+
+def in_order(asked: Sequence[tuple[Any, ...]], workers: int, progress: Progress) -> Iterator[Any]:
+    """The result of each call, given as a function and its arguments, in order whichever process ends first."""
+    if workers < 2:
+        for number, (function, *arguments) in enumerate(asked):
+            yield function(*arguments)
+            progress((number + 1) / len(asked))
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as processes:
+        running = [processes.submit(*each) for each in asked]
+        try:
+            for done, each in enumerate(as_completed(running), start=1):
+                each.result()
+                progress(done / len(running))
+        except BaseException:
+            processes.shutdown(wait=False, cancel_futures=True)
+            raise
+        yield from (each.result() for each in running)

@@ -1,0 +1,73 @@
+"""What the figures show: one campaign in each sea state, and what every method predicts of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.resample import resample
+from analysis.windows import held_windows
+from hybrid.baselines import reference
+from hybrid.effects import vessel_plant
+from hybrid.horizon import Horizons
+from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign, paper_campaign
+from hybrid.reproduction.comparison import Errors, Job, compare, parts_of
+from hybrid.train import inside_range
+from hybrid.truth.trial import simulate_trial
+from hybrid.vessel.files import load_vessel
+
+Floats = NDArray[np.float64]
+_EXAMPLE_S = 400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Sea:
+    """One sea state: its campaign, the reference's tracks on it, and the errors of all methods.
+
+    ``unseen`` indexes the test sequences of the split by sequence; ``errors`` are those of
+    :func:`~hybrid.reproduction.comparison.compare`.
+    """
+
+    campaign: Campaign
+    reference: Floats
+    unseen: NDArray[np.int64]
+    errors: tuple[Errors, ...]
+
+    @property
+    def judged(self) -> Horizons:
+        """The windows that no method has seen."""
+        return self.campaign.horizons.subset(self.unseen)
+
+    def gap_m(self, method: str, split: str = "sequence") -> Floats:
+        """Predicted minus measured north and east [n, H, 2]."""
+        return next(each.gap_m for each in self.errors if (each.method, each.split) == (method, split))
+
+    def predicted(self, method: str) -> Floats:
+        """North and east that ``method`` predicts on the unseen sequences [n, H+1, 2]."""
+        tracks = self.judged.track[..., :2].copy()
+        tracks[:, 1:] += self.gap_m(method)
+        return tracks
+
+
+def sea_of(job: Job) -> Sea:
+    """Simulate the campaign of ``job``, train every method on it and judge them."""
+    plant = vessel_plant(load_vessel(job.model))
+    campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
+    kept = np.isfinite(reference(campaign.horizons, plant)).all(axis=(1, 2))
+    horizons, tracks = inside_range(campaign.horizons, plant)
+    usable = Campaign(horizons, campaign.azimuth_deg[kept], campaign.truth, campaign.sea_state, campaign.seed)
+    unseen = np.flatnonzero(parts_of(horizons, "sequence", job.seed).test.any(axis=1))
+    return Sea(usable, tracks, unseen, tuple(compare(job)))
+
+
+def example_sequence(sea_state: str, seed: int, vessel: str) -> pd.DataFrame:
+    """One sequence of the campaign as it is recorded, every sample and channel, indexed by UTC."""
+    table, _ = simulate_trial(vessel, sea_state, "paper", _EXAMPLE_S, RATE_HZ, seed)
+    rows = held_windows(resample(table), HORIZON_S, 1, trial="example").rows
+    first = rows[rows["second"] == 0]
+    swung = first[(first["port_angle_deg"].abs() > 5.0) & (first["tunnel_rpm"].abs() < 5.0)]
+    begin = pd.Timestamp(swung["start"].iloc[0])
+    return table[(table.index >= begin) & (table.index < begin + pd.Timedelta(seconds=HORIZON_S))]
