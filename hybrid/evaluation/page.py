@@ -10,16 +10,17 @@ from acquisition.errors import storage_error
 from analysis.page import Page
 from hybrid.evaluation import plots
 from hybrid.evaluation.bootstrap import Interval
-from hybrid.evaluation.summary import Evaluation, SplitSummary
-from hybrid.evaluation.tables import MEANING, caption_of, counts_of, spread
+from hybrid.evaluation.study import BASELINES
+from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
+from hybrid.evaluation.tables import MEANING, caption_of, spread
 from hybrid.plots import title_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
-_HEADER = ["method", "mean distance [m]", "at the end [m]", "heading [deg]", "ratio to the best baseline",
-           "inside the 95 % region"]  # fmt: skip
+_HEADER = ["method", "mean distance [m]", "at the end [m]", "heading [deg]", "ratio to best baseline",
+           "in the 95 % region"]  # fmt: skip
 
 
 def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any], folder: Path) -> list[Path]:
@@ -50,13 +51,14 @@ def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:
 
 
 def headline_of(evaluation: Evaluation) -> dict[str, str]:
-    """The best method of each honest split, and how it stands to the best baseline."""
+    """How the best learned method stands to the best baseline, on each honest split."""
     figures = {}
     for kind, split in evaluation.splits.items():
-        if kind != "random":
-            best = split.whole.best
-            ratio = split.whole.methods[best].ratio
-            figures[f"{title_of(best)} to the best baseline, {MEANING[kind]}"] = f"{ratio.value:.2f}"
+        learned = {name: each for name, each in split.whole.methods.items() if name not in BASELINES}
+        if kind != "random" and learned:
+            best = min(learned, key=lambda name: learned[name].ratio.value)
+            words = f"{title_of(best)} over {title_of(split.whole.best_baseline)}, {MEANING[kind]}"
+            figures[words] = f"{learned[best].ratio.value:.2f} \u00d7"
     return figures
 
 
@@ -75,17 +77,16 @@ def _add_split(page: Page, split: SplitSummary) -> None:
     page.heading(f"{split.kind.capitalize()}: {MEANING[split.kind]}; {counts_of(split.whole)}")
     names = list(split.whole.methods)
     rows = [
-        [title_of(name), spread(each.mean_distance_m), spread(each.end_distance_m),
-         spread(each.heading_error_deg), spread(each.ratio), _percent(each.coverage_95)]
+        [_whole(title_of(name)), _whole(spread(each.mean_distance_m)), _whole(spread(each.end_distance_m)),
+         f"{each.heading_error_deg.value:.1f}", _whole(spread(each.ratio)), _percent(each.coverage_95)]
         for name, each in split.whole.methods.items()
     ]  # fmt: skip
     page.table(_HEADER, rows, best=names.index(split.whole.best))
-    page.text(caption_of(split).capitalize() + ".")
+    page.text(f"{caption_of(split)}.")
     page.figure(
         lambda figure: _draw_seconds(figure, split),
         (7.5, 3.6),
-        "How the error grows with the time predicted; 95 % intervals shaded. What is much worse than the baselines "
-        "leaves the picture.",
+        "How the error grows with the time predicted, 95 % intervals shaded.",
     )
     for kind, classes in split.shown.items():
         page.figure(
@@ -105,7 +106,7 @@ def _add_leak(page: Page, evaluation: Evaluation) -> None:
         "Windows drawn at random overlap those trained on. The error on legs that were never seen is the one that "
         "is met at sea.",
     )
-    rows = [[title_of(name), spread(factor)] for name, factor in evaluation.leak.items()]
+    rows = [[_whole(title_of(name)), _whole(spread(factor))] for name, factor in evaluation.leak.items()]
     page.table(["method", "error on legs never seen over the error shown, on the same windows"], rows)
 
 
@@ -127,4 +128,9 @@ def _drawn(artists: object) -> None:
 
 def _percent(interval: Interval) -> str:
     bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
-    return f"{interval.value:.1%}{bounds}"
+    return _whole(f"{interval.value:.1%}{bounds}")
+
+
+def _whole(text: str) -> str:
+    """A text that is not broken over two lines."""
+    return text.replace(" ", "\u00a0").replace("-", "\u2011")

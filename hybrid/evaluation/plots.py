@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from analysis.plots import FAINT, INK, PALETTE
 from hybrid.evaluation.bootstrap import Interval
 from hybrid.evaluation.study import BASELINES
-from hybrid.evaluation.summary import SplitSummary, Summary
+from hybrid.evaluation.summary import SplitSummary, Summary, counts_of
 from hybrid.plots import title_of
 
+Floats = NDArray[np.float64]
+
 _BASELINE_COLOURS = (INK, PALETTE[4])
+_LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _METHOD_COLOURS = tuple(colour for colour in PALETTE if colour != PALETTE[4])
-_HEADROOM = 1.3
-"""How far above the best baseline's interval an axis of distances reaches; what is worse leaves the picture."""
 
 
 def colours_of(methods: Sequence[str]) -> dict[str, str]:
@@ -28,15 +31,18 @@ def colours_of(methods: Sequence[str]) -> dict[str, str]:
 
 
 def error_by_second(axes: Axes, summary: Summary) -> list[Artist]:
-    """The mean distance of every method against the second of the prediction, its 95 % interval shaded."""
+    """The mean distance of every method against the second of the prediction, its 95 % interval shaded.
+
+    Errors grow from centimetres to metres, and methods are tens of times apart: the axis is logarithmic.
+    """
     colours, artists = colours_of(list(summary.methods)), list[Artist]()
     for method, each in summary.methods.items():
         seconds = np.arange(1, len(each.by_second) + 1)
         value, low, high = np.array([(one.value, one.low, one.high) for one in each.by_second]).T
         artists += axes.plot(seconds, value, color=colours[method], label=title_of(method))
         artists.append(axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0))
-    ends = [_top(summary.methods[name].by_second[-1]) for name in BASELINES]
-    axes.set_ylim(0, _HEADROOM * max(ends))
+    intervals = [one for each in summary.methods.values() for one in each.by_second]
+    _logarithmic(axes, "y", intervals)
     axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("mean distance [m]")
@@ -51,7 +57,7 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
         for method, each in split.whole.methods.items()
         if method != split.whole.best_baseline
     ]
-    colours = colours_of([method for _, method, _ in rows])
+    colours = colours_of(list(next(iter(splits.values())).whole.methods))
     artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=1.0)]
     for row, (_, method, ratio) in enumerate(rows):
         artists.append(_bar(axes, ratio, row, colours[method]))
@@ -61,7 +67,7 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
     for row in range(1, len(rows)):
         if kinds[row] != kinds[row - 1]:
             axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
-    _logarithmic(axes, [ratio for _, _, ratio in rows])
+    _logarithmic(axes, "x", [ratio for _, _, ratio in rows])
     axes.set_xlabel("mean distance over that of the best baseline [1]")
     return artists
 
@@ -80,7 +86,7 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
             artists.append(_bar(axes, each, row + lift, colour, words if row == 0 else ""))
     axes.set_yticks(range(len(honest)), [title_of(method) for method in honest])
     axes.set_ylim(len(honest) - 0.5, -0.5)
-    _logarithmic(axes, [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
+    _logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
     axes.set_xlabel("mean distance [m]")
     axes.legend(loc="best")
     return artists
@@ -90,19 +96,17 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
     """The mean distance of every method in each class, with its interval."""
     methods = list(next(iter(classes.values())).methods)
     colours, artists = colours_of(methods), list[Artist]()
-    width = 0.8 / len(methods)
     for number, method in enumerate(methods):
-        at = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * width
+        at = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
         intervals = [each.methods[method].mean_distance_m for each in classes.values()]
-        value = np.array([each.value for each in intervals])
-        reach = np.nan_to_num(np.array([(each.value - each.low, each.high - each.value) for each in intervals]).T)
-        drawn = axes.bar(at, value, width * 0.9, color=colours[method], label=title_of(method))
-        artists.append(drawn.patches[0])
-        axes.errorbar(at, value, np.maximum(reach, 0.0), fmt="none", ecolor=INK, elinewidth=0.8)
-    ticks = [f"{name}\n{each.windows} windows, {each.legs} legs" for name, each in classes.items()]
-    axes.set_xticks(range(len(classes)), ticks)
-    ends = [_top(each.methods[name].mean_distance_m) for each in classes.values() for name in BASELINES]
-    axes.set_ylim(0, _HEADROOM * max(ends))
+        drawn = axes.errorbar(
+            at, [each.value for each in intervals], np.column_stack([_reach(each) for each in intervals]), fmt="o",
+            color=colours[method], capsize=2.5, label=title_of(method),
+        )  # fmt: skip
+        artists.append(drawn.lines[0])
+    axes.set_xticks(range(len(classes)), [f"{name}\n{counts_of(each)}" for name, each in classes.items()])
+    axes.set_xlim(-0.5, len(classes) - 0.5)
+    _logarithmic(axes, "y", [one.mean_distance_m for each in classes.values() for one in each.methods.values()])
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
     return artists
@@ -110,31 +114,29 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
 
 def _bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
     """A point with its interval, lying down."""
-    reach = np.array([[interval.value - interval.low], [interval.high - interval.value]])
     drawn = axes.errorbar(
-        interval.value,
-        row,
-        xerr=np.maximum(np.nan_to_num(reach), 0.0),
-        fmt="o",
-        color=colour,
-        capsize=2.5,
-        label=label,
+        interval.value, row, xerr=_reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
     )
     return drawn.lines[0]
 
 
-def _logarithmic(axes: Axes, intervals: Sequence[Interval]) -> None:
+def _reach(interval: Interval) -> Floats:
+    """How far an interval reaches below and above its figure [2]: not at all where one leg cannot say."""
+    reach = np.array([interval.value - interval.low, interval.high - interval.value])
+    return np.asarray(np.maximum(np.nan_to_num(reach), 0.0))
+
+
+def _logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
     """Half and double stand equally far from one; the ticks are numbers that people read."""
-    axes.set_xscale("log")
     ends = np.array([(each.low, each.value, each.high) for each in intervals])
-    ends = ends[np.isfinite(ends) & (ends > 0)]
-    low, high = min(ends.min(), 0.8), max(ends.max(), 1.25)
-    marks = [base * 10.0**power for power in range(-3, 4) for base in (1.0, 2.0, 5.0)]
-    inside = [mark for mark in marks if low * 0.8 <= mark <= high * 1.25]
-    axes.set_xticks(inside, [f"{mark:g}" for mark in inside])
-    axes.set_xticks([], minor=True)
-    axes.set_xlim(low * 0.85, high * 1.18)
-
-
-def _top(interval: Interval) -> float:
-    return interval.high if np.isfinite(interval.high) else interval.value
+    ends = ends[np.isfinite(ends) & (ends > _LEAST)]
+    low, high = (0.85 * ends.min(), 1.18 * ends.max()) if ends.size else (_LEAST, 1.0)
+    tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    bases = (1.0, 2.0, 5.0) if high / low < 300.0 else (1.0,)
+    marks = [base * 10.0**power for power in tens for base in bases]
+    inside = [mark for mark in marks if low <= mark <= high]
+    axes.set(**{f"{name}scale": "log"})
+    axis = axes.xaxis if name == "x" else axes.yaxis
+    axis.set_ticks(inside, labels=[f"{mark:g}" for mark in inside])
+    axis.set_ticks([], minor=True)
+    axes.set(**{f"{name}lim": (low, high)})

@@ -113,6 +113,15 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     )
 
 
+def counts_of(summary: Summary) -> str:
+    """How many windows of how many legs, for people."""
+    windows, legs = (
+        f"{count} {name}{'' if count == 1 else 's'}"
+        for count, name in ((summary.windows, "window"), (summary.legs, "leg"))
+    )
+    return f"{windows} of {legs}"
+
+
 def leak_of(study: Study, seed: int) -> dict[str, Interval]:
     """By method, how many times the error that the random split shows is found on legs never seen.
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rich.table import Table
 
 from hybrid.evaluation.bootstrap import Interval
-from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
+from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
 
 MEANING = {
     "leg": "whole legs never seen",
@@ -57,11 +57,6 @@ def breakdown_table(split: SplitSummary) -> Table:
             ]  # fmt: skip
             table.add_row(f"{kind}: {name}", str(summary.windows), str(summary.legs), *cells)
     return table
-
-
-def counts_of(summary: Summary) -> str:
-    """How many windows of how many legs, for people."""
-    return f"{summary.windows} windows of {summary.legs} legs"
 
 
 def caption_of(split: SplitSummary) -> str:
