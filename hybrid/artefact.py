@@ -151,9 +151,11 @@ def load(folder: Path) -> Trained:
 def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Calibrator:
     """The calibrator that ``model`` describes, with its weights, if one goes with the other."""
     calibrator = make_calibrator(model.method, model.seed, plant)
-    if calibrator.inputs != tuple(each.name for each in model.inputs):
-        raise InputError("was trained on other inputs than this version gives",
-                         where=str(folder / SIDECAR), fix="train anew")  # fmt: skip
+    names = tuple(each.name for each in model.inputs)
+    if calibrator.inputs != names:
+        differing = sorted(set(calibrator.inputs) ^ set(names))
+        raise InputError(f"was trained on other inputs than this version gives to {model.method}",
+                         where=str(folder / SIDECAR), why=", ".join(differing)[:120], fix="train anew")  # fmt: skip
     try:
         calibrator.restore(tensors)
         described = model_of(calibrator, tensors)
@@ -207,6 +209,8 @@ def _digest(content: bytes) -> str:
 
 def _reason(error: Exception) -> str:
     """The first lines of what a library says; torch lists every tensor."""
+    if isinstance(error, SeatrialError):
+        return error.what
     text = f"{error} is missing" if isinstance(error, KeyError) else str(error)
     return " ".join(text.splitlines()[:2])[:160]
 

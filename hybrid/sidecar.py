@@ -192,15 +192,13 @@ def damaged(path: Path, why: str) -> InputError:
 
 def _check(sidecar: Sidecar, path: Path) -> None:
     """What the types cannot say. Raises :class:`InputError`."""
-    if sidecar.channels != NAMES or sidecar.past_s != PAST_S:
-        raise InputError(
-            "was trained on other channels, or on another past, than this version gives",
-            where=str(path),
-            why=f"{', '.join(sorted(set(sidecar.channels) ^ set(NAMES))) or 'their order'}; {sidecar.past_s} s"[
-                :160
-            ],
-            fix="train anew",
-        )
+    if sidecar.channels != NAMES:
+        differing = ", ".join(sorted(set(sidecar.channels) ^ set(NAMES))) or "their order differs"
+        raise InputError("was trained on other channels than this version gives",
+                         where=str(path), why=_short(differing), fix="train anew")  # fmt: skip
+    if sidecar.past_s != PAST_S:
+        raise InputError(f"was trained on windows that know {sidecar.past_s} s before their start, not {PAST_S} s",
+                         where=str(path), fix="train anew")  # fmt: skip
     if len(sidecar.band_m) != sidecar.horizon_s:
         raise damaged(path, f"band_m has {len(sidecar.band_m)} values for {sidecar.horizon_s} s")
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
