@@ -39,13 +39,17 @@ def evaluate(
     as_json: AsJson = False,
 ) -> None:
     """Fit every method on one part of recordings and judge it on the other."""
+    from rich.console import Console
+
     from acquisition.progress import bar
     from hybrid.artefact import make_folder
     from hybrid.calibrators import METHODS, make_calibrator
     from hybrid.effects.catalogue import vessel_plant
+    from hybrid.evaluation.page import write_evaluation
     from hybrid.evaluation.splits import refuse_unknown
     from hybrid.evaluation.study import study
     from hybrid.evaluation.summary import evaluation_of
+    from hybrid.evaluation.tables import evaluation_tables
     from hybrid.gather import gather
     from hybrid.vessel.files import DEFAULT, load_vessel
 
@@ -65,16 +69,10 @@ def evaluate(
     about = {"files": [str(each) for each in files], "vessel": vessel or DEFAULT, "stride_s": stride, "seed": seed}
     text = json.dumps({**about, **evaluation.as_dict()})
     if output is not None:
-        from hybrid.evaluation.page import write_evaluation
-
         for path in write_evaluation(evaluation, text, about, output):
             typer.echo(path, err=True)
     if as_json:
         typer.echo(text)
         return
-    from rich.console import Console
-
-    from hybrid.evaluation.tables import evaluation_tables
-
     for table in evaluation_tables(evaluation):
         Console().print(table)
