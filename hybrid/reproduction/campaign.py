@@ -33,7 +33,8 @@ TRUTH, MODEL = "gunnerus_long", "gunnerus_short"
 _SWINGS = tuple(side * angle for side, angle in product((-1.0, 1.0), AZIMUTHS_DEG))
 _NEAR_DEG = 2.0
 _SETTLING_S = 8  # of thrusters after an order, and of the filters about it: part of a swing that is not held
-_STRETCHES, _TRIES = 2.5, 4
+_STRETCHES, _SPARE, _TRIES = 2.3, 8, 4
+"""The trial is so many times as long as that many sequences, and a few more, laid end to end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +42,28 @@ class Campaign:
     """The sequences of one sea state as N windows, and the plant that made them.
 
     ``azimuth_deg`` [N] is the order of each sequence, positive turning the ship to port. ``truth`` is the
-    ship in the mean current and drift of the sea state.
+    ship in the mean current and drift of the sea state, ``ship_track`` [N, H+1, 3] where she was, without the
+    first-order motion in waves and without sensors.
     """
 
     horizons: Horizons
     azimuth_deg: Floats
+    ship_track: Floats
     truth: Plant
     sea_state: str
     seed: int
 
     def __len__(self) -> int:
         return len(self.horizons)
+
+    def subset(self, chosen: NDArray[np.bool_]) -> Campaign:
+        """The sequences that a mask chooses."""
+        return replace(
+            self,
+            horizons=self.horizons.subset(chosen),
+            azimuth_deg=self.azimuth_deg[chosen],
+            ship_track=self.ship_track[chosen],
+        )
 
 
 def paper_campaign(
@@ -67,7 +79,7 @@ def paper_campaign(
     do not give enough held swings.
     """
     manoeuvre = _held_for(manoeuvre_named("paper"), horizon_s)
-    duration_s = _STRETCHES * sequences * (horizon_s + PAST_S)
+    duration_s = _STRETCHES * (sequences + _SPARE) * (horizon_s + PAST_S)
     found = 0
     for _ in range(_TRIES):
         table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration_s, RATE_HZ, seed)
@@ -77,7 +89,8 @@ def paper_campaign(
         if len(windows) == sequences:
             chosen = rows[rows["window"].isin(windows)]
             horizons = from_rows(chosen, start_motion(chosen, one_hz), {f"{sea_state}-{seed}": one_hz})
-            return Campaign(horizons, azimuth_deg, truth["plant"], sea_state, seed)
+            ship_track = _ship_track(horizons, table.index[0], truth["states"])
+            return Campaign(horizons, azimuth_deg, ship_track, truth["plant"], sea_state, seed)
         duration_s, found = 1.5 * duration_s, len(windows)
     raise DataShortageError(
         f"{found} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
@@ -94,6 +107,13 @@ def _held_for(manoeuvre: Manoeuvre, horizon_s: int) -> Manoeuvre:
         else leg
         for leg in manoeuvre
     )
+
+
+def _ship_track(horizons: Horizons, began: pd.Timestamp, states: Floats) -> Floats:
+    """Where the ship was at the seconds of each window [N, H+1, 3], from her ``states`` [rows, 6] at RATE_HZ."""
+    first = np.round((horizons.start_time - began).total_seconds().to_numpy() * RATE_HZ).astype(np.int64)
+    rows = first[:, None] + np.round(np.arange(horizons.horizon_s + 1) * RATE_HZ).astype(np.int64)
+    return np.asarray(states[rows, :3])
 
 
 def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tuple[Counts, Floats]:

@@ -17,7 +17,6 @@ from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.horizon import Horizons, split_by_group
 from hybrid.reproduction.campaign import HORIZON_S, MODEL, SEQUENCES, TRUTH, Campaign, paper_campaign
-from hybrid.train import inside_range
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 
@@ -65,12 +64,13 @@ def compare(job: Job) -> list[Errors]:
     """The errors of every method under both splits, windows in which the reference leaves its range left out."""
     plant = vessel_plant(load_vessel(job.model))
     campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
-    horizons, tracks = inside_range(campaign.horizons, plant)
-    campaign = replace(campaign, horizons=horizons)
+    tracks = reference(campaign.horizons, plant)
+    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
+    campaign, tracks = campaign.subset(inside), tracks[inside]
     return [
         error
         for split in SPLITS
-        for error in _compared(job, campaign, tracks, plant, split, parts_of(horizons, split, job.seed))
+        for error in _compared(job, campaign, tracks, plant, split, parts_of(campaign.horizons, split, job.seed))
     ]
 
 
@@ -99,6 +99,7 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
         "constant_velocity": constant_velocity(judged),
         "reference": tracks[tested],
         "floor": reference(judged, campaign.truth),
+        "waves_only": campaign.ship_track[tested],
     }
     training = _examples(horizons, tracks, parts.training)
     stopping = _examples(horizons, tracks, parts.stopping)

@@ -79,6 +79,13 @@ def test_the_floor_is_far_below_the_reference(calm: Campaign) -> None:
     assert floor < 0.5 * held
 
 
+def test_in_a_calm_only_the_sensors_part_the_ship_from_her_measured_track(calm: Campaign) -> None:
+    """Centimetres after the filter; the heading, which turns, agrees too."""
+    gap = calm.ship_track - calm.horizons.track
+    assert np.abs(gap[..., :2]).max() < 0.15
+    assert np.abs(np.angle(np.exp(1j * gap[..., 2]))).max() < np.deg2rad(0.5)
+
+
 def test_the_same_seed_gives_the_same_campaign(calm: Campaign) -> None:
     again, other = paper_campaign("calm", 3, sequences=8), paper_campaign("calm", 4, sequences=8)
     assert np.array_equal(again.horizons.track, calm.horizons.track)
@@ -87,6 +94,6 @@ def test_the_same_seed_gives_the_same_campaign(calm: Campaign) -> None:
 
 
 def test_too_short_a_trial_is_an_error_with_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(campaigns, "_STRETCHES", 0.2)
+    monkeypatch.setattr(campaigns, "_STRETCHES", 0.1)
     with pytest.raises(DataShortageError, match=r"\d+ of 20 sequences found in \d+ s of zigzags in a calm sea"):
         paper_campaign("calm", sequences=20)
