@@ -85,7 +85,7 @@ def write_drawn(shown: Shown, folder: Path) -> list[Path]:
 
 def draw_tracks(figure: Figure, shown: Shown) -> None:
     """Figure 4."""
-    panels = _row(figure, len(shown.seas))
+    panels = list(figure.subplots(len(shown.seas), 1, squeeze=False)[:, 0])
     for axes, sea in zip(panels, shown.seas, strict=True):
         plots.campaign_tracks(axes, sea.campaign.horizons, sea.campaign.azimuth_deg)
         axes.set_title(f"{sea.campaign.sea_state}: {len(sea.campaign)} sequences", loc="left")
@@ -212,7 +212,9 @@ def _only_outer_labels(panels: Sequence[Axes]) -> None:
 
 FIGURES: dict[str, FigureOf] = {
     "figure_04_tracks": FigureOf(
-        draw_tracks, (10.5, 5.0), "The campaign in the three sea states: zigzags, one colour an azimuth, north up."
+        draw_tracks,
+        (10.5, 6.0),
+        "The campaign in the three sea states: zigzags, one colour an azimuth, north to the right and east down.",
     ),
     "figure_05_channels": FigureOf(
         draw_channels, (10.5, 6.5), "One sequence of 600 samples: pose, velocities, wind and thrusters."

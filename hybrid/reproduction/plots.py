@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -32,18 +33,21 @@ def start_frame(track: Floats, start: Floats) -> Floats:
 
 
 def campaign_tracks(axes: Axes, horizons: Horizons, azimuth_deg: Floats) -> list[Artist]:
-    """Where the sequences lie, one colour an azimuth, with the half minute before each in grey; north up."""
+    """Where the sequences lie, one colour an azimuth, with the half minute before each in grey; north to the right.
+
+    Zigzags along one course make a long and narrow picture, which is why it lies on its side.
+    """
     artists: list[Artist] = []
     for past in horizons.past:
-        artists += axes.plot(past[:, 1] / 1e3, past[:, 0] / 1e3, color=FAINT, linewidth=0.7)
+        artists += axes.plot(past[:, 0] / 1e3, past[:, 1] / 1e3, color=FAINT, linewidth=0.8)
     for angle, colour in AZIMUTH_COLOUR.items():
-        for number in np.flatnonzero(np.abs(azimuth_deg) == angle):
-            track = horizons.track[number] / 1e3
-            named = f"{angle:g}°" if number == np.flatnonzero(np.abs(azimuth_deg) == angle)[0] else None
-            artists += axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=1.8, label=named)
+        for place, number in enumerate(np.flatnonzero(np.abs(azimuth_deg) == angle)):
+            track, label = horizons.track[number] / 1e3, None if place else f"{angle:g}°"
+            artists += axes.plot(track[:, 0], track[:, 1], color=colour, linewidth=1.8, label=label)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("east [km]")
-    axes.set_ylabel("north [km]")
+    axes.invert_yaxis()
+    axes.set_xlabel("north [km]")
+    axes.set_ylabel("east [km]")
     return artists
 
 
@@ -69,7 +73,7 @@ def fans(axes: Axes, horizons: Horizons, predicted: Floats, method: str) -> list
         artists += axes.plot(ours[:, 0], ours[:, 1], color=INK, label="measured" if first else None)
         label = title_of(method) if first else None
         artists += axes.plot(theirs[:, 0], theirs[:, 1], "--", color=COLOUR[method], label=label)
-    _bow_up(axes)
+    _bow_up(axes, "box")
     return artists
 
 
@@ -107,7 +111,7 @@ def track_with_end(
     for other, each in predicted.items():
         ends.plot(*each[-1], "o", color=COLOUR[other], markersize=4)
     _frame_end(ends, measured[-1], around_m)
-    _bow_up(axes)
+    _bow_up(axes, "datalim")
     return artists
 
 
@@ -122,8 +126,8 @@ def _frame_end(ends: Axes, middle: Floats, around_m: float) -> None:
     ends.set_title(f"end, {2 * around_m:g} m wide", fontsize=7, pad=2)
 
 
-def _bow_up(axes: Axes) -> None:
-    axes.set_aspect("equal", adjustable="datalim")
+def _bow_up(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
+    axes.set_aspect("equal", adjustable=adjustable)
     axes.set_xlabel("to starboard [m]")
     axes.set_ylabel("ahead [m]")
 

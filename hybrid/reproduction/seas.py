@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -58,7 +58,7 @@ def sea_of(job: Job) -> Sea:
     campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
     kept = np.isfinite(reference(campaign.horizons, plant)).all(axis=(1, 2))
     horizons, tracks = inside_range(campaign.horizons, plant)
-    usable = Campaign(horizons, campaign.azimuth_deg[kept], campaign.truth, campaign.sea_state, campaign.seed)
+    usable = replace(campaign, horizons=horizons, azimuth_deg=campaign.azimuth_deg[kept])
     unseen = np.flatnonzero(parts_of(horizons, "sequence", job.seed).test.any(axis=1))
     return Sea(usable, tracks, unseen, tuple(compare(job)))
 
