@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
-_HEADER = ["method", "mean distance [m]", "at the end [m]", "heading [deg]", "ratio to best baseline",
+_HEADER = ["method", "mean distance [m]", "at the end [m]", "north, east [m]", "heading [deg]", "ratio to best",
            "in the 95 % region"]  # fmt: skip
 
 
@@ -78,6 +78,7 @@ def _add_split(page: Page, split: SplitSummary) -> None:
     names = list(split.whole.methods)
     rows = [
         [_whole(title_of(name)), _whole(spread(each.mean_distance_m)), _whole(spread(each.end_distance_m)),
+         _whole(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
          f"{each.heading_error_deg.value:.1f}", _whole(spread(each.ratio)), _percent(each.coverage_95)]
         for name, each in split.whole.methods.items()
     ]  # fmt: skip

@@ -18,7 +18,7 @@ MEANING = {
 FEW_LEGS = 10
 """With fewer legs than this a bootstrap's intervals are too narrow."""
 
-_COLUMNS = ("mean m", "at the end m", "north m", "east m", "heading deg", "ratio", "in 95 %")
+_COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")
 
 
 def evaluation_tables(evaluation: Evaluation) -> Iterator[Table]:
@@ -32,14 +32,16 @@ def evaluation_tables(evaluation: Evaluation) -> Iterator[Table]:
 
 
 def methods_table(horizon_s: int, split: SplitSummary) -> Table:
-    """One row a method, figures with their 95 % intervals; ``ratio`` is to the best baseline."""
+    """One row a method: mean distance, distance at the end, heading error, ratio to the best baseline, coverage.
+
+    The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
+    """
     table = _table(f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s",
                    caption_of(split), *_COLUMNS)  # fmt: skip
     for name, each in split.whole.methods.items():
         cells = (
-            spread(each.mean_distance_m), spread(each.end_distance_m), f"{each.mae_north_m.value:.2f}",
-            f"{each.mae_east_m.value:.2f}", f"{each.heading_error_deg.value:.1f}", spread(each.ratio),
-            f"{each.coverage_95.value:.1%}",
+            spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}", f"{each.heading_error_deg.value:.1f}",
+            spread(each.ratio), f"{each.coverage_95.value:.1%}",
         )  # fmt: skip
         table.add_row(name, *cells, style="bold" if name == split.whole.best else "")
     return table
@@ -47,15 +49,13 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
-    table = _table(f"{split.kind}: mean distance m by class", None, "windows", "legs", *split.whole.methods)
+    methods = [name.replace("_", " ") for name in split.whole.methods]
+    table = _table(f"{split.kind}: mean distance m by class, with windows/legs", None, "", *methods)
     for kind, classes in split.shown.items():
         for name, summary in classes.items():
-            cells = [
-                f"[bold]{spread(each.mean_distance_m)}[/bold]" if method == summary.best
-                else spread(each.mean_distance_m)
-                for method, each in summary.methods.items()
-            ]  # fmt: skip
-            table.add_row(f"{kind}: {name}", str(summary.windows), str(summary.legs), *cells)
+            figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
+            figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
+            table.add_row(f"{kind}: {name}", f"{summary.windows}/{summary.legs}", *figures.values())
     return table
 
 
@@ -86,7 +86,7 @@ def spread(interval: Interval) -> str:
 
 
 def _leak_table(evaluation: Evaluation) -> Table:
-    table = _table("what the random split hides: error on legs never seen over the error it shows", None, "times")
+    table = _table("random hides: error on unseen legs over it", None, "times")
     for name, factor in evaluation.leak.items():
         table.add_row(name, spread(factor))
     return table
@@ -95,7 +95,7 @@ def _leak_table(evaluation: Evaluation) -> Table:
 def _table(title: str, caption: str | None, *columns: str) -> Table:
     table = Table(title=title, title_justify="left", box=None, header_style="dim", caption=caption,
                   caption_justify="left")  # fmt: skip
-    table.add_column("")
+    table.add_column("", no_wrap=True)
     for column in columns:
-        table.add_column(column, justify="right", no_wrap=True)
+        table.add_column(column, justify="right")
     return table
