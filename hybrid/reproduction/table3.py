@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 
 from hybrid.reproduction.campaign import SEA_STATES
 from hybrid.reproduction.comparison import SPLITS, Errors, Job, compare
+from hybrid.reproduction.processes import in_order
 from hybrid.reproduction.published import PUBLISHED, published_hybrid
 
 Floats = NDArray[np.float64]
@@ -113,7 +112,8 @@ class Table3:
 
 def table3(jobs: Sequence[Job], workers: int | None = None, progress: Progress = lambda share: None) -> Table3:
     """Compare all methods on each job's campaign; the result does not depend on the number of ``workers``."""
-    errors = [each for done in _done(jobs, workers or os.cpu_count() or 1, progress) for each in done]
+    asked = [(compare, job) for job in jobs]
+    errors = [each for done in in_order(asked, workers or os.cpu_count() or 1, progress) for each in done]
     rows = tuple(
         row
         for sea_state in dict.fromkeys(job.sea_state for job in jobs)
@@ -126,27 +126,6 @@ def table3(jobs: Sequence[Job], workers: int | None = None, progress: Progress =
 def papers_jobs(seed: int = 0, seeds: int = SEEDS) -> list[Job]:
     """The paper's three sea states, each with so many seeds from ``seed`` on."""
     return [Job(sea_state, seed + number) for sea_state in SEA_STATES for number in range(seeds)]
-
-
-def _done(jobs: Sequence[Job], workers: int, progress: Progress) -> list[list[Errors]]:
-    """The errors of each job, in the order of the jobs."""
-    if workers == 1 or len(jobs) == 1:
-        return [result for number, job in enumerate(jobs) for result in _one(job, number, len(jobs), progress)]
-    with ProcessPoolExecutor(min(workers, len(jobs)), get_context("spawn")) as pool:
-        futures = [pool.submit(compare, job) for job in jobs]
-        try:
-            for number, future in enumerate(as_completed(futures)):
-                future.result()
-                progress((number + 1) / len(jobs))
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [future.result() for future in futures]
-
-
-def _one(job: Job, number: int, count: int, progress: Progress) -> Iterable[list[Errors]]:
-    yield compare(job)
-    progress((number + 1) / count)
 
 
 def rows_of(errors: Sequence[Errors]) -> list[Row]:
