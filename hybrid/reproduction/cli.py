@@ -19,6 +19,7 @@ def mount(app: typer.Typer) -> None:
     reproduce = typer.Typer(no_args_is_help=True)
     reproduce.command("table3", help="Table III on sequences never seen, beside the random split.")(table3)
     reproduce.command("figures", help="The figures of the paper, in our own style.")(figures)
+    reproduce.command("fidelity", help="How bad may the reference be before it stops helping?")(fidelity)
     app.add_typer(reproduce, name="reproduce", help="The paper's results, from scratch.")
 
 
@@ -71,3 +72,33 @@ def figures(
         return
     for path in paths:
         typer.echo(path)
+
+
+def fidelity(
+    output: Folder = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Means over so many draws of the windows learned from.")] = 2,
+    sea_state: Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml.")] = "gentle",
+    method: Annotated[str, typer.Option(help="The calibrator that is put on every reference.")] = "paper",
+    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Degrade the reference step by step and learn from ever more windows."""
+    from acquisition.progress import bar
+    from hybrid.artefact import make_folder
+    from hybrid.reproduction.fidelity import papers_map, reading
+
+    if output is not None:
+        make_folder(output)
+    with bar("fidelity") as progress:
+        found = papers_map(sea_state, method, seed, seeds, workers, progress)
+    if output is not None:
+        from hybrid.reproduction.fidelity_plots import write_map
+
+        for path in write_map(found, output):
+            typer.echo(path, err=True)
+    if as_json:
+        typer.echo(json.dumps(found.as_dict()))
+        return
+    for sentence in reading(found):
+        typer.echo(sentence)

@@ -8,6 +8,7 @@ finds his place on the map.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import product
@@ -20,11 +21,13 @@ from numpy.typing import NDArray
 from acquisition.errors import DataShortageError
 from hybrid.baselines import constant_velocity, reference
 from hybrid.calibrators import make_calibrator
+from hybrid.effects import vessel_plant
 from hybrid.horizon import Horizons
-from hybrid.reproduction.campaign import TRUTH, paper_campaign
-from hybrid.reproduction.degradation import OVERALL, Degradation
+from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
+from hybrid.reproduction.degradation import OVERALL, Degradation, degradations, single_degradations
 from hybrid.reproduction.processes import in_order
 from hybrid.scores import distances
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
@@ -100,6 +103,27 @@ class FidelityMap:
                  for name, value in asdict(self).items()}  # fmt: skip
         limits = [None if np.isinf(each) else float(each) for each in useful_up_to_m(self)]
         return {**plain, "useful_up_to_m": limits, "reading": list(reading(self))}
+
+
+def papers_map(
+    sea_state: str = "gentle",
+    method: str = "paper",
+    seed: int = 0,
+    seeds: int = 2,
+    workers: int | None = None,
+    progress: Progress = lambda share: None,
+) -> FidelityMap:
+    """The map of the paper's ship and reference in one sea state, every axis of degradation."""
+    at_work = workers or os.cpu_count() or 1
+    sequences, truth = campaign_sequences(
+        sea_state, seed, workers=at_work, progress=lambda done: progress(0.1 * done)
+    )
+    model = vessel_plant(load_vessel(MODEL))
+    steps = (*degradations(truth, model), *single_degradations(truth, model))
+    drawn = range(seed, seed + seeds)
+    return fidelity_map(
+        sequences, steps, method, seeds=drawn, workers=at_work, progress=lambda done: progress(0.1 + 0.9 * done)
+    )
 
 
 def campaign_sequences(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,6 @@ from hybrid.effects import vessel_plant
 from hybrid.horizon import Horizons
 from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign, paper_campaign
 from hybrid.reproduction.comparison import Errors, Job, compare, parts_of
-from hybrid.train import inside_range
 from hybrid.truth.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 
@@ -54,13 +53,12 @@ class Sea:
 
 def sea_of(job: Job) -> Sea:
     """Simulate the campaign of ``job``, train every method on it and judge them."""
-    plant = vessel_plant(load_vessel(job.model))
     campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
-    kept = np.isfinite(reference(campaign.horizons, plant)).all(axis=(1, 2))
-    horizons, tracks = inside_range(campaign.horizons, plant)
-    usable = replace(campaign, horizons=horizons, azimuth_deg=campaign.azimuth_deg[kept])
-    unseen = np.flatnonzero(parts_of(horizons, "sequence", job.seed).test.any(axis=1))
-    return Sea(usable, tracks, unseen, tuple(compare(job)))
+    tracks = reference(campaign.horizons, vessel_plant(load_vessel(job.model)))
+    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
+    usable = campaign.subset(inside)
+    unseen = np.flatnonzero(parts_of(usable.horizons, "sequence", job.seed).test.any(axis=1))
+    return Sea(usable, tracks[inside], unseen, tuple(compare(job)))
 
 
 def example_sequence(sea_state: str, seed: int, vessel: str) -> pd.DataFrame:

@@ -1,0 +1,141 @@
+"""The map of where reference, hybrid and pure data win, as a picture: cells of the winner's colour."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from numpy.typing import NDArray
+
+from analysis.files import in_place_of
+from analysis.plots import INK, STYLE
+from hybrid.plots import title_of
+from hybrid.reproduction.fidelity import FidelityMap, useful_up_to_m
+from hybrid.reproduction.plots import COLOUR
+
+Floats = NDArray[np.float64]
+
+PALEST, FULL_MARGIN = 0.25, 0.5
+"""How much colour a cell has whose winner leads by nothing, and the lead from which it has all of it."""
+NAME = "fidelity_map"
+
+
+def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
+    """A cell for each reference and amount of data: coloured by who wins, stronger the further ahead; its error.
+
+    Rows are the references of the main axis, the best at the bottom, labelled by their own error [m] and that over
+    constant velocity's. The line is where the hybrid stops to be better than the data alone.
+    """
+    main = found.overall()
+    errors_m = main.errors_m()
+    ranked = np.sort(errors_m, axis=0)
+    winner, lead = errors_m.argmin(axis=0), 1.0 - ranked[0] / ranked[1]
+    artists: list[Artist] = []
+    for row, column in np.ndindex(winner.shape):
+        strength = PALEST + (1.0 - PALEST) * min(1.0, float(lead[row, column]) / FULL_MARGIN)
+        colour = _paler(_colour(main, int(winner[row, column])), strength)
+        artists.append(axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1.0, 1.0, color=colour, linewidth=0)))
+        axes.text(column, row, f"{ranked[0, row, column]:.2f}", ha="center", va="center", fontsize=8, color=INK)
+    artists += axes.plot(range(len(main.windows)), _limit_rows(main), color=INK, linewidth=2.0)
+    _label_cells(axes, main)
+    return artists
+
+
+def _label_cells(axes: Axes, main: FidelityMap) -> None:
+    references = [f"{each:.2f} m ({each / main.constant_velocity_m:.1f})" for each in main.reference_m]
+    axes.set_xticks(range(len(main.windows)), [str(each) for each in main.windows])
+    axes.set_yticks(range(len(references)), references)
+    axes.set_xlim(-0.5, len(main.windows) - 0.5)
+    axes.set_ylim(-0.5, len(references) - 0.5)
+    axes.grid(visible=False)
+    axes.set_xlabel("windows to learn from")
+    axes.set_ylabel(
+        f"the reference's own error [m] (over the {main.constant_velocity_m:.2f} m of constant velocity)"
+    )
+
+
+def legend_handles(found: FidelityMap) -> list[Patch | Line2D]:
+    """What the colours and the line say; the numbers in the cells are the winner's error."""
+    names = ["reference alone", *(title_of(each) for each in found.rivals[1:-1]), f"hybrid ({found.method})"]
+    patches = [Patch(facecolor=_colour(found, number), label=name) for number, name in enumerate(names)]
+    return [*patches, Line2D([], [], color=INK, linewidth=2.0, label="hybrid no better than data alone above")]
+
+
+def _colour(found: FidelityMap, number: int) -> str:
+    """The colour of a rival; the calibrator has the hybrid's, whichever it is."""
+    return COLOUR["hybrid"] if number == len(found.rivals) - 1 else COLOUR[found.rivals[number]]
+
+
+def _paler(colour: str, strength: float) -> tuple[float, float, float]:
+    red, green, blue = (1.0 - strength * (1.0 - part) for part in to_rgb(colour))
+    return red, green, blue
+
+
+def _limit_rows(main: FidelityMap) -> Floats:
+    """The thresholds as heights on the axis of rows [W]; at its ends where they lie beyond it."""
+    limits = useful_up_to_m(main)
+    rows = np.interp(
+        np.log(np.clip(limits, 1e-9, None)), np.log(main.reference_m), np.arange(len(main.reference_m))
+    )
+    return np.where(np.isinf(limits), len(main.reference_m) - 0.5, np.where(limits == 0.0, -0.5, rows))
+
+
+def draw_map(figure: Figure, found: FidelityMap) -> None:
+    """The map with its legend."""
+    axes = figure.subplots()
+    fidelity_cells(axes, found)
+    axes.set_title("Who predicts best, and the mean error that the best leaves [m]", loc="left")
+    figure.legend(handles=legend_handles(found), loc="outside lower center", ncols=3)
+
+
+def draw_axes(figure: Figure, found: FidelityMap) -> None:
+    """The hybrid's error against the reference's own, whatever was degraded, for few and many windows."""
+    axes = figure.subplots()
+    kinds = list(dict.fromkeys(found.axis))
+    columns = sorted({0, len(found.windows) // 2, len(found.windows) - 1})
+    for column, shade in zip(columns, (0.35, 0.65, 1.0), strict=False):
+        colour = _paler(COLOUR["hybrid"], shade)
+        axes.axhline(found.data_driven_m[column], color=_paler(COLOUR["data_driven"], shade), linewidth=1.0)
+        for kind, marker in zip(kinds, "osD^", strict=False):
+            rows = [number for number, axis in enumerate(found.axis) if axis == kind]
+            axes.plot(found.reference_m[rows], found.hybrid_m[rows, column], marker, color=colour, markersize=5)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("the reference's own error [m]")
+    axes.set_ylabel("the hybrid's error [m]")
+    marks = [
+        Line2D([], [], color=INK, marker=marker, linestyle="none", label=kind)
+        for kind, marker in zip(kinds, "osD^", strict=False)
+    ]
+    shades = [
+        Line2D([], [], color=_paler(COLOUR["hybrid"], shade), linewidth=4, label=f"{found.windows[column]} windows")
+        for column, shade in zip(columns, (0.35, 0.65, 1.0), strict=False)
+    ]
+    data = Line2D([], [], color=COLOUR["data_driven"], linewidth=1.0, label="data alone, as many")
+    figure.legend(handles=[*marks, *shades, data], loc="outside lower center", ncols=4)
+
+
+def write_map(found: FidelityMap, folder: Path) -> list[Path]:
+    """The map as PNG and SVG, its numbers and its reading as JSON. Raises :class:`StorageError`."""
+    path = folder / f"{NAME}.json"
+    with in_place_of(path) as partial:
+        partial.write_text(json.dumps(found.as_dict(), indent=2) + "\n", encoding="utf-8")
+    paths = [path]
+    with mpl.rc_context({**STYLE, "svg.hashsalt": "seatrial"}):  # type: ignore[dict-item]
+        for name, draw, size in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):
+            figure = Figure(figsize=size)
+            draw(figure, found)
+            for ending in ("png", "svg"):
+                path = folder / f"{name}.{ending}"
+                with in_place_of(path) as partial:
+                    figure.savefig(partial, format=ending, dpi=150)
+                paths.append(path)
+    return paths
