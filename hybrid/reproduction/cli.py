@@ -42,7 +42,12 @@ def table3(
     with bar("campaigns") as progress:
         table = run(papers_jobs(seed, seeds), workers, progress)
     if output is not None:
-        for path in write_table3(table, output):
+        from hybrid.reproduction.figures import shown_of
+        from hybrid.reproduction.page import write_page
+
+        with bar("figures") as progress:
+            shown = shown_of(papers_jobs(seed, 1), progress)
+        for path in (*write_table3(table, output), write_page(table, output, shown)):
             typer.echo(path, err=True)
     if as_json:
         typer.echo(json.dumps(table.as_dict()))

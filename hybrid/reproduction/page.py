@@ -1,0 +1,109 @@
+"""``table3.html``: the reproduction on one page, with its figures and with what falls short."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from analysis.page import Page
+from hybrid.plots import title_of
+from hybrid.reproduction.figures import FIGURES, FigureOf, Shown
+from hybrid.reproduction.published import PUBLISHED
+from hybrid.reproduction.table3 import Cell, Row, Table3
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GAP_WANTED = 0.95
+QUANTITY = {"reduction_x": "north", "reduction_y": "east", "reduction": "distance"}
+HEADER = ["method", "north [m]", "east [m]", "distance [m]", "95 % interval [m]", "less than reference",
+          "removable gap closed", "random split [m]", "less than reference"]  # fmt: skip
+
+
+def write_page(table: Table3, folder: Path, shown: Shown | None = None) -> Path:
+    """Write ``table3.html``, with figures if there is something to be ``shown``. Raises :class:`StorageError`."""
+    page = Page("The paper's Table III, reproduced", "Mean errors of predictions on sequences never seen")
+    add_shortfalls(page, table)
+    for sea_state in dict.fromkeys(row.sea_state for row in table.rows):
+        add_sea_state(page, [row for row in table.rows if row.sea_state == sea_state])
+    add_cells(page, table)
+    if shown is not None:
+        page.heading("Figures")
+        for each in FIGURES.values():
+            page.figure(_filled(each, shown), each.size_inch, each.caption)
+    return page.write(folder / "table3.html")
+
+
+def _filled(drawn: FigureOf, shown: Shown) -> Callable[[Figure], None]:
+    return lambda figure: drawn.draw(figure, shown)
+
+
+def add_shortfalls(page: Page, table: Table3) -> None:
+    """What the numbers do not reach, in words, before anything else."""
+    page.heading("What falls short")
+    found = shortfalls(table)
+    for sentence in found:
+        page.note(sentence)
+    if not found:
+        page.text("Nothing: every published reduction is exceeded, and the removable gap is closed as wanted.")
+
+
+def shortfalls(table: Table3) -> list[str]:
+    """A sentence for each published reduction not reached and each removable gap not closed."""
+    return [_cell_short(cell) for cell in table.cells if not cell.above] + [
+        f"{row.sea_state}: the hybrid closes {row.removable_gap_closed.value:.0%} of the removable gap "
+        f"({row.removable_gap_closed.low:.0%} to {row.removable_gap_closed.high:.0%}), less than {GAP_WANTED:.0%}."
+        for row in table.rows
+        if (row.method, row.split) == ("hybrid", "sequence") and row.removable_gap_closed.value < GAP_WANTED
+    ]
+
+
+def _cell_short(cell: Cell) -> str:
+    text = (
+        f"{cell.sea_state}, {QUANTITY[cell.quantity]}: {cell.hybrid.value:.1%} ({cell.hybrid.low:.1%} to "
+        f"{cell.hybrid.high:.1%}) less error than the reference, where the paper states {cell.published:.1%}"
+    )
+    if cell.floor > cell.published:
+        return f"{text}."
+    return f"{text}; the true model from the same measurements reaches {cell.floor:.1%} only."
+
+
+def add_sea_state(page: Page, rows: list[Row]) -> None:
+    """The methods of one sea state, never seen beside the random split, and the paper's own rows."""
+    unseen = [row for row in rows if row.split == "sequence"]
+    mixed = {row.method: row for row in rows if row.split == "random"}
+    first = unseen[0]
+    page.heading(f"{first.sea_state}: {first.sequences} sequences never seen, {first.seeds} seeds")
+    lines = [_line(row, mixed.get(row.method)) for row in unseen]
+    for each in PUBLISHED:
+        if each.sea_state == first.sea_state:
+            errors = [f"{value:.2f}" for value in (each.mae_x_m, each.mae_y_m, each.mean_distance_m)]
+            less = f"{each.reduction:.1%}" if each.reduction else ""
+            lines.append([f"published {each.method}", *errors, "", "", "", errors[-1], less])
+    best = next((place for place, row in enumerate(unseen) if row.method == "hybrid"), None)
+    page.table(HEADER, lines, best=best)
+
+
+def _line(row: Row, mixed: Row | None) -> list[str]:
+    distance = row.mean_distance_m
+    leak = ["", ""] if mixed is None else [f"{mixed.mean_distance_m.value:.2f}", f"{mixed.reduction.value:.1%}"]
+    return [
+        title_of(row.method), f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", f"{distance.value:.2f}",
+        f"{distance.low:.2f} to {distance.high:.2f}", f"{row.reduction.value:.1%}",
+        f"{row.removable_gap_closed.value:.0%}", *leak,
+    ]  # fmt: skip
+
+
+def add_cells(page: Page, table: Table3) -> None:
+    """The published reductions, ours with intervals, and what the true model reaches."""
+    if not table.cells:
+        return
+    above = sum(cell.above for cell in table.cells)
+    page.heading(f"{above} of {len(table.cells)} published reductions exceeded on sequences never seen")
+    lines = [
+        [f"{cell.sea_state}, {QUANTITY[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
+         f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", f"{cell.floor:.1%}", "yes" if cell.above else "no"]
+        for cell in table.cells
+    ]  # fmt: skip
+    page.table(["", "published", "hybrid", "95 % interval", "true model", "above"], lines)
