@@ -16,16 +16,17 @@ from typer.testing import CliRunner
 
 import seatrial
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.calibrator import Calibrator, Examples, Progress
 from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.horizon import Horizons
 from hybrid.reproduction import comparison
-from hybrid.reproduction.comparison import Errors, Job, parts_of
+from hybrid.reproduction.comparison import Errors, Job, fitted, parts_of
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import ORDER, Row, Table3, bootstrap_means, cells_of, rows_of, table3
 from hybrid.reproduction.tables import write_table3
 from hybrid.scores import score
 from hybrid.vessel.plant import Plant
-from tests.hybrid.windows_by_hand import random_windows
+from tests.hybrid.windows_by_hand import Floats, random_windows
 
 CONTRACT = {
     "sea_state", "method", "split", "mae_x_m", "mae_y_m", "mean_distance_m", "low", "high", "reduction",
@@ -77,6 +78,33 @@ def test_a_split_leaves_a_fifth_for_the_test() -> None:
     windows = random_windows(70, 30)
     assert parts_of(windows, "sequence", 0).test[:, 0].sum() == 14
     assert parts_of(windows, "random", 0).test.mean() == pytest.approx(0.2, abs=0.03)
+
+
+class Remembering(NetworkCalibrator):
+    """Keeps what it was given to learn from."""
+
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Remembering:
+        self.given = training[0].track
+        return self
+
+    def features(self, horizons: Horizons, reference: Floats) -> Floats:
+        return np.zeros((len(horizons), horizons.horizon_s, 1))
+
+
+def test_seconds_kept_from_a_calibrator_do_not_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A network passes over them; another calibrator gets them interpolated from the others, never measured."""
+    windows = random_windows(6, 30)
+    kept_out = np.random.default_rng(5).random((6, 31)) < 0.3
+    kept_out[:, 0] = False
+    spoilt = replace(windows, track=np.where(kept_out[..., None], np.nan, windows.track))
+    learner = Remembering()
+    fitted(learner, (spoilt, windows.track), (spoilt, windows.track))
+    assert (np.isnan(learner.given[..., 0]) == kept_out).all()
+    monkeypatch.setattr("hybrid.calibrators.network.NetworkCalibrator", type("Other", (), {}))
+    fitted(learner, (spoilt, windows.track), (spoilt, windows.track))
+    assert learner.given[~kept_out] == pytest.approx(windows.track[~kept_out])
+    gap_m = np.abs(learner.given - windows.track)[kept_out][:, :2]
+    assert 0.0 < gap_m.max() < 0.5
 
 
 def test_the_bootstraps_first_row_is_the_score() -> None:
@@ -188,8 +216,10 @@ def test_files_hold_the_table(table: Table3, tmp_path: Path) -> None:
 def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
     monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
+    monkeypatch.setattr("hybrid.reproduction.figures.shown_of", lambda *_: None)  # the page without figures
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
+    assert "What falls short" in (tmp_path / "table3.html").read_text()
     shown = CliRunner().invoke(seatrial.app, ["reproduce", "table3"], env={"COLUMNS": "140"}).stdout
     assert "published" in shown
     assert "88.3%" in shown
