@@ -240,10 +240,15 @@ def useful_up_to_m(found: FidelityMap) -> Floats:
     """
     main = found.overall()
     gain = np.asarray(1.0 - main.hybrid_m / main.data_driven_m - SAME)
-    return np.array([_falls_below_zero(np.log(main.reference_m), column) for column in gain.T])
+    return np.array([_falls_below_zero(log_error(main.reference_m), column) for column in gain.T])
 
 
-def _falls_below_zero(log_error: Floats, gain: Floats) -> float:
+def log_error(error_m: Floats) -> Floats:
+    """The logarithm of errors in metres, those below a millimetre counted as one."""
+    return np.log(np.maximum(error_m, 1e-3))
+
+
+def _falls_below_zero(log_errors: Floats, gain: Floats) -> float:
     useless = np.flatnonzero(gain <= 0.0)
     if not useless.size:
         return float("inf")
@@ -251,7 +256,7 @@ def _falls_below_zero(log_error: Floats, gain: Floats) -> float:
     if after == 0:
         return 0.0
     share = gain[after - 1] / (gain[after - 1] - gain[after])
-    return float(np.exp(log_error[after - 1] + share * (log_error[after] - log_error[after - 1])))
+    return float(np.exp(log_errors[after - 1] + share * (log_errors[after] - log_errors[after - 1])))
 
 
 def enough_alone_m(found: FidelityMap) -> Floats:

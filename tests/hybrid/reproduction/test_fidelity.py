@@ -1,0 +1,177 @@
+"""The map of how good a reference must be: its numbers, its thresholds, its sentences, its picture."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from acquisition.errors import DataShortageError
+from hybrid.baselines import reference
+from hybrid.effects import vessel_plant
+from hybrid.horizon import Horizons
+from hybrid.reproduction.degradation import OVERALL, blended, degradations, livelier, single_degradations
+from hybrid.reproduction.fidelity import (
+    FidelityMap,
+    Sequences,
+    enough_alone_m,
+    fidelity_map,
+    reading,
+    useful_up_to_m,
+)
+from hybrid.reproduction.fidelity_plots import draw_map, write_map
+from hybrid.scores import distances
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import NUMBERS, Plant
+from tests.hybrid.windows_by_hand import windows_at
+
+SHORT, LONG = (vessel_plant(load_vessel(name)) for name in ("gunnerus_short", "gunnerus_long"))
+AMOUNTS = (10, 80)
+
+
+def sailed(plant: Plant, count: int, seed: int) -> Horizons:
+    """Windows of 15 s in which ``plant`` does exactly what it would, from many speeds, under many helms."""
+    random = np.random.default_rng(seed)
+    start = random.uniform([0, 0, -np.pi, 2.0, -0.2, -0.02], [0, 0, np.pi, 4.0, 0.2, 0.02], (count, 6))
+    windows = windows_at(start, 15)
+    helm_rad = np.deg2rad(random.uniform(-30.0, 30.0, count))
+    shaft_rps = random.uniform(1.5, 3.0, count)
+    control = np.column_stack([shaft_rps, helm_rad, shaft_rps, helm_rad, np.zeros(count)])
+    windows = replace(windows, control=control)
+    return replace(windows, track=reference(windows, plant))
+
+
+@pytest.fixture(scope="module")
+def small() -> FidelityMap:
+    """A map in a still sea, from the truth to a hopeless reference."""
+    sequences = Sequences(sailed(LONG, 80, seed=1), sailed(LONG, 30, seed=2))
+    steps = degradations(LONG, SHORT, shares=(0.0, 1.0), factors=(5.0,))
+    return fidelity_map(sequences, steps, "paper", AMOUNTS, seeds=(0,), workers=1)
+
+
+def by_hand(reference_m: list[float], hybrid_m: list[list[float]], data_m: list[float]) -> FidelityMap:
+    count = len(reference_m)
+    return FidelityMap(
+        method="paper",
+        axis=(OVERALL,) * count,
+        label=tuple(str(each) for each in reference_m),
+        windows=tuple(10 * 2**number for number in range(len(data_m))),
+        reference_m=np.array(reference_m),
+        hybrid_m=np.array(hybrid_m),
+        data_driven_m=np.array(data_m),
+        constant_velocity_m=1.5,
+        unseen_windows=20,
+        seeds=(0,),
+    )
+
+
+def test_the_truth_as_reference_is_right_and_wins_with_few_data(small: FidelityMap) -> None:
+    assert small.reference_m[0] == pytest.approx(0.0, abs=1e-9)
+    assert small.rivals[int(small.errors_m()[:, 0, 0].argmin())] == "reference"
+    assert small.hybrid_m[0, 0] < small.data_driven_m[0]
+
+
+def test_a_hopeless_reference_alone_does_not_beat_much_data(small: FidelityMap) -> None:
+    errors_m = small.errors_m()[:, -1, -1]
+    assert errors_m[small.rivals.index("reference")] > 3.0 * small.data_driven_m[-1]
+    assert small.rivals[int(errors_m.argmin())] in ("data_driven", "paper")
+
+
+def test_more_data_and_better_references_help(small: FidelityMap) -> None:
+    assert small.data_driven_m[1] < small.data_driven_m[0]
+    assert small.hybrid_m[0, 0] < small.hybrid_m[-1, 0]
+
+
+def test_references_get_worse_along_the_main_axis() -> None:
+    windows = sailed(LONG, 20, seed=3)
+    steps = degradations(LONG, SHORT)
+    errors_m = [distances(reference(windows, each.plant), windows.track).mean() for each in steps]
+    assert np.all(np.diff(errors_m) > 0.0)
+
+
+def test_ends_of_the_blend_are_truth_and_reference() -> None:
+    for share, plant in ((0.0, LONG), (1.0, SHORT)):
+        mixed = blended(LONG, SHORT, share)
+        assert all(np.allclose(getattr(mixed, name), getattr(plant, name), rtol=1e-12) for name in NUMBERS)
+    assert livelier(SHORT, 1.0) == SHORT
+
+
+def test_single_axes_change_one_thing() -> None:
+    truth = LONG.shifted(current_north_mps=0.2)
+    names = {each.label: {n for n in NUMBERS if getattr(each.plant, n) != getattr(truth, n)}
+             for each in single_degradations(truth, SHORT)}  # fmt: skip
+    assert names["without current and wave drift"] == {"current_north_mps"}
+    assert "mass_kg" in names["without what changed the ship"]
+    assert "current_north_mps" not in names["without what changed the ship"]
+    assert all(name.startswith(("thrust_", "side_")) for name in names["thrust x 2"])
+
+
+@given(
+    limit_m=st.floats(0.3, 8.0),
+    data_m=st.floats(0.2, 5.0),
+)
+@settings(max_examples=50)
+def test_the_threshold_is_found_where_it_was_put(limit_m: float, data_m: float) -> None:
+    """The hybrid's gain falls with the logarithm of the reference's error and is 5 % at ``limit_m``."""
+    reference_m = np.geomspace(0.1, 20.0, 9)
+    gain = 0.05 - 0.2 * np.log(reference_m / limit_m)
+    found = by_hand(reference_m.tolist(), (data_m * (1.0 - gain))[:, None].tolist(), [data_m])
+    assert useful_up_to_m(found)[0] == pytest.approx(limit_m, rel=1e-6)
+
+
+def test_thresholds_beyond_the_ends() -> None:
+    found = by_hand([0.1, 1.0, 10.0], [[0.5, 1.0], [0.5, 1.0], [0.5, 1.0]], [1.0, 1.0])
+    assert useful_up_to_m(found).tolist() == [np.inf, 0.0]
+    assert found.as_dict()["useful_up_to_m"] == [None, 0.0]
+
+
+def test_a_reference_is_enough_alone_until_something_beats_it() -> None:
+    found = by_hand([0.1, 1.0, 10.0], [[0.3], [0.5], [0.9]], [2.0])
+    assert enough_alone_m(found).tolist() == [0.1]
+
+
+def test_three_sentences_with_numbers_of_the_map(small: FidelityMap) -> None:
+    sentences = reading(small)
+    assert len(sentences) == 3
+    assert all(sentence.endswith(".") and ". " not in sentence for sentence in sentences)
+    main = small.overall()
+    known = {
+        f"{each:.2f}" for array in (main.reference_m, main.hybrid_m, main.data_driven_m) for each in np.ravel(array)
+    }
+    known |= {f"{main.constant_velocity_m:.2f}", "0.00"} | {f"{each:.2f}" for each in useful_up_to_m(main)}
+    known |= {f"{each:.2f}" for each in enough_alone_m(main)}
+    assert set(re.findall(r"\d+\.\d\d", " ".join(sentences))) <= known
+    for amount in AMOUNTS:
+        assert f" with {amount}" in sentences[0]
+
+
+def test_too_few_windows_is_said(small: FidelityMap) -> None:
+    few = Sequences(sailed(LONG, 5, seed=1), sailed(LONG, 5, seed=2))
+    with pytest.raises(DataShortageError, match="too few"):
+        fidelity_map(few, degradations(LONG, SHORT), amounts=(10,), workers=1)
+
+
+def test_the_picture_has_units_and_a_number_in_every_cell(small: FidelityMap) -> None:
+    figure = Figure()
+    draw_map(figure, small)
+    (axes,) = figure.axes
+    assert "[m]" in axes.get_ylabel()
+    assert axes.get_xlabel() == "windows to learn from"
+    numbers = [float(text.get_text()) for text in axes.texts]
+    assert np.allclose(numbers, small.overall().errors_m().min(axis=0).ravel(), atol=0.005)
+    assert len(figure.legends[0].get_texts()) == len(small.rivals) + 1
+
+
+def test_files_hold_the_map_and_its_reading(small: FidelityMap, tmp_path: Path) -> None:
+    paths = write_map(small, tmp_path)
+    assert all(path.stat().st_size for path in paths)
+    plain = json.loads((tmp_path / "fidelity_map.json").read_text())
+    assert plain["hybrid_m"] == small.hybrid_m.tolist()
+    assert plain["reading"] == list(reading(small))
