@@ -30,8 +30,8 @@ class Errors:
     """The errors of one method on N windows, seconds 1 to H.
 
     ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
-    over the seconds; ``inside`` [N, H] whether the 95 % region holds the measured position; ``untrained`` [N]
-    whether the start lies beyond what was trained on. Pooled over draws, the last two are shares.
+    over the seconds; ``inside`` [N, H] whether the 95 % region of ``radius_m`` [N, H] holds the measured position;
+    ``untrained`` [N] whether the start lies beyond what was trained on. Pooled over draws, these are shares.
     """
 
     distance_m: Floats
@@ -39,6 +39,7 @@ class Errors:
     east_m: Floats
     heading_deg: Floats
     inside: Floats
+    radius_m: Floats
     untrained: Floats
 
     def subset(self, chosen: Flags) -> Errors:
@@ -138,6 +139,7 @@ def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained
         east_m=np.abs(gap[..., 1]).mean(axis=1),
         heading_deg=np.rad2deg(np.abs(turn)).mean(axis=1),
         inside=(distance <= radius_m).astype(float),
+        radius_m=np.broadcast_to(radius_m, distance.shape),
         untrained=untrained.astype(float),
     )
 

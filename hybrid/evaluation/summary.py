@@ -22,8 +22,8 @@ class MethodFigures:
     """One method on one set of windows.
 
     ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the
-    95 % region, ``by_second`` the mean distance [m] at seconds 1 to H, ``untrained`` the share of windows that
-    start beyond what it was trained on.
+    95 % region, ``untrained`` the share of windows that start beyond what it was trained on. At seconds 1 to H:
+    ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean radius of the region.
     """
 
     mean_distance_m: Interval
@@ -34,6 +34,8 @@ class MethodFigures:
     ratio: Interval
     coverage_95: Interval
     by_second: tuple[Interval, ...]
+    coverage_by_second: tuple[Interval, ...]
+    radius_by_second_m: tuple[float, ...]
     untrained: float
 
     def as_dict(self) -> dict[str, Any]:
@@ -41,7 +43,12 @@ class MethodFigures:
         figures = {f.name: getattr(self, f.name) for f in fields(self)}
         known = {name: each.as_dict() for name, each in figures.items() if isinstance(each, Interval)}
         known["ratio_to_best_baseline"] = known.pop("ratio")
-        by_second = [{"second": number + 1, **each.as_dict()} for number, each in enumerate(self.by_second)]
+        by_second = [
+            {"second": number + 1, **distance.as_dict(), "coverage_95": coverage.value, "radius_m": radius_m}
+            for number, (distance, coverage, radius_m) in enumerate(
+                zip(self.by_second, self.coverage_by_second, self.radius_by_second_m, strict=True)
+            )
+        ]
         return {**known, "outside_training_range": self.untrained, "by_second": by_second}
 
 
@@ -169,6 +176,8 @@ def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFi
         ratio=legs.ratio(mean_m, baseline_m),
         coverage_95=coverage,
         by_second=by_second,
+        coverage_by_second=legs.mean_of_each(errors.inside),
+        radius_by_second_m=tuple(float(each) for each in errors.radius_m.mean(axis=0)),
         untrained=float(errors.untrained.mean()),
     )
 

@@ -18,6 +18,7 @@ MEANING = {
 FEW_LEGS = 10
 """With fewer legs than this a bootstrap's intervals are too narrow."""
 
+_FEW = 0.005  # a share that is shown as 0 %
 _COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")
 
 
@@ -65,11 +66,11 @@ def caption_of(split: SplitSummary) -> str:
     draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
     parts = [f"{draws}, {' to '.join(map(str, fitted))} windows to learn from",
              f"best baseline: {split.whole.best_baseline}"]  # fmt: skip
-    parts += [
-        f"{each.untrained:.0%} of the windows start beyond what {name} was trained on"
-        for name, each in split.whole.methods.items()
-        if each.untrained >= 0.005
+    beyond = [
+        f"{name} {each.untrained:.0%}" for name, each in split.whole.methods.items() if each.untrained >= _FEW
     ]
+    if beyond:
+        parts.append(f"windows that start beyond what was trained on: {', '.join(beyond)}")
     if split.whole.legs < FEW_LEGS:
         parts.append("so few legs that the intervals are too narrow")
     return "; ".join(parts)
