@@ -11,6 +11,7 @@ import typer
 from acquisition.cli import AsJson
 from hybrid.evaluation import cli as evaluation
 from hybrid.reproduction import cli as reproduction
+from hybrid.truth import cli as truth_commands
 
 HORIZON_S = 15
 SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
@@ -29,6 +30,7 @@ def mount(app: typer.Typer) -> None:
     app.command("predict", help="Predict one track from one instant of a recording.")(predict)
     app.command("effects", help="List the effects that a model may lack.")(effects)
     evaluation.mount(app)
+    truth_commands.mount(app)
     reproduction.mount(app)
 
 

@@ -12,7 +12,7 @@ import re
 import shutil
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib import import_module
@@ -95,8 +95,7 @@ def run_batch(
     folder, out = Path(folder), Path(out).resolve()
     if folder.resolve().is_relative_to(out):
         raise InputError("the recordings lie in the output folder", where=str(out), fix="name another with -o")
-    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
-        raise InputError("is no address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786")
+    check_address(scheduler)
     found = recordings_below(folder, out)
     if not found:
         raise DataShortageError("holds no recording", where=str(folder), fix="name a folder with .mcap files")
@@ -106,9 +105,8 @@ def run_batch(
         Job(name, str(path.resolve()), str(out), chosen, again, timeout_s)
         for name, path in zip(names, found, strict=True)
     ]
-    with _alone(out), ended_by_terminate():
-        with _client(workers or os.cpu_count() or 1, scheduler) as client:
-            rows = _computed(client, jobs, task or attempt, progress)
+    with alone_in(out):
+        rows = computed(jobs, task or attempt, workers, scheduler, progress)
         for row, path in zip(rows, found, strict=True):
             row["path"] = path.relative_to(folder).as_posix()
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
@@ -116,6 +114,28 @@ def run_batch(
         index = write_index([*rows, *gone], out, folder.resolve().name)
     done = sum(row["status"] == "done" for row in rows)
     return Summary(rows, done, reused, index, tuple(row["name"] for row in gone))
+
+
+def check_address(scheduler: str | None) -> None:
+    """Raises :class:`InputError` for what cannot be the address of a scheduler."""
+    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+        raise InputError("is no address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786")
+
+
+def computed(
+    jobs: Sequence[Job],
+    task: Task,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Progress = lambda share: None,
+) -> list[Row]:
+    """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
+
+    Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be ours, see
+    :func:`alone_in`.
+    """
+    with _client(workers or os.cpu_count() or 1, scheduler) as client:
+        return _gathered(client, jobs, task, progress)
 
 
 def recordings_below(folder: Path, out: Path) -> list[Path]:
@@ -145,8 +165,8 @@ def result_names(paths: list[str]) -> list[str]:
 
 
 @contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """The output folder to ourselves, cleared of what interrupted runs left there."""
+def alone_in(out: Path) -> Iterator[None]:
+    """The output folder to ourselves, cleared of what interrupted runs left there; SIGTERM ends as Ctrl-C does."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         lock = (out / _LOCK).open("a")
@@ -162,7 +182,8 @@ def _alone(out: Path) -> Iterator[None]:
         shutil.rmtree(out / MARKS, ignore_errors=True)
         (out / MARKS).mkdir()
         try:
-            yield
+            with ended_by_terminate():
+                yield
         finally:
             shutil.rmtree(out / MARKS, ignore_errors=True)
 
@@ -210,7 +231,7 @@ _MOST_SUBMITTED = 2 * MOST_ATTEMPTS
 """So often a row is asked for; who takes a worker down is told by the marks long before."""
 
 
-def _computed(client: Client, jobs: list[Job], task: Task, progress: Progress) -> list[Row]:
+def _gathered(client: Client, jobs: Sequence[Job], task: Task, progress: Progress) -> list[Row]:
     """The rows of all jobs in their order, as they come."""
     ended: Queue[Future] = Queue()
     pending: dict[str, tuple[int, Future]] = {}

@@ -10,7 +10,7 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +50,11 @@ class Job:
 
 def attempt(job: Job) -> Row:
     """What a worker does for one recording: a row comes back whatever happens, short of the worker's death."""
-    path = Path(job.path)
+    return tried(job, _result)
+
+
+def tried(job: Job, work: Callable[[Job], Row]) -> Row:
+    """The row that ``work`` makes of a job with the job's name on it, or that of its failure; with marks."""
     ended = _attempts_ended(job)
     if ended:
         return failed_row(job, ended)
@@ -58,14 +62,17 @@ def attempt(job: Job) -> Row:
         with job.mark.open("ab") as mark:
             mark.write(b".")
         with _watched(job.timeout_s):
-            row = None if job.again else reusable(path, job.folder, job.options, job.name)
-            if row is not None:
-                return {"name": job.name, **row, "reused": True}
-            return {"name": job.name, **process(path, job.folder, job.options, job.name)}
-    except Exception as error:  # whatever it is, it is this recording's and no other's
+            return {"name": job.name, **work(job)}
+    except Exception as error:  # whatever it is, it is this job's and no other's
         return failed_row(job, cause_of(error))
     finally:
         job.mark.unlink(missing_ok=True)
+
+
+def _result(job: Job) -> Row:
+    path = Path(job.path)
+    row = None if job.again else reusable(path, job.folder, job.options, job.name)
+    return process(path, job.folder, job.options, job.name) if row is None else {**row, "reused": True}
 
 
 def _attempts_ended(job: Job) -> str:
