@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 JSON_FILE, PAGE_FILE = "evaluation.json", "evaluation.html"
-_HEADER = ["method", "mean distance [m]", "at the end [m]", "north, east [m]", "heading [deg]", "ratio to best",
+_HEADER = ["method", "mean distance [m]", "end [m]", "north, east [m]", "heading [deg]", "ratio to best",
            "in the 95 % region"]  # fmt: skip
 
 

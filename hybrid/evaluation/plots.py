@@ -20,6 +20,7 @@ Floats = NDArray[np.float64]
 
 _BASELINE_COLOURS = (INK, PALETTE[4])
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
+_TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
 _METHOD_COLOURS = tuple(colour for colour in PALETTE if colour != PALETTE[4])
 
 
@@ -146,7 +147,7 @@ def _logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interv
     ends = ends[np.isfinite(ends) & (ends > _LEAST)]
     low, high = (0.85 * ends.min(), 1.18 * ends.max()) if ends.size else (_LEAST, 1.0)
     tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    bases = (1.0, 2.0, 5.0) if high / low < 300.0 else (1.0,)
+    bases = next(bases for reach, bases in _TICKS if high / low < reach)
     marks = [base * 10.0**power for power in tens for base in bases]
     inside = [mark for mark in marks if low <= mark <= high]
     axes.set(**{f"{name}scale": "log"})

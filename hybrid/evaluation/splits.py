@@ -103,16 +103,16 @@ SPLITS: dict[str, Callable[[Horizons, int, int], list[Draw]]] = {
 
 def shared_seconds(horizons: Horizons, known: Flags, unseen: Flags) -> int:
     """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
-    first, last = _seconds_of(horizons)
-    total = 0
-    for trial in np.unique(horizons.trial):
-        sides = (
-            {second for window in np.flatnonzero(side & (horizons.trial == trial))
-             for second in range(first[window], last[window] + 1)}
-            for side in (known, unseen)
-        )  # fmt: skip
-        total += len(set.intersection(*sides))
-    return total
+    first, _ = _seconds_of(horizons)
+    seconds = first[:, None] + np.arange(horizons.horizon_s + 1)
+    mine = [horizons.trial == trial for trial in np.unique(horizons.trial)]
+    return sum(np.intersect1d(seconds[known & each], seconds[unseen & each]).size for each in mine)
+
+
+def leaked_share(horizons: Horizons, draw: Draw) -> float:
+    """The share of the seconds that are judged which were learned from too."""
+    judged = shared_seconds(horizons, draw.held_out, draw.held_out)
+    return shared_seconds(horizons, draw.fitting | draw.stopping, draw.held_out) / judged
 
 
 def _with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -> Draw:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hybrid.baselines import constant_velocity
 from hybrid.calibrators import make_calibrator
-from hybrid.evaluation.splits import Draw, draws_of
+from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.horizon import Horizons
 from hybrid.scores import distances
 from hybrid.train import band_radius, inside_range
@@ -60,6 +60,7 @@ class SplitResult:
     held_out: Flags
     errors: dict[str, Errors]
     fitted: tuple[int, ...]
+    leaked: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,7 @@ def study(
                 _judged(draw, (inside, tracks), methods, plant, seed + number, _part(progress, done, total))
             )
             done += len(methods)
-        results.append(_pooled(kind, kind_draws, parts))
+        results.append(_pooled(kind, inside, kind_draws, parts))
     return Study(inside, len(horizons) - len(inside), tuple(results))
 
 
@@ -144,7 +145,9 @@ def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained
     )
 
 
-def _pooled(kind: str, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]) -> SplitResult:
+def _pooled(
+    kind: str, horizons: Horizons, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]
+) -> SplitResult:
     """One result from all draws, each window's errors averaged over the draws that held it out."""
     times = np.sum([draw.held_out for draw in draws], axis=0)
     errors = {
@@ -157,7 +160,8 @@ def _pooled(kind: str, draws: Sequence[Draw], parts: Sequence[Mapping[str, Error
         for method in parts[0]
     }
     fitted = tuple(int(draw.fitting.sum()) for draw in draws)
-    return SplitResult(kind, times > 0, errors, fitted)
+    leaked = float(np.mean([leaked_share(horizons, draw) for draw in draws]))
+    return SplitResult(kind, times > 0, errors, fitted, leaked)
 
 
 def _mean_over_draws(draws: Sequence[Draw], values: Sequence[Floats], times: NDArray[np.int64]) -> Floats:

@@ -69,10 +69,14 @@ class Summary:
 
 @dataclass(frozen=True, slots=True)
 class SplitSummary:
-    """The figures of one split, as a whole and by kind of class and class (``breakdown``)."""
+    """The figures of one split, as a whole and by kind of class and class (``breakdown``).
+
+    ``leaked`` is the share of the seconds judged that were learned from too.
+    """
 
     kind: str
     fitted: tuple[int, ...]
+    leaked: float
     whole: Summary
     breakdown: dict[str, dict[str, Summary]]
 
@@ -189,13 +193,16 @@ def _split_summary(result: SplitResult, horizons: Horizons, length_m: float, see
         for name, mask in classes.items():
             errors = {method: each.subset(mask) for method, each in result.errors.items()}
             breakdown[kind][name] = summarise(errors, horizons.subset(mask), seed)
-    return SplitSummary(result.kind, result.fitted, summarise(result.errors, horizons, seed), breakdown)
+    return SplitSummary(
+        result.kind, result.fitted, result.leaked, summarise(result.errors, horizons, seed), breakdown
+    )
 
 
 def _split_dict(split: SplitSummary) -> dict[str, Any]:
     return {
         "draws": len(split.fitted),
         "fitted_windows": list(split.fitted),
+        "shared_seconds": split.leaked,
         **_counts(split.whole),
         "methods": {name: each.as_dict() for name, each in split.whole.methods.items()},
         "breakdown": {

@@ -66,6 +66,8 @@ def caption_of(split: SplitSummary) -> str:
     draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
     parts = [f"{draws}, {' to '.join(map(str, fitted))} windows to learn from",
              f"best baseline: {split.whole.best_baseline}"]  # fmt: skip
+    if split.leaked:
+        parts.append(f"{split.leaked:.0%} of the seconds judged were learned from")
     beyond = [
         f"{name} {each.untrained:.0%}" for name, each in split.whole.methods.items() if each.untrained >= _FEW
     ]

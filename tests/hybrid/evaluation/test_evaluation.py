@@ -105,7 +105,10 @@ def test_the_json_says_everything_and_can_be_read_by_anyone(evaluation: Evaluati
     said: dict[str, Any] = json.loads(json.dumps(evaluation.as_dict(), allow_nan=False))
     assert set(said) == {"horizon_s", "windows", "legs", "outside_model_range", "splits", "leak"}
     for kind, split in said["splits"].items():
-        assert set(split) == {"draws", "fitted_windows", "windows", "legs", "best_baseline", "methods", "breakdown"}
+        assert (split["shared_seconds"] == 0.0) == (kind != "random")
+        assert set(split) == {
+            "draws", "fitted_windows", "shared_seconds", "windows", "legs", "best_baseline", "methods", "breakdown",
+        }  # fmt: skip
         assert set(split["methods"]) == {"constant_velocity", "reference", *FAKES}
         for figures in split["methods"].values():
             assert set(figures) == {
