@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
-FAN = 12
+FAN, TRACKS = 12, 20
 PNG_DPI = 150
 
 
@@ -85,10 +85,12 @@ def write_drawn(shown: Shown, folder: Path) -> list[Path]:
 
 def draw_tracks(figure: Figure, shown: Shown) -> None:
     """Figure 4."""
-    panels = list(figure.subplots(len(shown.seas), 1, squeeze=False)[:, 0])
+    panels = _row(figure, len(shown.seas))
     for axes, sea in zip(panels, shown.seas, strict=True):
-        plots.campaign_tracks(axes, sea.campaign.horizons, sea.campaign.azimuth_deg)
-        axes.set_title(f"{sea.campaign.sea_state}: {len(sea.campaign)} sequences", loc="left")
+        first = np.arange(min(TRACKS, len(sea.campaign)))
+        plots.campaign_tracks(axes, sea.campaign.horizons.subset(first), sea.campaign.azimuth_deg[first])
+        text = f"{sea.campaign.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
+        axes.set_title(text, loc="left")
     before = Line2D([], [], color=FAINT, label="30 s before")
     handles = [*panels[0].get_legend_handles_labels()[0], before]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
@@ -163,27 +165,28 @@ def draw_predictions(figure: Figure, shown: Shown) -> None:
     grid = figure.subplots(len(shown.seas), len(AZIMUTHS_DEG), squeeze=False)
     for row, sea in zip(grid, shown.seas, strict=True):
         azimuth_deg = np.abs(sea.campaign.azimuth_deg[sea.unseen])
-        ends_m = np.linalg.norm(sea.gap_m("reference")[:, -1], axis=1)
-        around_m = float(np.ceil(1.2 * np.quantile(ends_m, 0.9)))
         for axes, angle in zip(row, AZIMUTHS_DEG, strict=True):
             numbers = np.flatnonzero(azimuth_deg == angle)
             if not numbers.size:
                 axes.set_axis_off()
                 continue
-            _one_prediction(axes, sea, int(numbers[0]), around_m)
+            _one_prediction(axes, sea, int(numbers[0]))
             axes.set_title(f"{sea.campaign.sea_state}, {angle:g}°", loc="left")
     handles = grid[0, 0].get_legend_handles_labels()[0]
     band = Patch(facecolor=plots.COLOUR["hybrid"], alpha=0.25, label="95 % region at 30 s")
     figure.legend(handles=[*handles, band], loc="outside lower center", ncols=4)
 
 
-def _one_prediction(axes: Axes, sea: Sea, number: int, around_m: float) -> None:
+def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
     """One unseen sequence; the band about its end is sized by all other unseen sequences."""
     judged, others = sea.judged, np.arange(len(sea.unseen)) != number
     start = judged.start[number]
     tracks = {method: plots.start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
-    band_m = band_radius(sea.predicted("hybrid")[others], judged.track[others])
-    plots.track_with_end(axes, plots.start_frame(judged.track[number], start), tracks, float(band_m[-1]), around_m)
+    band_m = float(band_radius(sea.predicted("hybrid")[others], judged.track[others])[-1])
+    off_m = {method: float(np.linalg.norm(sea.gap_m(method)[number, -1])) for method in tracks}
+    around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + band_m)))
+    measured = plots.start_frame(judged.track[number], start)
+    plots.track_with_end(axes, measured, tracks, band_m, around_m)
 
 
 def draw_spread(figure: Figure, shown: Shown) -> None:
@@ -213,8 +216,8 @@ def _only_outer_labels(panels: Sequence[Axes]) -> None:
 FIGURES: dict[str, FigureOf] = {
     "figure_04_tracks": FigureOf(
         draw_tracks,
-        (10.5, 6.0),
-        "The campaign in the three sea states: zigzags, one colour an azimuth, north to the right and east down.",
+        (10.5, 7.0),
+        "The campaign in the three sea states: zigzags to scale, one colour an azimuth, north up.",
     ),
     "figure_05_channels": FigureOf(
         draw_channels, (10.5, 6.5), "One sequence of 600 samples: pose, velocities, wind and thrusters."

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from analysis.plots import FAINT, INK, PALETTE
@@ -33,21 +33,17 @@ def start_frame(track: Floats, start: Floats) -> Floats:
 
 
 def campaign_tracks(axes: Axes, horizons: Horizons, azimuth_deg: Floats) -> list[Artist]:
-    """Where the sequences lie, one colour an azimuth, with the half minute before each in grey; north to the right.
-
-    Zigzags along one course make a long and narrow picture, which is why it lies on its side.
-    """
+    """Where the sequences lie, one colour an azimuth, with the half minute before each in grey; north up."""
     artists: list[Artist] = []
     for past in horizons.past:
-        artists += axes.plot(past[:, 0] / 1e3, past[:, 1] / 1e3, color=FAINT, linewidth=0.8)
+        artists += axes.plot(past[:, 1] / 1e3, past[:, 0] / 1e3, color=FAINT, linewidth=0.8)
     for angle, colour in AZIMUTH_COLOUR.items():
         for place, number in enumerate(np.flatnonzero(np.abs(azimuth_deg) == angle)):
             track, label = horizons.track[number] / 1e3, None if place else f"{angle:g}°"
-            artists += axes.plot(track[:, 0], track[:, 1], color=colour, linewidth=1.8, label=label)
+            artists += axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=2.0, label=label)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.invert_yaxis()
-    axes.set_xlabel("north [km]")
-    axes.set_ylabel("east [km]")
+    axes.set_xlabel("east [km]")
+    axes.set_ylabel("north [km]")
     return artists
 
 
@@ -98,7 +94,7 @@ def track_with_end(
     The band is a circle of ``band_m`` about the last method's prediction.
     """
     right = measured[-1, 0] >= 0.0
-    ends = axes.inset_axes((0.03, 0.06, 0.42, 0.42) if right else (0.55, 0.06, 0.42, 0.42))
+    ends = axes.inset_axes((0.03, 0.2, 0.42, 0.42) if right else (0.55, 0.2, 0.42, 0.42))
     artists: list[Artist] = []
     for panel, wide in ((axes, 1.3), (ends, 1.6)):
         artists += panel.plot(*measured.T, color=INK, linewidth=wide, label="measured")
@@ -111,6 +107,10 @@ def track_with_end(
     for other, each in predicted.items():
         ends.plot(*each[-1], "o", color=COLOUR[other], markersize=4)
     _frame_end(ends, measured[-1], around_m)
+    aside_m = 1.1 * max(float(np.abs(each[:, 0]).max()) for each in (measured, *predicted.values()))
+    # the start in the middle, so that one half is free for the end
+    axes.update_datalim([(-aside_m, 0.0), (aside_m, 0.0)])
+    axes.autoscale_view()
     _bow_up(axes, "datalim")
     return artists
 
@@ -152,6 +152,8 @@ def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods
             )  # fmt: skip
             artists += drawn["boxes"]
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_minor_locator(NullLocator())
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_xticks(range(len(methods)), [title_of(each).replace(" ", "\n") for each in methods], fontsize=7.5)
     axes.grid(visible=False, axis="x")
