@@ -1,4 +1,4 @@
-"""The network that the calibrators share: standard scaling, three layers of ten, Adam, plain torch."""
+"""The network that the calibrators share: standard scaling and three layers of ten, in double precision."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from torch import Tensor, nn
 from acquisition.errors import InputError
 from hybrid.baselines import constant_velocity
 from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.calibrators.device import chosen_device
 from hybrid.calibrators.features import displacement
+from hybrid.calibrators.training import Rows, Stopping, fit_network
 from hybrid.horizon import Horizons
 
 if TYPE_CHECKING:
     from hybrid.vessel.plant import Plant
 
 HIDDEN = (10, 10, 10)
-LEARNING_RATE = 1e-3
 BEYOND = 0.1
 """How far past the range of the training, as a share of it, an input may lie before it counts as outside."""
 
@@ -62,7 +63,8 @@ def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) ->
 class NetworkCalibrator(Calibrator):
     """One network from features of a window and second to the displacement at that second.
 
-    ``fit`` stops early on windows it is not trained on and keeps the best weights seen.
+    ``fit`` takes at most ``epochs`` steps of least squares on ``batch`` rows each. It stops early on windows it
+    is not trained on, after ``patience`` steps without gain, and keeps the best weights seen.
     """
 
     needs_reference: ClassVar[bool]
@@ -71,9 +73,9 @@ class NetworkCalibrator(Calibrator):
         self,
         seed: int = 0,
         plant: Plant | None = None,
-        epochs: int = 1000,
-        batch: int = 512,
-        patience: int = 150,
+        epochs: int = 200,
+        batch: int = 1000,
+        patience: int = 30,
     ) -> None:
         super().__init__(seed, plant)
         self.epochs, self.batch, self.patience = epochs, batch, patience
@@ -85,17 +87,21 @@ class NetworkCalibrator(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         torch.manual_seed(self.seed)
-        torch.set_num_threads(1)  # ten neurons a layer are slower on two threads than on one
         inputs, targets = self._rows(*training)
         self.input_scaling_, self.output_scaling_ = Scaling.of(inputs), Scaling.of(targets)
         self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
         self.network_ = make_network(inputs.shape[-1], targets.shape[-1])
-        self._descend(
-            self.input_scaling_.scaled(inputs),
-            self.output_scaling_.scaled(targets),
-            *self._scaled_rows(*stopping),
+        device = chosen_device()
+        fit_network(
+            self.network_.to(device),
+            self._scaled((inputs, targets), device),
+            self._scaled(self._rows(*stopping), device),
+            Stopping(self.epochs, self.batch, self.patience),
+            len(training[0]),
+            self.seed,
             progress,
         )
+        self.network_.cpu()
         return self
 
     def predict(self, horizons: Horizons, reference: Floats) -> Floats:
@@ -153,32 +159,6 @@ class NetworkCalibrator(Calibrator):
         measured = np.isfinite(targets).all(axis=-1)
         return torch.from_numpy(features[measured]), torch.from_numpy(targets[measured])
 
-    def _scaled_rows(self, horizons: Horizons, reference: Floats) -> tuple[Tensor, Tensor]:
-        inputs, targets = self._rows(horizons, reference)
-        return self.input_scaling_.scaled(inputs), self.output_scaling_.scaled(targets)
-
-    def _descend(
-        self, inputs: Tensor, targets: Tensor, stop_inputs: Tensor, stop_targets: Tensor, progress: Progress
-    ) -> None:
-        """Adam on the mean squared error in batches drawn anew each epoch."""
-        optimiser = torch.optim.Adam(self.network_.parameters(), lr=LEARNING_RATE, fused=True)
-        generator = torch.Generator().manual_seed(self.seed)
-        best, best_loss, since = self.network_.state_dict(), float("inf"), 0
-        for epoch in range(self.epochs):
-            order = torch.randperm(len(inputs), generator=generator)
-            batches = zip(inputs[order].split(self.batch), targets[order].split(self.batch), strict=True)  # type: ignore[no-untyped-call]
-            for rows, wanted in batches:
-                optimiser.zero_grad()
-                loss = nn.functional.mse_loss(self.network_(rows), wanted)
-                loss.backward()  # type: ignore[no-untyped-call]
-                optimiser.step()
-            with torch.no_grad():
-                stop_loss = nn.functional.mse_loss(self.network_(stop_inputs), stop_targets).item()
-            since += 1
-            if stop_loss < best_loss:
-                best_loss, since = stop_loss, 0
-                best = {name: value.clone() for name, value in self.network_.state_dict().items()}
-            progress((epoch + 1) / self.epochs)
-            if since > self.patience:
-                break
-        self.network_.load_state_dict(best)
+    def _scaled(self, rows: Rows, device: torch.device) -> Rows:
+        inputs, targets = rows
+        return self.input_scaling_.scaled(inputs).to(device), self.output_scaling_.scaled(targets).to(device)

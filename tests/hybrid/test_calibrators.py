@@ -39,21 +39,6 @@ def drifting(count: int, seed: int = 0) -> Data:
     return replace(windows, track=track), reference
 
 
-def unlearnable(data: Data, seed: int = 0) -> Data:
-    """The same windows with tracks that are noise."""
-    windows, reference = data
-    noise = np.random.default_rng(seed).normal(0.0, 5.0, windows.track.shape)
-    return replace(windows, track=windows.track + noise), reference
-
-
-def network(method: str, seed: int, epochs: int, batch: int) -> NetworkCalibrator:
-    """An untrained network, soon trained."""
-    calibrator = make_calibrator(method, seed)
-    assert isinstance(calibrator, NetworkCalibrator)
-    calibrator.epochs, calibrator.batch = epochs, batch
-    return calibrator
-
-
 def states(calibrator: NetworkCalibrator) -> dict[str, list[float]]:
     return {name: tensor.flatten().tolist() for name, tensor in calibrator.state().items()}
 
@@ -109,23 +94,6 @@ def test_a_seed_is_one_calibrator(method: str) -> None:
     torch.rand(5)
     assert states(fitted(7)) == first
     assert states(fitted(8)) != first
-
-
-def test_early_stopping_keeps_the_best() -> None:
-    """On data without a pattern it stops long before the end, with the weights that did best on the way."""
-    training, stopping = unlearnable(drifting(30), 1), unlearnable(drifting(20, seed=1), 2)
-    calibrator = PaperCalibrator(epochs=300, batch=32, patience=15)
-    losses: list[float] = []
-
-    def loss() -> float:
-        inputs, targets = calibrator._scaled_rows(*stopping)
-        with torch.no_grad():
-            return torch.nn.functional.mse_loss(calibrator.network_(inputs), targets).item()
-
-    calibrator.fit(training, stopping, lambda share: losses.append(loss()))
-    assert len(losses) < 300
-    assert len(losses) == int(np.argmin(losses)) + 1 + 15 + 1
-    assert loss() == min(losses)
 
 
 def test_the_additive_one_learns_the_error_of_the_reference() -> None:
