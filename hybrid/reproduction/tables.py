@@ -13,7 +13,7 @@ from analysis.files import in_place_of
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Estimate, Row, Table3
 
-_COLUMNS = ("x m", "y m", "distance m", "reduction", "gap closed", "random: m", "reduction")
+_COLUMNS = ("x m", "y m", "distance m", "less\nerror", "gap\nclosed", "random\nsplit m", "less\nerror")
 _WHAT = {"reduction_x": "x", "reduction_y": "y", "reduction": "distance"}
 
 
@@ -29,7 +29,8 @@ def methods_table(sea_state: str, rows: list[Row]) -> Table:
     unseen = {row.method: row for row in rows if row.split == "sequence"}
     mixed = {row.method: row for row in rows if row.split == "random"}
     some = next(iter(unseen.values()))
-    table = _table(f"{sea_state}: {some.sequences} sequences never seen, {some.seeds} seeds", *_COLUMNS)
+    seeds = "1 seed" if some.seeds == 1 else f"{some.seeds} seeds"
+    table = _table(f"{sea_state}: {some.sequences} sequences never seen, {seeds}", *_COLUMNS)
     for method, row in unseen.items():
         leak = mixed[method]
         table.add_row(
@@ -78,8 +79,8 @@ def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, header_style="dim")
-    table.add_column("")
+    table = Table(title=title, title_justify="left", box=None, header_style="dim", padding=(0, 1, 0, 0))
+    table.add_column("", no_wrap=True)
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)
     return table
