@@ -28,7 +28,9 @@ from acquisition.recording.reader import read_recording
 from analysis.frames import NANO, index_of, times_ns
 from analysis.holding import Tolerances, held, tolerance_of
 from analysis.parquet import read_parquet, write_parquet
-from analysis.resample import resample_recording
+from analysis.prepare import Preparation, prepared
+from analysis.resample import resample, resample_recording
+from analysis.table import select
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -223,11 +225,23 @@ def tables_of_recordings(
     paths: Sequence[Path],
     progress: Callable[[float], None] = lambda share: None,
     part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repair: bool = False,
+    rebuild_positions: bool = False,
 ) -> dict[str, pd.DataFrame]:
-    """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's."""
+    """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's.
+
+    ``repair`` puts right before what a check of the whole recording is certain of, ``rebuild_positions`` with the
+    repairs the positions too (:func:`analysis.prepare.prepared`).
+    """
     tables = {}
     for number, (path, trial) in enumerate(zip(paths, trial_names(paths), strict=True)):
-        tables[trial] = resample_recording(read_recording(path), 1.0, part_percent=part_percent)
+        recording = read_recording(path)
+        if repair:
+            whole = prepared(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
+            tables[trial] = resample(select(whole, part_percent), 1.0)
+        else:
+            tables[trial] = resample_recording(recording, 1.0, part_percent=part_percent)
         progress((number + 1) / len(paths))
     return tables
 

@@ -53,14 +53,19 @@ def gather(
     stride_s: int,
     part: tuple[float, float] = (0.0, 100.0),
     progress: Progress = lambda share: None,
+    *,
+    repair: bool = False,
+    rebuild_positions: bool = False,
 ) -> Gathered:
     """The held windows of recordings, or of ``part`` of each one's time in percent.
+
+    ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
 
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
     :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
     """
     hashes = refuse_twins(paths)
-    tables = tables_of_recordings(paths, progress, part)
+    tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     windows = windows_of_tables(tables, horizon_s, stride_s)
     motion = [start_motion(windows.rows[windows.rows["trial"] == trial], table) for trial, table in tables.items()]
     horizons = from_rows(windows.rows, pd.concat(motion), tables)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from analysis.cli import RebuildPositions
 
 
 def mount(app: typer.Typer) -> None:
@@ -32,6 +33,8 @@ def evaluate(
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    rebuild_positions: RebuildPositions = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for evaluation.json and evaluation.html.")
     ] = None,
@@ -62,11 +65,21 @@ def evaluate(
     if output is not None:
         make_folder(output)
     with bar("reading") as progress:
-        gathered = gather(files, horizon, stride, progress=progress)
+        gathered = gather(
+            files, horizon, stride, progress=progress,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        )  # fmt: skip
     with bar("fitting") as progress:
         judged = study(gathered.horizons, plant, methods, splits, draws, seed, progress)
     evaluation = evaluation_of(judged, plant.length_overall_m, seed)
-    about = {"files": [str(each) for each in files], "vessel": vessel or DEFAULT, "stride_s": stride, "seed": seed}
+    about = {
+        "files": [str(each) for each in files],
+        "vessel": vessel or DEFAULT,
+        "stride_s": stride,
+        "repair": repair or rebuild_positions,
+        "rebuild_positions": rebuild_positions,
+        "seed": seed,
+    }
     text = json.dumps({**about, **evaluation.as_dict()})
     if output is not None:
         for path in write_evaluation(evaluation, text, about, output):
