@@ -46,9 +46,8 @@ class Sea:
 
     def predicted(self, method: str) -> Floats:
         """North and east that ``method`` predicts on the unseen sequences [n, H+1, 2]."""
-        tracks = self.judged.track[..., :2].copy()
-        tracks[:, 1:] += self.gap_m(method)
-        return tracks
+        begin = self.judged.start[:, None, :2]
+        return np.concatenate([begin, self.judged.track[:, 1:, :2] + self.gap_m(method)], axis=1)
 
 
 def sea_of(job: Job) -> Sea:

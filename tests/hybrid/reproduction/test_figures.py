@@ -1,0 +1,121 @@
+"""The figures and the page: files are written, everything has a unit, and they show what the data hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.reproduction import comparison, figures, page, plots
+from hybrid.reproduction.comparison import Job
+from hybrid.reproduction.figures import FIGURES, Shown, shown_of, write_drawn
+from hybrid.reproduction.page import shortfalls, write_page
+from hybrid.reproduction.table3 import Table3, cells_of, rows_of
+from hybrid.scores import distances
+from hybrid.vessel.plant import Plant
+from tests.hybrid.windows_by_hand import random_windows
+
+
+def quick(method: str, seed: int, plant: Plant) -> Calibrator:
+    """A calibrator that is not trained for long."""
+    calibrator = make_calibrator(method, seed, plant)
+    if isinstance(calibrator, NetworkCalibrator):
+        calibrator.epochs = 5
+    return calibrator
+
+
+@pytest.fixture(scope="module")
+def shown() -> Iterator[Shown]:
+    """One small campaign in a gentle sea."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(comparison, "make_calibrator", quick)
+        yield shown_of([Job("gentle", 2, sequences=12)], workers=1)
+
+
+@pytest.fixture(scope="module")
+def table(shown: Shown) -> Table3:
+    errors = shown.seas[0].errors
+    rows = [row for split in comparison.SPLITS for row in rows_of([each for each in errors if each.split == split])]
+    return Table3(tuple(rows), tuple(cells_of(rows)))
+
+
+def test_predictions_are_the_errors_put_back_on_the_measured_tracks(shown: Shown) -> None:
+    """The reference's tracks from its errors are those that it was simulated to."""
+    (sea,) = shown.seas
+    assert np.allclose(sea.predicted("reference"), sea.reference[sea.unseen][..., :2])
+    gap_m = np.linalg.norm(sea.gap_m("floor"), axis=2)
+    assert gap_m.mean() < distances(sea.reference[sea.unseen], sea.judged.track).mean()
+
+
+def test_the_start_frame_has_the_bow_up_and_keeps_distances() -> None:
+    windows = random_windows(20, 10, seed=4)
+    seen = plots.start_frame(windows.track, windows.start)
+    assert np.allclose(seen[:, 0], 0.0)
+    moved = np.linalg.norm(windows.track[:, :, :2] - windows.start[:, None, :2], axis=2)
+    assert np.allclose(np.linalg.norm(seen, axis=2), moved)
+    assert np.allclose(seen[:, 1].sum(axis=0) > 0.0, [seen[:, 1, 0].sum() > 0.0, True])
+    ahead = replace(windows, start=windows.start * [1, 1, 1, 1, 0, 0])
+    straight = (
+        ahead.start[:, None, :2] + np.stack([np.cos(ahead.start[:, 2]), np.sin(ahead.start[:, 2])], -1)[:, None]
+    )
+    assert np.allclose(plots.start_frame(straight, ahead.start), [0.0, 1.0])
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_axis_of_every_figure_has_its_unit(shown: Shown, name: str) -> None:
+    figure = Figure(figsize=FIGURES[name].size_inch)
+    FIGURES[name].draw(figure, shown)
+    assert figure.axes
+    drawn = [axes for axes in figure.axes if axes.axison and axes.lines]
+    assert any("[" in axes.get_xlabel() for axes in drawn) or name == "figure_10_distribution"
+    assert any("[" in axes.get_ylabel() for axes in drawn)
+    assert all("[" in text for axes in drawn for text in (axes.get_xlabel(), axes.get_ylabel()) if text)
+    assert figure.get_suptitle() or any(axes.get_title(loc="left") for axes in drawn)
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Two of the figures are enough to try writing."""
+    names = ["figure_07_errors", "figure_10_distribution"]
+    for module in (figures, page):
+        monkeypatch.setattr(module, "FIGURES", {name: FIGURES[name] for name in names})
+    return names
+
+
+def test_files_are_written_as_png_and_svg(shown: Shown, few: list[str], tmp_path: Path) -> None:
+    paths = write_drawn(shown, tmp_path)
+    assert {path.name for path in paths} == {f"{name}.{ending}" for name in few for ending in ("png", "svg")}
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths if path.suffix == ".png")
+
+
+def test_boxes_lie_where_the_errors_are() -> None:
+    errors_m = {("reference", split): np.full(9, 2.0) for split in plots.SPLIT_LOOK}
+    axes = Figure().subplots()
+    plots.error_spread(axes, errors_m, ("reference",))
+    medians = [line.get_ydata() for line in axes.lines if len(np.unique(np.asarray(line.get_ydata()))) == 1]
+    assert all(np.allclose(np.asarray(each), 2.0) for each in medians)
+
+
+def test_the_page_says_what_falls_short_and_needs_no_network(
+    shown: Shown, table: Table3, few: list[str], tmp_path: Path
+) -> None:
+    text = write_page(table, tmp_path, shown).read_text()
+    assert text.count("data:image/png;base64") == len(few)
+    assert "http" not in text.replace("http://www.w3.org", "")
+    for sentence in shortfalls(table):
+        assert sentence.split(" (")[0] in text
+
+
+def test_every_published_cell_not_reached_is_a_shortfall(table: Table3) -> None:
+    said = shortfalls(table)
+    missed = [cell for cell in table.cells if not cell.above]
+    assert len(missed) <= len(said) <= len(missed) + 1
+    reached = [replace(cell, published=-1e6) for cell in table.cells]
+    assert len(shortfalls(replace(table, cells=tuple(reached)))) == len(said) - len(missed)
