@@ -22,6 +22,8 @@ DECAY_IN_WINDOWS = 20.0
 """The weights' decay is the mean squared error times this over the number of windows, as for weights that are
 normally distributed and errors that are the same all along a window (MacKay 1992); at most :data:`MOST_DECAY`."""
 FIRST_DAMPING, LEAST_DAMPING = 1.0, 1e-9
+FIRST_ROWS, MORE_ROWS = 100, 1.25
+"""The first steps see few rows, each step more of them: far from the goal a few show the way."""
 EASIER, HARDER, MOST_TRIALS = 1.0 / 3.0, 4.0, 8
 
 
@@ -29,7 +31,7 @@ EASIER, HARDER, MOST_TRIALS = 1.0 / 3.0, 4.0, 8
 class Stopping:
     """When training ends: after so many steps, or so many in a row without gain on the stopping rows.
 
-    ``rows`` are drawn for each step.
+    ``rows`` is how many are drawn for a step, once the first steps are done.
     """
 
     steps: int
@@ -102,8 +104,10 @@ def fit_network(
     weights, damping = nn.utils.parameters_to_vector(network.parameters()).detach(), FIRST_DAMPING
     share = DECAY_IN_WINDOWS / windows
     best, best_error, since = weights, float("inf"), 0
+    rows: float = min(until.rows, FIRST_ROWS)
     for step in range(until.steps):
-        weights, damping = _stepped(perceptron, weights, damping, share, _drawn(training, until.rows, generator))
+        weights, damping = _stepped(perceptron, weights, damping, share, _drawn(training, int(rows), generator))
+        rows = min(until.rows, MORE_ROWS * rows)
         error = _mean_square(perceptron, weights, stopping)
         since += 1
         if error < best_error:

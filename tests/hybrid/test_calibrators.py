@@ -39,6 +39,14 @@ def drifting(count: int, seed: int = 0) -> Data:
     return replace(windows, track=track), reference
 
 
+def network(method: str, seed: int, epochs: int, batch: int) -> NetworkCalibrator:
+    """An untrained network, soon trained."""
+    calibrator = make_calibrator(method, seed)
+    assert isinstance(calibrator, NetworkCalibrator)
+    calibrator.epochs, calibrator.batch = epochs, batch
+    return calibrator
+
+
 def states(calibrator: NetworkCalibrator) -> dict[str, list[float]]:
     return {name: tensor.flatten().tolist() for name, tensor in calibrator.state().items()}
 
