@@ -269,37 +269,60 @@ def enough_alone_m(found: FidelityMap) -> Floats:
 
 def reading(found: FidelityMap) -> tuple[str, str, str]:
     """Three sentences that say how to read the map, made from its numbers."""
-    main, limits, alone = found.overall(), useful_up_to_m(found), enough_alone_m(found)
-    still = found.constant_velocity_m
-    each = ", ".join(
-        f"{_limit(limit, main, still)} with {amount}" for limit, amount in zip(limits, found.windows, strict=True)
-    )
+    main, still, few, many = found.overall(), found.constant_velocity_m, found.windows[0], found.windows[-1]
     first = (
-        f"A hybrid ({found.method}) is better than the data alone as long as the reference's own mean error stays "
-        f"below {each} windows to learn from; the number in brackets is that error over the {still:.2f} m of "
-        "constant velocity."
+        f"A hybrid ({found.method}) is better than the data alone {_useful(main)}; the number in brackets is that "
+        f"error over the {still:.2f} m of constant velocity."
     )
-    few, many = found.windows[0], found.windows[-1]
+    best, alone = best_up_to_m(found), enough_alone_m(found)
     second = (
-        f"Without a calibrator the reference is as good as anything up to an error of {alone[0]:.2f} m with {few} "
-        f"windows and {alone[-1]:.2f} m with {many}, the best tried being {main.reference_m[0]:.2f} m "
-        "off: what remains of that in the truth itself is what nobody can know at the start."
+        f"{_best_of_all(main, best)}, while the reference needs no calibrator as long as it is no more than "
+        f"{alone[0]:.2f} m off with {few} windows and {alone[-1]:.2f} m with {many}."
     )
     row, column = np.unravel_index(int(np.argmin(_edge(main))), main.hybrid_m.shape)
     third = (
-        f"The hybrid wins by most with a reference that is {main.reference_m[row]:.2f} m off and "
-        f"{found.windows[column]} windows, where it leaves {main.hybrid_m[row, column]:.2f} m against "
-        f"{main.data_driven_m[column]:.2f} m of the data alone; on the worst reference tried "
-        f"({main.reference_m[-1]:.1f} m) and {many} windows it leaves {main.hybrid_m[-1, -1]:.2f} m against "
-        f"{main.data_driven_m[-1]:.2f} m."
+        f"It wins by most on a reference that is {main.reference_m[row]:.2f} m off after {found.windows[column]} "
+        f"windows, where it leaves {main.hybrid_m[row, column]:.2f} m against {main.data_driven_m[column]:.2f} m "
+        f"of the data alone, and on the worst tried ({main.reference_m[-1]:.2f} m off) after {many} it leaves "
+        f"{main.hybrid_m[-1, -1]:.2f} m against {main.data_driven_m[-1]:.2f} m."
     )
     return first, second, third
 
 
-def _limit(limit_m: float, main: FidelityMap, still_m: float) -> str:
-    if np.isinf(limit_m):
-        return f"{main.reference_m[-1]:.1f} m (the worst tried) and probably beyond"
-    return f"{limit_m:.2f} m ({limit_m / still_m:.1f})"
+def _useful(main: FidelityMap) -> str:
+    """Up to which error of the reference the hybrid beats the data, for each amount of data."""
+    limits, still, worst = useful_up_to_m(main), main.constant_velocity_m, main.reference_m[-1]
+    bounded = [
+        f"below {limit:.2f} m ({limit / still:.1f}) with {amount}"
+        for limit, amount in zip(limits, main.windows, strict=True)
+        if np.isfinite(limit)
+    ]
+    always = [str(amount) for limit, amount in zip(limits, main.windows, strict=True) if np.isinf(limit)]
+    parts = [f"as long as the reference's own mean error stays {', '.join(bounded)} windows"] if bounded else []
+    if always:
+        parts.append(
+            f"on every reference tried, up to {worst:.2f} m ({worst / still:.1f}), with {', '.join(always)}"
+        )
+    return " and ".join(parts)
+
+
+def _best_of_all(main: FidelityMap, best: Floats) -> str:
+    """From how many windows on, and on how bad a reference, the hybrid beats everything else."""
+    winning = np.flatnonzero(best > 0.0)
+    if not winning.size:
+        return "It is the best of all, constant velocity included, nowhere"
+    first = int(winning[0])
+    return (
+        f"It is the best of all, constant velocity included, from {main.windows[first]} windows on: there with "
+        f"references up to {best[first]:.2f} m off, after {main.windows[-1]} up to {best[-1]:.2f} m"
+    )
+
+
+def best_up_to_m(found: FidelityMap) -> Floats:
+    """The error of the worst reference on which the hybrid beats all others by more than :data:`SAME` [W]."""
+    main = found.overall()
+    wins = _edge(main) < 1.0 - SAME
+    return np.asarray(np.where(wins, main.reference_m[:, None], 0.0).max(axis=0))
 
 
 def _edge(main: FidelityMap) -> Floats:

@@ -43,7 +43,15 @@ def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
         strength = PALEST + (1.0 - PALEST) * min(1.0, float(lead[row, column]) / FULL_MARGIN)
         colour = _paler(_colour(main, int(winner[row, column])), strength)
         artists.append(axes.add_patch(Rectangle((column - 0.5, row - 0.5), 1.0, 1.0, color=colour, linewidth=0)))
-        axes.text(column, row, f"{ranked[0, row, column]:.2f}", ha="center", va="center", fontsize=8, color=INK)
+        axes.text(
+            column,
+            row,
+            f"{ranked[0, row, column]:.2f}",
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=_legible(colour),
+        )
     artists += axes.plot(range(len(main.windows)), _limit_rows(main), color=INK, linewidth=2.0)
     _label_cells(axes, main)
     return artists
@@ -66,6 +74,8 @@ def legend_handles(found: FidelityMap) -> list[Patch | Line2D]:
     """What the colours and the line say; the numbers in the cells are the winner's error."""
     names = ["reference alone", *(title_of(each) for each in found.rivals[1:-1]), f"hybrid ({found.method})"]
     patches = [Patch(facecolor=_colour(found, number), label=name) for number, name in enumerate(names)]
+    if np.isinf(useful_up_to_m(found)).all():
+        return list(patches)
     return [*patches, Line2D([], [], color=INK, linewidth=2.0, label="hybrid no better than data alone above")]
 
 
@@ -74,18 +84,24 @@ def _colour(found: FidelityMap, number: int) -> str:
     return COLOUR["hybrid"] if number == len(found.rivals) - 1 else COLOUR[found.rivals[number]]
 
 
+def _legible(colour: tuple[float, float, float]) -> str:
+    """Ink on pale cells and white on dark ones, by the luminance of ITU-R BT.709."""
+    luminance = float(np.dot(colour, (0.2126, 0.7152, 0.0722)))
+    return "white" if luminance < 0.45 else INK
+
+
 def _paler(colour: str, strength: float) -> tuple[float, float, float]:
     red, green, blue = (1.0 - strength * (1.0 - part) for part in to_rgb(colour))
     return red, green, blue
 
 
 def _limit_rows(main: FidelityMap) -> Floats:
-    """The thresholds as heights on the axis of rows [W]; at its ends where they lie beyond it."""
+    """The thresholds as heights on the axis of rows [W]; none where the hybrid is better on all of them."""
     limits = useful_up_to_m(main)
     rows = np.interp(
         np.log(np.clip(limits, 1e-9, None)), np.log(main.reference_m), np.arange(len(main.reference_m))
     )
-    return np.where(np.isinf(limits), len(main.reference_m) - 0.5, np.where(limits == 0.0, -0.5, rows))
+    return np.where(np.isinf(limits), np.nan, np.where(limits == 0.0, -0.5, rows))
 
 
 def draw_map(figure: Figure, found: FidelityMap) -> None:
