@@ -21,7 +21,12 @@ Flags = NDArray[np.bool_]
 Progress = Callable[[float], None]
 Examples = tuple[Horizons, Floats]
 
-BASELINES = ("constant_velocity", "reference")
+Predict = Callable[[Horizons, Floats], Floats]
+
+BASELINES: dict[str, Predict] = {
+    "constant_velocity": lambda horizons, reference: constant_velocity(horizons),
+    "reference": lambda horizons, reference: reference,
+}
 """What needs no training: the methods that every other has to beat."""
 
 
@@ -113,20 +118,19 @@ def _judged(
     fitting, stopping, held_out = (
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
-    unknown = np.zeros(len(held_out[0]), dtype=bool)
-    errors = {}
-    for name, tracks in (("constant_velocity", lambda each: constant_velocity(each[0])),
-                         ("reference", lambda each: each[1])):  # fmt: skip
-        radius = band_radius(tracks(stopping), stopping[0].track)
-        errors[name] = errors_of(tracks(held_out), held_out[0], radius, unknown)
+    errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
     for number, method in enumerate(methods):
-        calibrator = make_calibrator(method, seed, plant)
-        calibrator.fit(fitting, stopping, lambda share, number=number: progress(number + share))  # type: ignore[misc]
-        radius = band_radius(calibrator.predict(*stopping), stopping[0].track)
-        predicted, beyond = calibrator.predict(*held_out), calibrator.outside(*held_out)
-        errors[method] = errors_of(predicted, held_out[0], radius, beyond)
+        calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, _part(progress, number, 1))
+        errors[method] = _errors(calibrator.predict, stopping, held_out, calibrator.outside(*held_out))
         progress(number + 1.0)
     return errors
+
+
+def _errors(predict: Predict, stopping: Examples, held_out: Examples, untrained: Flags | None = None) -> Errors:
+    """The errors of what ``predict`` says of the windows held out, its regions sized on those stopped by."""
+    radius_m = band_radius(predict(*stopping), stopping[0].track)
+    beyond = np.zeros(len(held_out[0]), dtype=bool) if untrained is None else untrained
+    return errors_of(predict(*held_out), held_out[0], radius_m, beyond)
 
 
 def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained: Flags) -> Errors:
