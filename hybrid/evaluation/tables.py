@@ -52,11 +52,11 @@ def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
     methods = [name.replace("_", " ") for name in split.whole.methods]
     table = _table(f"{split.kind}: mean distance m by class, with windows/legs", None, "", *methods)
-    for kind, classes in split.shown.items():
+    for classes in split.shown.values():
         for name, summary in classes.items():
             figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
             figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
-            table.add_row(f"{kind}: {name}", f"{summary.windows}/{summary.legs}", *figures.values())
+            table.add_row(name, f"{summary.windows}/{summary.legs}", *figures.values())
     return table
 
 
