@@ -38,7 +38,7 @@ AMOUNTS = (10, 80)
 
 
 def sailed(plant: Plant, count: int, seed: int) -> Horizons:
-    """Windows of 15 s in which ``plant`` does exactly what it would, from many speeds, under many helms."""
+    """Windows of 15 s in which ``plant`` does what it would, measured to a centimetre, under many helms."""
     random = np.random.default_rng(seed)
     start = random.uniform([0, 0, -np.pi, 2.0, -0.2, -0.02], [0, 0, np.pi, 4.0, 0.2, 0.02], (count, 6))
     windows = windows_at(start, 15)
@@ -46,7 +46,8 @@ def sailed(plant: Plant, count: int, seed: int) -> Horizons:
     shaft_rps = random.uniform(1.5, 3.0, count)
     control = np.column_stack([shaft_rps, helm_rad, shaft_rps, helm_rad, np.zeros(count)])
     windows = replace(windows, control=control)
-    return replace(windows, track=reference(windows, plant))
+    track = reference(windows, plant)
+    return replace(windows, track=track + random.normal(0.0, 0.01, track.shape) * [1.0, 1.0, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,7 @@ def by_hand(reference_m: list[float], hybrid_m: list[list[float]], data_m: list[
 
 
 def test_the_truth_as_reference_is_right_and_wins_with_few_data(small: FidelityMap) -> None:
-    assert small.reference_m[0] == pytest.approx(0.0, abs=1e-9)
+    assert small.reference_m[0] < 0.02
     assert small.rivals[int(small.errors_m()[:, 0, 0].argmin())] == "reference"
     assert small.hybrid_m[0, 0] < small.data_driven_m[0]
 
