@@ -326,5 +326,5 @@ def best_up_to_m(found: FidelityMap) -> Floats:
 
 
 def _edge(main: FidelityMap) -> Floats:
-    """The hybrid's error over that of the best of all other methods [D, W]."""
-    return np.asarray(main.hybrid_m / main.errors_m()[:-1].min(axis=0))
+    """The hybrid's error over that of the best of all other methods, a millimetre at least [D, W]."""
+    return np.asarray(main.hybrid_m / np.maximum(main.errors_m()[:-1].min(axis=0), 1e-3))
