@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def single_degradations(
 
 def blended(truth: Plant, reference: Plant, share: float) -> Plant:
     """Every number of the truth moved by ``share`` of the way to the reference's; the truth's extra forces stay."""
-    numbers = {}
+    numbers: dict[str, Any] = {}
     for name in NUMBERS:
         ours, theirs = np.asarray(getattr(truth, name)), np.asarray(getattr(reference, name))
         value = (1.0 - share) * ours + share * theirs
