@@ -7,7 +7,7 @@ is the measured track that its prediction is compared with.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ from acquisition.errors import DataShortageError
 
 Floats = NDArray[np.float64]
 
-PAST_S = 30
+PAST_S = 60
 """How many seconds before its start a window knows of."""
 
 
@@ -67,6 +67,12 @@ class Horizons:
             self.start_time[chosen],
             self.past[chosen],
         )
+
+
+def joined_horizons(first: Horizons, second: Horizons) -> Horizons:
+    """The windows of both, one after the other."""
+    pairs = [(getattr(first, field.name), getattr(second, field.name)) for field in fields(Horizons)]
+    return Horizons(*(a.append(b) if isinstance(a, pd.DatetimeIndex) else np.concatenate([a, b]) for a, b in pairs))
 
 
 def from_rows(

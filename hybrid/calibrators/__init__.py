@@ -16,6 +16,7 @@ _METHODS = {
     "paper": ("hybrid.calibrators.paper", "PaperCalibrator"),
     "data_driven": ("hybrid.calibrators.data_driven", "DataDriven"),
     "additive": ("hybrid.calibrators.additive", "AdditiveCalibrator"),
+    "adaptive": ("hybrid.calibrators.adaptive.calibrator", "Adaptive"),
 }
 METHODS: tuple[str, ...] = tuple(_METHODS)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid.certainty import band_radius
 from hybrid.horizon import Horizons
 
 if TYPE_CHECKING:
@@ -50,8 +51,12 @@ class Calibrator(ABC):
         """Which windows [N] lie beyond what it was trained on, where it is guessing."""
 
     def spread(self, horizons: Horizons, reference: Floats) -> Floats:
-        """How uncertain each prediction is in proportion to others [N, H], any unit; the same for all here."""
+        """How uncertain each prediction is [N, H], one for a usual one; the same for all here."""
         return np.ones((len(horizons), horizons.horizon_s))
+
+    def region(self, stopping: Examples) -> Floats:
+        """The radius of the 95 % region by second [H], for a spread of one; here from windows of other legs."""
+        return band_radius(self.predict(*stopping), stopping[0].track, self.spread(*stopping))
 
     @abstractmethod
     def state(self) -> dict[str, Tensor]:

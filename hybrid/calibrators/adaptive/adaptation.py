@@ -1,0 +1,149 @@
+"""What is adapted: the model's numbers, steady forces, current, wind, and how closely the observer follows.
+
+All of it is one vector of departures from the reference, each in units of what is likely before any data are seen:
+zero is the reference itself, one is a usual departure. That is the prior, too: a normal distribution of width one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.calibrators.adaptive.gains import kalman_gains
+from hybrid.calibrators.adaptive.observer import follow
+from hybrid.horizon import Horizons
+from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.plant import HULL, Plant, pack
+
+Floats = NDArray[np.float64]
+
+POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "Xuu", "thrust_nn", "thrust_nu", "side_nv", "side_uv")
+"""Numbers that keep their sign, as masses and damping must; they are adapted by factors, the others by shares."""
+SIGNED = (
+    *(name for name in HULL if name not in POSITIVE),
+    "Yrd", "port_x_m", "starboard_x_m", "tunnel_cubic_n", "tunnel_quadratic_n", "tunnel_linear_n",
+)  # fmt: skip
+USUAL_SHARE = 0.5
+"""A coefficient of another ship of the kind is off by half, more or less."""
+STEADY = {"constant_X_n": 3000.0, "constant_Y_n": 3000.0, "constant_N_nm": 30000.0}
+STEADY_MASS_KG = 4.0e5
+"""The ship for which the usual steady forces above hold; they grow with the mass."""
+CURRENT_MPS, WIND_MPS, DRIFT_N = 0.2, 3.0, 3000.0
+SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "wind_north", "wind_east")
+AXES = ("surge", "sway", "yaw")
+FOLLOWED = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
+KEPT = tuple(f"kept_{axis}" for axis in AXES)
+NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, *FOLLOWED, *KEPT)
+"""The names of the vector's numbers."""
+
+_WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
+_USUAL_POWER = 1.5
+_KEPT_S = 120.0
+_FOLLOWED_S = 30
+_AVERAGED_S = 5
+_STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
+_LARGEST_FACTOR = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the observer sees of N windows: ``past`` [N, P+1, 13] newest first, whole for ``known_s`` [N] seconds,
+    and ``control`` [N, H, 5] and ``wind`` [N, 2] that act from second 0.
+    """
+
+    past: Floats
+    known_s: NDArray[np.int64]
+    control: Floats
+    wind: Floats
+
+    def __len__(self) -> int:
+        return len(self.past)
+
+
+def seen(horizons: Horizons, control: Floats | None = None) -> Seen:
+    """What is seen of windows; the thrusters hold their last seconds' mean, unless ``control`` [N, H, 5] is known."""
+    now = np.concatenate([horizons.start, horizons.wind, horizons.control], axis=1)
+    measured = horizons.past.copy()
+    measured[:, 0] = np.where(np.isfinite(measured[:, 0]), measured[:, 0], now)
+    known_s = np.cumprod(np.isfinite(measured).all(axis=2), axis=1).sum(axis=1).astype(np.int64) - 1
+    past = measured[:, : _FOLLOWED_S + 1]
+    held = np.repeat(_held(past)[:, None], horizons.horizon_s, axis=1) if control is None else control
+    return Seen(np.ascontiguousarray(past), known_s.clip(0, _FOLLOWED_S), held, _mean_wind(past))
+
+
+def _held(past: Floats) -> Floats:
+    """The controls at second 0 [N, 5], averaged over the seconds before in which they stood still."""
+    recent = past[:, :_AVERAGED_S, 8:]
+    off = recent - recent[:, :1]
+    off[..., [1, 3]] = np.angle(np.exp(1j * off[..., [1, 3]]))
+    still = np.cumprod((np.abs(off) < _STILL).all(axis=2), axis=1)[..., None]
+    return np.asarray(recent[:, 0] + (np.nan_to_num(off) * still).sum(axis=1) / still.sum(axis=1))
+
+
+def _mean_wind(past: Floats) -> Floats:
+    """The mean wind vector of the last seconds, as direction [rad] and speed [m/s]: [N, 2]."""
+    recent = past[:, :_AVERAGED_S, 6:8]
+    vector = np.nanmean(recent[..., 1] * np.exp(1j * recent[..., 0]), axis=1)
+    return np.column_stack([np.angle(vector), np.abs(vector)])
+
+
+def value(vector: Floats, name: str) -> float:
+    """One number of the vector."""
+    return float(vector[NAMES.index(name)])
+
+
+def adapted(vector: Floats, plant: Plant) -> NDArray[np.void]:
+    """The plant, packed [1], with its numbers, steady forces, current and drift as the vector says."""
+    packed = pack(plant)
+    for name in POSITIVE:
+        packed[name] *= np.exp(np.clip(USUAL_SHARE * value(vector, name), -_LARGEST_FACTOR, _LARGEST_FACTOR))
+    for name in SIGNED:
+        packed[name] *= 1.0 + USUAL_SHARE * value(vector, name)
+    heavier = plant.mass_kg / STEADY_MASS_KG
+    for name, usual in STEADY.items():
+        packed[name] += heavier * usual * value(vector, name)
+    packed["current_north_mps"] += CURRENT_MPS * value(vector, "current_north")
+    packed["current_east_mps"] += CURRENT_MPS * value(vector, "current_east")
+    own = plant.drift_force_n
+    north = own * plant.drift_north + heavier * DRIFT_N * value(vector, "drift_north")
+    east = own * plant.drift_east + heavier * DRIFT_N * value(vector, "drift_east")
+    size = np.hypot(north, east)
+    packed["drift_force_n"] = size
+    packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)
+    return packed
+
+
+def blown(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
+    """A measured wind with the vector's steady one added: direction it comes from [rad] and speed [m/s]."""
+    north, east = WIND_MPS * value(vector, "wind_north"), WIND_MPS * value(vector, "wind_east")
+    if north == 0.0 == east:
+        return direction_rad, speed_mps
+    vector_mps = speed_mps * np.exp(1j * direction_rad) + (north + 1j * east)
+    return np.angle(vector_mps), np.abs(vector_mps)
+
+
+def observer_gains(vector: Floats) -> tuple[Floats, Floats]:
+    """The gains [steps, 3 axes, 3, 2] and what is left of the force a second later [3]."""
+    powers = _USUAL_POWER * vector[[NAMES.index(name) for name in FOLLOWED]].reshape(3, 3)
+    levels = 10.0 ** np.clip(_WALKS + powers, -6.0, 4.0)
+    lasting_s = _KEPT_S * np.exp(vector[[NAMES.index(name) for name in KEPT]])
+    kept = np.exp(-1.0 / lasting_s)
+    gains = [kalman_gains(*levels[axis], kept[axis], _FOLLOWED_S) for axis in range(3)]
+    return np.stack(gains, axis=1), kept
+
+
+def followed(vector: Floats, plant: Plant, windows: Seen) -> Floats:
+    """The states [N, H+1, 6] that the adapted model predicts from what is seen of N windows."""
+    gains, kept = observer_gains(vector)
+    past, wind = windows.past, windows.wind
+    if value(vector, "wind_north") or value(vector, "wind_east"):
+        past = past.copy()
+        past[..., 6], past[..., 7] = blown(vector, past[..., 6], past[..., 7])
+        wind = np.column_stack(blown(vector, wind[:, 0], wind[:, 1]))
+    plants = np.repeat(adapted(vector, plant), len(windows))
+    extra, parameters = combined(plant)
+    states = np.empty((len(windows), windows.control.shape[1] + 1, 6))
+    follow(plants, past, windows.known_s, gains, kept, windows.control, wind, extra, parameters, states)
+    return states

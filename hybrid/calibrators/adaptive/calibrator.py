@@ -1,0 +1,213 @@
+"""The adaptive calibrator: several adapted models, each without some of the legs, and how far to trust them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.channels import NAMES as CHANNELS
+from acquisition.errors import DataShortageError
+from hybrid.baselines import constant_velocity
+from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
+from hybrid.calibrators.adaptive.fit import adapt
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.certainty import HINDCAST_S, band_radius, earlier, off_m
+from hybrid.horizon import Horizons, joined_horizons
+from hybrid.scores import distances
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.simulate import simulate_batch
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+MEMBERS = 5
+MOST_WINDOWS = 400
+STRIDE_S = 5.0
+TRUSTS = (np.inf, 4.0, 2.0)
+"""By which power of its error in the last seconds a way of predicting loses weight; infinite: ours alone."""
+BEYOND = 0.5
+"""How far past the range of the training, as a share of it, a start may lie before it counts as outside."""
+_PERFECT = 0.1  # errors in the last seconds below this share of the usual one say nothing more
+_UNKNOWN = 2.0  # how uncertain a window is whose past is not known, in usual errors
+_WAYS = 3  # ours, constant velocity, the reference
+
+
+@dataclass(frozen=True, slots=True)
+class _Ways:
+    """What each way of predicting says of N windows: ``tracks`` [ways, N, H+1, 3] and ``before_m`` [ways, N], how
+    far off it was over the last seconds; ours first.
+    """
+
+    tracks: Floats
+    before_m: Floats
+
+
+class Adaptive(Calibrator):
+    """Adapted models on what was observed before the start, weighed against constant velocity and the reference.
+
+    Each of :data:`MEMBERS` models is adapted without a share of the legs; on these it is judged, and from that
+    follow the trust in it and the size of the 95 % regions. All members predict together.
+    """
+
+    method: ClassVar[str] = "adaptive"
+    inputs: ClassVar[tuple[str, ...]] = CHANNELS
+
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+        """Adapt to the windows of both parts; no leg is needed to stop by. Raises :class:`DataShortageError`."""
+        horizons = joined_horizons(training[0], stopping[0])
+        reference = np.concatenate([training[1], stopping[1]])
+        fold = _folds(horizons.leg, self.seed)
+        members = int(fold.max()) + 1
+        if members < 2:
+            raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
+        self.vectors_ = np.stack(
+            [
+                self._adapted(
+                    horizons, fold != member, member, lambda share, m=member: progress((m + share) / members)
+                )
+                for member in range(members)
+            ]
+        )
+        self.range_ = np.stack([(x := _starts(horizons)).min(axis=0), x.max(axis=0)])
+        self._judge(horizons, reference, fold)
+        return self
+
+    def _adapted(self, horizons: Horizons, chosen: Flags, member: int, progress: Progress) -> Floats:
+        """The vector of one member."""
+        rows = np.flatnonzero(chosen)
+        if len(rows) > MOST_WINDOWS:
+            drawn = np.random.default_rng([self.seed, member]).choice(rows, MOST_WINDOWS, replace=False)
+            rows = np.sort(drawn)
+        windows = horizons.subset(rows)
+        overlap = min(1.0, STRIDE_S / windows.horizon_s) if _overlapping(windows) else 1.0
+        return adapt(self._model, seen(windows), windows.track, overlap, progress)
+
+    @property
+    def _model(self) -> Plant:
+        if self.plant is None:
+            raise ValueError("the adaptive calibrator needs the reference model")
+        return self.plant
+
+    def _judge(self, horizons: Horizons, reference: Floats, fold: NDArray[np.int64]) -> None:
+        """Trust, usual errors and regions, from what each member says of the legs it was not adapted to."""
+        parts = []
+        order = []
+        for member, vector in enumerate(self.vectors_):
+            mine = np.flatnonzero(fold == member)
+            parts.append(self._ways(horizons.subset(mine), reference[mine], vector[None]))
+            order.append(mine)
+        back = np.argsort(np.concatenate(order))
+        ways = _Ways(
+            np.concatenate([part.tracks for part in parts], axis=1)[:, back],
+            np.concatenate([part.before_m for part in parts], axis=1)[:, back],
+        )
+        self.usual_before_m_ = float(np.nanmedian(ways.before_m[0])) if np.isfinite(ways.before_m[0]).any() else 1.0
+        errors = [distances(self._weighed(ways, trust)[0], horizons.track).mean() for trust in TRUSTS]
+        self.trust_ = TRUSTS[int(np.argmin(errors))]
+        tracks, before_m = self._weighed(ways, self.trust_)
+        self.usual_m_ = np.maximum.accumulate(np.median(distances(tracks, horizons.track), axis=0)) + 1e-3
+        self.region_ = band_radius(tracks, horizons.track, self._spread(before_m))
+
+    def _ways(self, horizons: Horizons, reference: Floats, vectors: Floats) -> _Ways:
+        """Ours, constant velocity and the reference, on the windows and on the seconds before them."""
+        before, acted = earlier(horizons, HINDCAST_S)
+        wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
+        model = simulate_batch(self._model, before.start, acted, wind, 1.0).states[..., :3]
+        ours_before = self._together(vectors, seen(before, acted))
+        return _Ways(
+            np.stack([self._together(vectors, seen(horizons)), constant_velocity(horizons), reference]),
+            np.stack([off_m(each, before.track) for each in (ours_before, constant_velocity(before), model)]),
+        )
+
+    def _together(self, vectors: Floats, windows: Seen) -> Floats:
+        """The mean track [N, H+1, 3] of several members."""
+        total = np.zeros((len(windows), windows.control.shape[1] + 1, 3))
+        for vector in vectors:
+            total += followed(vector, self._model, windows)[..., :3]
+        return total / len(vectors)
+
+    def _weighed(self, ways: _Ways, trust: float) -> tuple[Floats, Floats]:
+        """One track a window [N, H+1, 3] of all ways, and the error of the last seconds [N] that goes with it."""
+        usable = np.isfinite(ways.tracks).all(axis=(2, 3))
+        known = np.isfinite(ways.before_m)
+        floor_m = _PERFECT * self.usual_before_m_
+        if np.isinf(trust):
+            weight = np.where(known, 0.0, 0.0)
+            weight[0] = 1.0
+        else:
+            compared = known.all(axis=0)
+            weight = np.where(compared, (np.nan_to_num(ways.before_m, nan=1.0) + floor_m) ** -trust, 0.0)
+            weight[0] = np.where(compared, weight[0], 1.0)
+        weight = np.where(usable, weight, 0.0)
+        weight[1] = np.where(weight.sum(axis=0) > 0.0, weight[1], 1.0)
+        weight = weight / weight.sum(axis=0)
+        tracks = np.einsum("wn,wnhc->nhc", weight, np.where(weight[..., None, None] > 0.0, ways.tracks, 0.0))
+        before = np.where(known, ways.before_m, _UNKNOWN * self.usual_before_m_)
+        return tracks, np.einsum("wn,wn->n", weight, before)
+
+    def _spread(self, before_m: Floats) -> Floats:
+        """How uncertain windows are [N, H], one for a usual one: half of it goes with the last seconds' error."""
+        share = 0.5 + 0.5 * before_m / max(self.usual_before_m_, 1e-6)
+        return np.repeat(share[:, None], len(self.usual_m_), axis=1)
+
+    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
+        return self._weighed(self._ways(horizons, reference, self.vectors_), self.trust_)[0]
+
+    def spread(self, horizons: Horizons, reference: Floats) -> Floats:
+        ways = self._ways(horizons, reference, self.vectors_)
+        return self._spread(self._weighed(ways, self.trust_)[1])
+
+    def region(self, stopping: Examples) -> Floats:
+        return self.region_
+
+    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
+        starts, (low, high) = _starts(horizons), self.range_
+        margin = BEYOND * (high - low) + 1e-6
+        return np.asarray(((starts < low - margin) | (starts > high + margin)).any(axis=1))
+
+    def state(self) -> dict[str, Tensor]:
+        import torch
+
+        learned = {
+            "vectors": self.vectors_, "range": self.range_, "usual": self.usual_m_, "region": self.region_,
+            "trust": np.array([0.0 if np.isinf(self.trust_) else self.trust_, self.usual_before_m_]),
+        }  # fmt: skip
+        return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in learned.items()}
+
+    def restore(self, tensors: dict[str, Tensor]) -> Self:
+        learned = {name: tensor.numpy() for name, tensor in tensors.items()}
+        self.vectors_, self.range_ = learned["vectors"], learned["range"]
+        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(NAMES):
+            raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {len(NAMES)}")
+        self.usual_m_, self.region_ = learned["usual"], learned["region"]
+        trust, self.usual_before_m_ = map(float, learned["trust"])
+        self.trust_ = trust or np.inf
+        return self
+
+
+def _starts(horizons: Horizons) -> Floats:
+    """What decides whether a start was trained on: speeds, wind speed, thrusters [N, 11]; angles as vectors."""
+    control = horizons.control
+    angles = [f(control[:, column]) for column in (1, 3) for f in (np.cos, np.sin)]
+    return np.column_stack([horizons.start[:, 3:], horizons.wind[:, 1], control[:, [0, 2, 4]], *angles])
+
+
+def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
+    """The member [N] that goes without each window: whole legs, the longest first, to whoever lacks least."""
+    names, where, counts = np.unique(leg, return_inverse=True, return_counts=True)
+    members = min(MEMBERS, len(names))
+    order = np.random.default_rng(seed).permutation(len(names))
+    lacking, fold = np.zeros(members), np.empty(len(names), dtype=np.int64)
+    for name in order[np.argsort(-counts[order], kind="stable")]:
+        fold[name] = np.argmin(lacking)
+        lacking[fold[name]] += counts[name]
+    return fold[where]
+
+
+def _overlapping(windows: Horizons) -> bool:
+    """Whether windows follow each other by less than their length."""
+    starts = np.sort(windows.start_time.as_unit("ns").asi8)
+    return bool(len(starts) > 1 and np.median(np.diff(starts)) < windows.horizon_s * 1_000_000_000)

@@ -1,0 +1,110 @@
+"""Adapting the vector: least squares on predicted tracks, robust, no further than the data demand.
+
+Levenberg's and Marquardt's steps on the whitened differences between predicted and measured tracks, beside the
+prior. Every second's scale is its own median error, so that late seconds do not drown the early ones; windows in
+which something happened that no model could know count less (Huber). Windows that overlap count as often as there
+are seconds in them that no other has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed
+from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+STEPS = 8
+_OUTLYING = 1.5
+_NUMBERS_A_WINDOW = 6.0  # what a track of three coordinates says: where it bends and how, in each
+_LEAST = np.array([0.01, 0.01, 0.0005])  # nothing is predicted better [m, m, rad]
+_DIFFERENCE = 1e-3
+_ENOUGH = 2e-3
+_GIVE_UP = 1e6
+
+
+def adapt(
+    plant: Plant,
+    windows: Seen,
+    track: Floats,
+    overlap: float,
+    progress: Progress = lambda share: None,
+    steps: int = STEPS,
+) -> Floats:
+    """The vector [len(NAMES)] with which predictions meet the tracks [N, H+1, 3] that were measured.
+
+    ``overlap`` is the share of a window that is its own, at most one.
+    """
+
+    def off(vector: Floats) -> Floats:
+        return _ahead_aside(followed(vector, plant, windows)[:, 1:, :3] - track[:, 1:], track[:, :1, 2])
+
+    vector, damping = np.zeros(len(NAMES)), 1e-3
+    now = off(vector)
+    for step in range(steps):
+        progress(step / steps)
+        scale = 1.48 * np.sqrt(np.nanmedian(now**2, axis=0)) + _LEAST
+        weight = _weights(now / scale, overlap)
+        slope = _slope(off, vector, now, weight / scale)
+        better = _step(off, vector, now, slope, weight / scale, damping)
+        if better is None:
+            break
+        before, after, vector, now, damping = better
+        if before - after < _ENOUGH * before:
+            break
+    return vector
+
+
+def _ahead_aside(gap: Floats, heading: Floats) -> Floats:
+    """Differences of north, east and heading [N, H, 3] as ahead, aside and heading."""
+    cosine, sine = np.cos(heading), np.sin(heading)
+    north, east = gap[..., 0], gap[..., 1]
+    return np.stack([north * cosine + east * sine, east * cosine - north * sine, gap[..., 2]], axis=-1)
+
+
+def _weights(whitened: Floats, overlap: float) -> Floats:
+    """The square root of each window's weight [N, 1, 1]; none for windows that the model cannot run."""
+    size = np.sqrt(np.mean(whitened**2, axis=(1, 2)))
+    known = np.isfinite(size)
+    robust = np.where(known, np.minimum(1.0, _OUTLYING / np.maximum(np.where(known, size, 1.0), 1e-9)), 0.0)
+    share = overlap * _NUMBERS_A_WINDOW / (whitened.shape[1] * whitened.shape[2])
+    return np.asarray(np.sqrt(share * robust))[:, None, None]
+
+
+def _slope(off: Callable[[Floats], Floats], vector: Floats, now: Floats, weight: Floats) -> Floats:
+    """How the weighted differences change with each number of the vector [N H 3, numbers]."""
+    columns = np.empty((now.size, len(vector)))
+    for number in range(len(vector)):
+        moved = vector.copy()
+        moved[number] += _DIFFERENCE
+        columns[:, number] = np.nan_to_num((off(moved) - now) / _DIFFERENCE * weight).ravel()
+    return columns
+
+
+def _step(
+    off: Callable[[Floats], Floats], vector: Floats, now: Floats, slope: Floats, weight: Floats, damping: float
+) -> tuple[float, float, Floats, Floats, float] | None:
+    """Cost before and after, vector, differences and damping after the first step that helps; None if none does."""
+    lost = weight[:, 0, 0] > 0.0
+
+    def cost(vector: Floats, differences: Floats) -> float:
+        inside = (differences * weight)[lost]
+        return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
+
+    normal = slope.T @ slope
+    pull = slope.T @ np.nan_to_num(now * weight).ravel() + vector
+    before = cost(vector, now)
+    while damping < _GIVE_UP:
+        damped = normal + np.eye(len(vector)) + damping * np.diag(1.0 + np.diag(normal))
+        tried = vector - np.linalg.solve(damped, pull)
+        then = off(tried)
+        after = cost(tried, then)
+        if after < before:
+            return before, after, tried, then, max(damping / 5.0, 1e-6)
+        damping *= 6.0
+    return None

@@ -1,0 +1,144 @@
+"""The model run along what was measured before the start, and on from there: compiled.
+
+Second by second the model predicts where the ship is and how fast; what is measured then corrects position, speed
+and the force per mass that the model lacks in surge, sway and yaw (gains.py). At second 0 the model goes on from
+there by itself, that force fading slowly. Nothing that was measured after second 0 is used. Where a measurement is
+too far off to be the ship's motion, as at a splice, the observer begins anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, hypot, pi, sin
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record, compiled
+from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_over
+from hybrid.vessel.plant import ForceFunction
+
+LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 5.0, 0.3, 1.0, 0.05
+Force = tuple[float, float, float]
+
+
+@compiled
+def between(before: Floats, after: Floats) -> Control:
+    """The mean of the controls of two rows of 13 channels; angles the shorter way round."""
+    port, starboard = before[9] - after[9], before[11] - after[11]
+    port -= 2.0 * pi * round(port / (2.0 * pi))
+    starboard -= 2.0 * pi * round(starboard / (2.0 * pi))
+    return (
+        0.5 * (before[8] + after[8]),
+        after[9] + 0.5 * port,
+        0.5 * (before[10] + after[10]),
+        after[11] + 0.5 * starboard,
+        0.5 * (before[12] + after[12]),
+    )
+
+
+@compiled
+def lacking(p: Record, own: Force, missing: Force) -> None:
+    """Give the plant its own constant force and, per mass and with the added mass, the one it lacks."""
+    surge, sway, yaw = missing
+    p.constant_X_n = own[0] + (p.mass_kg - p.Xud) * surge
+    p.constant_Y_n = own[1] + (p.mass_kg - p.Yvd) * sway - p.Yrd * yaw
+    p.constant_N_nm = own[2] - p.Yrd * sway + (p.yaw_inertia_kgm2 - p.Nrd) * yaw
+
+
+@compiled
+def corrected(state: State, missing: Force, measured: Floats, gain: Floats) -> tuple[bool, State, Force]:
+    """Whether the measurement can be the ship's, and state and force moved towards it."""
+    north, east, psi, u, v, r = state
+    surge, sway, yaw = missing
+    cosine, sine = cos(psi), sin(psi)
+    off_north, off_east = measured[0] - north, measured[1] - east
+    ahead, aside = off_north * cosine + off_east * sine, off_east * cosine - off_north * sine
+    turned, du, dv, dr = measured[2] - psi, measured[3] - u, measured[4] - v, measured[5] - r
+    possible = (
+        hypot(ahead, aside) < LEAP_M
+        and abs(turned) < LEAP_RAD
+        and hypot(du, dv) < LEAP_MPS
+        and abs(dr) < LEAP_RADPS
+    )
+    x = gain[0, 0, 0] * ahead + gain[0, 0, 1] * du
+    y = gain[1, 0, 0] * aside + gain[1, 0, 1] * dv
+    return (
+        possible,
+        (
+            north + x * cosine - y * sine,
+            east + x * sine + y * cosine,
+            psi + gain[2, 0, 0] * turned + gain[2, 0, 1] * dr,
+            u + gain[0, 1, 0] * ahead + gain[0, 1, 1] * du,
+            v + gain[1, 1, 0] * aside + gain[1, 1, 1] * dv,
+            r + gain[2, 1, 0] * turned + gain[2, 1, 1] * dr,
+        ),
+        (
+            surge + gain[0, 2, 0] * ahead + gain[0, 2, 1] * du,
+            sway + gain[1, 2, 0] * aside + gain[1, 2, 1] * dv,
+            yaw + gain[2, 2, 0] * turned + gain[2, 2, 1] * dr,
+        ),
+    )
+
+
+@compiled
+def faded(missing: Force, kept: Floats) -> Force:
+    """The lacking force a second later."""
+    return missing[0] * kept[0], missing[1] * kept[1], missing[2] * kept[2]
+
+
+def _make_follow(stamp: int) -> Callable[..., None]:
+    @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
+    def follow(
+        plants: NDArray[np.void],
+        past: Floats,
+        known_s: NDArray[np.int64],
+        gains: Floats,
+        kept: Floats,
+        control: Floats,
+        wind: Floats,
+        extra: ForceFunction | None,
+        parameters: Floats,
+        states: Floats,
+    ) -> None:
+        """Fill ``states`` [N, H+1, 6] from ``past`` [N, P+1, 13], newest first, of which ``known_s`` [N] seconds are
+        whole; ``control`` [N, H, 5] and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
+        """
+        for i in prange(states.shape[0]):
+            p = plants[i]
+            mass, lag = inverse_mass(p), lag_over(p, 1.0)
+            own = (p.constant_X_n, p.constant_Y_n, p.constant_N_nm)
+            missing = (0.0, 0.0, 0.0)
+            second, since = known_s[i], 0
+            row = past[i, second]
+            state = (row[0], row[1], row[2], row[3], row[4], row[5])
+            while second > 0 and stamp != 0:
+                now = past[i, second - 1]
+                acting = between(past[i, second], now)
+                lacking(p, own, missing)
+                state, _ = advance(
+                    p, mass, lag, acting, acting, (now[6], now[7]), 0.0, 1.0, 1, state, extra, parameters[0]
+                )
+                missing = faded(missing, kept)
+                possible, state, missing = corrected(state, missing, now, gains[min(since, len(gains) - 1)])
+                since += 1
+                if not possible:
+                    state, missing, since = (now[0], now[1], now[2], now[3], now[4], now[5]), (0.0, 0.0, 0.0), 0
+                second -= 1
+            air = (wind[i, 0], wind[i, 1])
+            for j in range(6):
+                states[i, 0, j] = state[j]
+            for k in range(control.shape[1]):
+                c = control[i, k]
+                order = (c[0], c[1], c[2], c[3], c[4])
+                lacking(p, own, missing)
+                state, _ = advance(p, mass, lag, order, order, air, 0.0, 1.0, 1, state, extra, parameters[0])
+                missing = faded(missing, kept)
+                for j in range(6):
+                    states[i, k + 1, j] = state[j]
+
+    return follow  # type: ignore[no-any-return]
+
+
+follow = _make_follow(PHYSICS_STAMP)

@@ -1,0 +1,96 @@
+"""How sure a prediction is, and what to say where it has no ground.
+
+A 95 % region is a circle about each predicted position. Its radius is a quantile of errors on legs that took no
+part in the training (split conformal prediction, Lei et al. 2018), relative to how uncertain the method says that
+each window is. Where a method has no ground, the better of the reference and of constant velocity speaks instead:
+the one that would have predicted the last seconds better, which needs nothing but what was measured by then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.baselines import constant_velocity
+from hybrid.horizon import Horizons
+from hybrid.scores import distances
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.simulate import simulate_batch
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+COVERAGE = 0.95
+HINDCAST_S = 15
+_UNSURE_M = 0.5  # no hindcast is believed to better than this
+FALLBACKS = ("reference", "constant_velocity")
+
+
+@dataclass(frozen=True, slots=True)
+class Fallback:
+    """What speaks where a calibrator has no ground: ``tracks`` [N, H+1, 3], ``chosen`` [N] of :data:`FALLBACKS`,
+    and ``spread_m`` [N], the error over the last seconds that its region grows with.
+    """
+
+    tracks: Floats
+    chosen: NDArray[np.str_]
+    spread_m: Floats
+
+
+def band_radius(predicted: Floats, measured: Floats, spread: Floats | None = None) -> Floats:
+    """The radius, in units of ``spread`` [N, H], that holds 95 % of the measured positions, by second [H].
+
+    The quantile is that of split conformal prediction, ceil((n + 1) 0.95) of n, so it does not shrink with few
+    windows; it never falls from one second to the next.
+    """
+    distance = distances(predicted, measured)
+    relative = distance if spread is None else distance / spread
+    count = len(relative)
+    rank = min(int(np.ceil((count + 1) * COVERAGE)), count) - 1
+    return np.maximum.accumulate(np.sort(relative, axis=0)[rank])
+
+
+def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
+    """The windows as they stood so many seconds before: ``seconds`` long, up to second 0, and what acted in them.
+
+    Returns the windows [N] and the recorded controls [N, seconds, 5]; NaN where the past is not known.
+    """
+    past = np.full_like(horizons.past, np.nan)
+    past[:, : past.shape[1] - seconds] = horizons.past[:, seconds:]
+    recorded = horizons.past[:, seconds::-1]
+    turn = np.diff(recorded[..., 8:], axis=1)
+    turn[..., [1, 3]] = np.angle(np.exp(1j * turn[..., [1, 3]]))
+    moved = replace(
+        horizons,
+        start=recorded[:, 0, :6],
+        track=recorded[..., :3],
+        wind=recorded[:, 0, 6:8],
+        control=recorded[:, 0, 8:],
+        past=past,
+    )
+    return moved, recorded[:, :-1, 8:] + 0.5 * turn
+
+
+def off_m(predicted: Floats, measured: Floats) -> Floats:
+    """The mean distance of each window [N]; NaN where either is not known."""
+    return np.asarray(distances(predicted, measured).mean(axis=1))
+
+
+def fallback(horizons: Horizons, reference: Floats, plant: Plant) -> Fallback:
+    """The better of the reference's tracks and of constant velocity by the last :data:`HINDCAST_S` seconds.
+
+    Where these are not known it is the reference.
+    """
+    before, acted = earlier(horizons, HINDCAST_S)
+    wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
+    model = simulate_batch(plant, before.start, acted, wind, 1.0).states[..., :3]
+    errors = np.stack([off_m(model, before.track), off_m(constant_velocity(before), before.track)])
+    best = np.argmin(np.nan_to_num(errors, nan=np.inf), axis=0)
+    known = np.isfinite(errors)
+    least = np.where(known.any(axis=0), np.where(known, errors, np.inf).min(axis=0), np.nanmedian(errors[0]))
+    both = np.stack([reference, constant_velocity(horizons)])
+    return Fallback(
+        both[best, np.arange(len(horizons))], np.array(FALLBACKS)[best], _UNSURE_M + np.nan_to_num(least)
+    )
