@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 import safetensors.torch
-from numpy.typing import NDArray
 from safetensors import SafetensorError
 from torch import Tensor, isfinite, isnan
 
 from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.calibrator import Calibrator, Floats
+from hybrid.certainty import Predicted, guarded
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import Source
-from hybrid.horizon import PAST_S
+from hybrid.horizon import PAST_S, Horizons
 from hybrid.sidecar import (
     FORMAT,
     SIDECAR,
@@ -55,7 +55,8 @@ class Trained:
 
     ``calibrator`` corrects the reference; ``data_driven`` is its twin without a model; ``vessel`` names the
     reference model and ``plant`` is it; ``band_m`` [H] is the radius that held 95 % of the positions on legs
-    kept out of the training, second by second.
+    kept out of the training, second by second, for a spread of one; ``fallback_band`` [H] that of the tracks that
+    speak where the calibrator has no ground, per metre of their own spread.
     """
 
     calibrator: Calibrator
@@ -63,11 +64,18 @@ class Trained:
     horizon_s: int
     vessel: str
     plant: Plant
-    band_m: NDArray[np.float64]
+    band_m: Floats
+    fallback_band: Floats
     sources: tuple[Source, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=now)
     versions: dict[str, str] = field(default_factory=versions)
+
+
+def speak(trained: Trained, horizons: Horizons, reference: Floats) -> Predicted:
+    """What a trained calibrator says of windows, or who speaks in its place: :func:`hybrid.certainty.guarded`."""
+    bands = trained.band_m, trained.fallback_band
+    return guarded(trained.calibrator, trained.plant, *bands, horizons, reference)
 
 
 def save(trained: Trained, folder: Path) -> Path:
@@ -117,6 +125,7 @@ def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, s
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),
         files=digests,
         band_m=tuple(map(float, trained.band_m)),
+        fallback_band=tuple(map(float, trained.fallback_band)),
         data=trained.sources,
         metrics=trained.metrics,
     )
@@ -141,6 +150,7 @@ def load(folder: Path) -> Trained:
         vessel=sidecar.vessel.name,
         plant=plant,
         band_m=np.array(sidecar.band_m),
+        fallback_band=np.array(sidecar.fallback_band),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,

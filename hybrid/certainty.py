@@ -9,6 +9,7 @@ the one that would have predicted the last seconds better, which needs nothing b
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ from hybrid.horizon import Horizons
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
+
+if TYPE_CHECKING:
+    from hybrid.calibrators.calibrator import Calibrator
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -50,6 +54,48 @@ def band_radius(predicted: Floats, measured: Floats, spread: Floats | None = Non
     count = len(relative)
     rank = min(int(np.ceil((count + 1) * COVERAGE)), count) - 1
     return np.maximum.accumulate(np.sort(relative, axis=0)[rank])
+
+
+@dataclass(frozen=True, slots=True)
+class Predicted:
+    """What a trained calibrator says of N windows: ``tracks`` [N, H+1, 3] and the radius of their 95 % regions
+    ``radius_m`` [N, H]; ``untrained`` [N] where it has no ground, and who speaks there instead: ``method`` [N].
+    """
+
+    tracks: Floats
+    radius_m: Floats
+    untrained: Flags
+    method: NDArray[np.str_]
+
+
+def guarded(
+    calibrator: Calibrator,
+    plant: Plant,
+    band_m: Floats,
+    fallback_band: Floats,
+    horizons: Horizons,
+    reference: Floats,
+) -> Predicted:
+    """The calibrator where it has ground, the better of reference and constant velocity where not.
+
+    ``band_m`` [H] is :meth:`Calibrator.region`, ``fallback_band`` [H] is :func:`fallback_region`.
+    """
+    untrained = calibrator.outside(horizons, reference)
+    tracks = calibrator.predict(horizons, reference)
+    radius_m = calibrator.spread(horizons, reference) * band_m
+    lost = untrained | ~np.isfinite(tracks).all(axis=(1, 2))
+    method = np.where(lost, "", "hybrid").astype("<U20")
+    if lost.any():
+        instead = fallback(horizons.subset(lost), reference[lost], plant)
+        tracks[lost], method[lost] = instead.tracks, instead.chosen
+        radius_m[lost] = instead.spread_m[:, None] * fallback_band
+    return Predicted(tracks, radius_m, lost, method)
+
+
+def fallback_region(horizons: Horizons, reference: Floats, plant: Plant) -> Floats:
+    """The radius that holds 95 % of positions about :func:`fallback`, per metre of its spread, by second [H]."""
+    instead = fallback(horizons, reference, plant)
+    return band_radius(instead.tracks, horizons.track, instead.spread_m[:, None])
 
 
 def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:

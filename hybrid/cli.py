@@ -97,7 +97,7 @@ def train(
     vessel: VesselOption = None,
     horizon: Annotated[int, typer.Option(min=2, help="How far it predicts, in seconds.")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
-    method: Annotated[str, typer.Option(help="The kind of calibrator.")] = "paper",
+    method: Annotated[str, typer.Option(help="adaptive, paper, additive or data_driven.")] = "adaptive",
     part: PartOption = "0..100",
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
     as_json: AsJson = False,

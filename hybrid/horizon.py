@@ -71,8 +71,13 @@ class Horizons:
 
 def joined_horizons(first: Horizons, second: Horizons) -> Horizons:
     """The windows of both, one after the other."""
-    pairs = [(getattr(first, field.name), getattr(second, field.name)) for field in fields(Horizons)]
-    return Horizons(*(a.append(b) if isinstance(a, pd.DatetimeIndex) else np.concatenate([a, b]) for a, b in pairs))
+    times = pd.DatetimeIndex(first.start_time.append(second.start_time))
+    arrays = {
+        field.name: np.concatenate([getattr(first, field.name), getattr(second, field.name)])
+        for field in fields(Horizons)
+        if field.name != "start_time"
+    }
+    return Horizons(**arrays, start_time=times)
 
 
 def from_rows(

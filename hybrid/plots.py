@@ -37,7 +37,7 @@ def error_by_second(axes: Axes, validation: Validation) -> list[Artist]:
         artists += axes.plot(seconds, score.by_second, color=COLOUR[method], label=title_of(method))
     if validation.band_m is not None:
         artists += axes.plot(
-            seconds, validation.band_m, "--", color=COLOUR["hybrid"], label="95 % band of the hybrid"
+            seconds, validation.band_m, "--", color=COLOUR["hybrid"], label="95 % region of the hybrid, median"
         )
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("mean distance to the measured position [m]")
@@ -58,9 +58,11 @@ def fan(axes: Axes, validation: Validation, window: int) -> list[Artist]:
     for method, tracks in validation.tracks.items():
         track = _from_start(tracks[window], start)
         artists += axes.plot(track[:, 0], track[:, 1], color=COLOUR[method], label=title_of(method))
-    if validation.band_m is not None:
+    if validation.radius_m is not None:
         end = _from_start(validation.tracks["hybrid"][window], start)[-1]
-        circle = Circle((end[0], end[1]), validation.band_m[-1], fill=False, color=COLOUR["hybrid"], linestyle="--")
+        circle = Circle(
+            (end[0], end[1]), validation.radius_m[window, -1], fill=False, color=COLOUR["hybrid"], linestyle="--"
+        )
         artists.append(axes.add_patch(circle))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("to starboard [m]")

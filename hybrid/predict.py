@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from acquisition.angles import wrap_360
 from acquisition.channels import NAMES
 from acquisition.errors import InputError, ModelRangeError
-from hybrid.artefact import Trained, refuse_horizon
+from hybrid.artefact import Trained, refuse_horizon, speak
 from hybrid.baselines import reference
 from hybrid.gather import start_motion
 from hybrid.horizon import Horizons, from_rows
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 class Prediction:
     """A predicted track [H+1, 3] of north, east [m], heading [rad], its 95 % radius [H+1] if it has one, and
     the measured track where the recording goes on long enough. ``untrained`` says that the start lies beyond
-    what the calibrator was trained on: the prediction is a guess and its band does not hold.
+    what the calibrator was trained on: then ``method`` names the baseline that speaks instead.
     """
 
     at: pd.Timestamp
@@ -120,14 +120,14 @@ def predict(
             why="speeds or thrusts are not those of this vessel",
             fix="choose another time, or check --vessel and the units of the recording",
         )
-    band, untrained = None, False
+    band, untrained, method = None, False, "reference"
     if trained is not None:
-        untrained = bool(trained.calibrator.outside(horizons, track)[0])
-        track = trained.calibrator.predict(horizons, track)
-        band = np.concatenate([[0.0], trained.band_m])
+        spoken = speak(trained, horizons, track)
+        track, untrained, method = spoken.tracks, bool(spoken.untrained[0]), str(spoken.method[0])
+        band = np.concatenate([[0.0], spoken.radius_m[0]])
     return Prediction(
         at=pd.Timestamp(horizons.start_time[0]),
-        method="reference" if trained is None else "hybrid",
+        method=method,
         track=track[0],
         band_m=band,
         measured=horizons.track[0] if covered else None,

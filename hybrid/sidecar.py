@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 SIDECAR = "calibrator.json"
-FORMAT = 2
+FORMAT = 3
 UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
@@ -88,6 +88,7 @@ class Sidecar:
     data_driven: Model
     files: dict[str, Digest]
     band_m: tuple[Radius, ...]
+    fallback_band: tuple[Radius, ...]
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
 
@@ -199,8 +200,9 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if sidecar.past_s != PAST_S:
         raise InputError(f"was trained on windows that know {sidecar.past_s} s before their start, not {PAST_S} s",
                          where=str(path), fix="train anew")  # fmt: skip
-    if len(sidecar.band_m) != sidecar.horizon_s:
-        raise damaged(path, f"band_m has {len(sidecar.band_m)} values for {sidecar.horizon_s} s")
+    for name in ("band_m", "fallback_band"):
+        if len(getattr(sidecar, name)) != sidecar.horizon_s:
+            raise damaged(path, f"{name} has {len(getattr(sidecar, name))} values for {sidecar.horizon_s} s")
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
         raise damaged(path, "a part of a recording's time is not within 0..100 percent")
     for model in (sidecar.calibrator, sidecar.data_driven):

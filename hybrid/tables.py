@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from hybrid.predict import Prediction
     from hybrid.validate import Validation
 
-_UNTRAINED = "the start lies beyond what the calibrator was trained on: a guess, whose band does not hold"
+_UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
 _COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
 
 
@@ -39,8 +39,8 @@ def _caption(validation: Validation) -> str:
         parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
     if validation.untrained is not None and validation.untrained.any():
         parts.append(
-            f"{validation.untrained.sum()} windows start beyond what the calibrator was trained on, where it "
-            "guesses and its band does not hold"
+            f"{validation.untrained.sum()} windows start beyond what the calibrator was trained on: there the "
+            "better of reference and constant velocity speaks in its place"
         )
     if validation.outside:
         parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")

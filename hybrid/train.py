@@ -13,16 +13,18 @@ from acquisition.errors import DataShortageError
 from hybrid.artefact import Trained
 from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
+from hybrid.certainty import fallback_region
 from hybrid.gather import Gathered
 from hybrid.horizon import Horizons, split_by_group
-from hybrid.scores import distances, score
+from hybrid.scores import score
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 HELD_OUT_SHARE = 0.2
-COVERAGE = 0.95
+METHOD = "adaptive"
+"""The kind of calibrator that is trained unless another is asked for."""
 
 
 def inside_range(horizons: Horizons, plant: Plant) -> tuple[Horizons, Floats]:
@@ -41,23 +43,11 @@ def inside_range(horizons: Horizons, plant: Plant) -> tuple[Horizons, Floats]:
     return horizons.subset(inside), tracks[inside]
 
 
-def band_radius(predicted: Floats, measured: Floats) -> Floats:
-    """The radius around each second's prediction that holds 95 % of the measured positions [H].
-
-    The quantile is that of split conformal prediction, ceil((n + 1) 0.95) of n (Lei et al. 2018), so it does
-    not shrink with few windows; it never falls from one second to the next.
-    """
-    distance = distances(predicted, measured)
-    count = len(distance)
-    rank = min(int(np.ceil((count + 1) * COVERAGE)), count) - 1
-    return np.maximum.accumulate(np.sort(distance, axis=0)[rank])
-
-
 def train(
     gathered: Gathered,
     vessel: str,
     plant: Plant,
-    method: str = "paper",
+    method: str = METHOD,
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Trained:
@@ -66,20 +56,20 @@ def train(
     fitting, held_out = split_by_group(horizons.leg, HELD_OUT_SHARE, seed)
     training = (horizons.subset(fitting), tracks[fitting])
     stopping = (horizons.subset(held_out), tracks[held_out])
-    calibrator = make_calibrator(method, seed).fit(training, stopping, lambda share: progress(share / 2))
-    data_driven = make_calibrator("data_driven", seed).fit(
+    calibrator = make_calibrator(method, seed, plant).fit(training, stopping, lambda share: progress(share / 2))
+    data_driven = make_calibrator("data_driven", seed, plant).fit(
         training, stopping, lambda share: progress(0.5 + share / 2)
     )
-    predicted = calibrator.predict(*stopping)
     return Trained(
         calibrator=calibrator,
         data_driven=data_driven,
         horizon_s=horizons.horizon_s,
         vessel=vessel,
         plant=plant,
-        band_m=band_radius(predicted, stopping[0].track),
+        band_m=calibrator.region(stopping),
+        fallback_band=fallback_region(horizons, tracks, plant),
         sources=tuple(replace(each, path=each.path.resolve()) for each in gathered.sources),
-        metrics=_metrics(horizons, training, stopping, predicted),
+        metrics=_metrics(horizons, training, stopping, calibrator.unseen(stopping)),
     )
 
 

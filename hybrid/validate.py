@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import InputError
-from hybrid.artefact import Trained, refuse_horizon
+from hybrid.artefact import Trained, refuse_horizon, speak
 from hybrid.baselines import constant_velocity
+from hybrid.certainty import Predicted
 from hybrid.gather import Gathered, Source
 from hybrid.horizon import Horizons
 from hybrid.scores import Score, distances, score
@@ -25,7 +26,9 @@ class Validation:
     """Scores and tracks by method, on the same windows for all.
 
     ``outside`` counts the windows left out because the reference model left its range in them;
-    ``untrained`` [N] marks those whose start lies beyond what the calibrator was trained on.
+    ``untrained`` [N] marks those whose start lies beyond what the calibrator was trained on: there the hybrid
+    is the better of reference and constant velocity, as ``spoken_by`` [N] says. ``radius_m`` [N, H] are its 95 %
+    regions, ``band_m`` [H] their median.
     """
 
     horizons: Horizons
@@ -35,6 +38,8 @@ class Validation:
     coverage_95: float | None
     band_m: Floats | None
     untrained: NDArray[np.bool_] | None = None
+    radius_m: Floats | None = None
+    spoken_by: NDArray[np.str_] | None = None
 
     @property
     def reduction(self) -> float | None:
@@ -43,8 +48,16 @@ class Validation:
             return None
         return 1.0 - self.scores["hybrid"].mean_distance_m / self.scores["reference"].mean_distance_m
 
+    @property
+    def fallback(self) -> dict[str, int] | None:
+        """In how many windows a baseline spoke for the calibrator, by its name; None without a calibrator."""
+        if self.spoken_by is None:
+            return None
+        names, times = np.unique(self.spoken_by[self.spoken_by != "hybrid"], return_counts=True)
+        return dict(zip(map(str, names), map(int, times), strict=True))
+
     def as_dict(self) -> dict[str, Any]:
-        """The contract's JSON object."""
+        """The contract's JSON object, and what Seatrial says beside."""
         return {
             "horizon_s": self.horizons.horizon_s,
             "windows": len(self.horizons),
@@ -53,6 +66,8 @@ class Validation:
             "methods": {name: each.as_dict() for name, each in self.scores.items()},
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
+            "band_m": None if self.band_m is None else [float(each) for each in self.band_m],
+            "fallback": self.fallback,
         }
 
 
@@ -76,20 +91,24 @@ def validate(gathered: Gathered, plant: Plant, trained: Trained | None = None) -
         refuse_horizon(gathered.horizons.horizon_s, trained)
     horizons, reference_tracks = inside_range(gathered.horizons, plant)
     tracks = {"constant_velocity": constant_velocity(horizons), "reference": reference_tracks}
+    spoken = None
     if trained is not None:
         tracks["data_driven"] = trained.data_driven.predict(horizons, reference_tracks)
-        tracks["hybrid"] = trained.calibrator.predict(horizons, reference_tracks)
+        spoken = speak(trained, horizons, reference_tracks)
+        tracks["hybrid"] = spoken.tracks
     return Validation(
         horizons=horizons,
         tracks=tracks,
         scores={name: score(track, horizons.track) for name, track in tracks.items()},
         outside=len(gathered.horizons) - len(horizons),
-        coverage_95=None if trained is None else _coverage(tracks["hybrid"], horizons, trained.band_m),
-        band_m=None if trained is None else trained.band_m,
-        untrained=None if trained is None else trained.calibrator.outside(horizons, reference_tracks),
+        coverage_95=None if spoken is None else _coverage(spoken, horizons),
+        band_m=None if spoken is None else np.median(spoken.radius_m, axis=0),
+        untrained=None if spoken is None else spoken.untrained,
+        radius_m=None if spoken is None else spoken.radius_m,
+        spoken_by=None if spoken is None else spoken.method,
     )
 
 
-def _coverage(predicted: Floats, horizons: Horizons, band_m: Floats) -> float:
-    """The share of measured positions inside the band, over windows and seconds."""
-    return float((distances(predicted, horizons.track) <= band_m).mean())
+def _coverage(spoken: Predicted, horizons: Horizons) -> float:
+    """The share of measured positions inside their regions, over windows and seconds."""
+    return float((distances(spoken.tracks, horizons.track) <= spoken.radius_m).mean())

@@ -12,6 +12,7 @@ import pytest
 if TYPE_CHECKING:
     from hybrid.artefact import Trained
     from hybrid.calibrators.network import NetworkCalibrator
+    from hybrid.vessel.plant import Plant
 
 Simulated = Callable[..., Path]
 SMALL_HORIZON_S = 30
@@ -58,11 +59,15 @@ def unseen(simulated: Simulated) -> Path:
     return simulated("gentle", 100, 1200.0)
 
 
-def few_epochs(method: str, seed: int = 0, epochs: int = 120) -> NetworkCalibrator:
+def few_epochs(
+    method: str, seed: int = 0, plant: Plant | None = None, epochs: int = 120
+) -> NetworkCalibrator:
     """An untrained calibrator that takes seconds to train, not minutes."""
     from hybrid.calibrators import make_calibrator
+    from hybrid.calibrators.network import NetworkCalibrator
 
-    calibrator = make_calibrator(method, seed)
+    calibrator = make_calibrator(method, seed, plant)
+    assert isinstance(calibrator, NetworkCalibrator)
     calibrator.epochs, calibrator.batch = epochs, 128
     return calibrator
 
@@ -78,7 +83,7 @@ def small(earlier: list[Path]) -> Trained:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hybrid.train.make_calibrator", few_epochs)
         gathered = gather(earlier, SMALL_HORIZON_S, 5)
-        return train(gathered, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")))
+        return train(gathered, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 
 
 @pytest.fixture(scope="session")

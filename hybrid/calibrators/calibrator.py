@@ -54,9 +54,13 @@ class Calibrator(ABC):
         """How uncertain each prediction is [N, H], one for a usual one; the same for all here."""
         return np.ones((len(horizons), horizons.horizon_s))
 
+    def unseen(self, stopping: Examples) -> Floats:
+        """The tracks of the windows that ``fit`` was given to stop by, from what was not trained on them."""
+        return self.predict(*stopping)
+
     def region(self, stopping: Examples) -> Floats:
         """The radius of the 95 % region by second [H], for a spread of one; here from windows of other legs."""
-        return band_radius(self.predict(*stopping), stopping[0].track, self.spread(*stopping))
+        return band_radius(self.unseen(stopping), stopping[0].track, self.spread(*stopping))
 
     @abstractmethod
     def state(self) -> dict[str, Tensor]:

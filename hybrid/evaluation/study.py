@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from hybrid.baselines import constant_velocity
 from hybrid.calibrators import make_calibrator
+from hybrid.certainty import band_radius, fallback_region, guarded
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.horizon import Horizons
 from hybrid.scores import distances
-from hybrid.train import band_radius, inside_range
+from hybrid.train import inside_range
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
@@ -121,16 +122,17 @@ def _judged(
     errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
     for number, method in enumerate(methods):
         calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, _part(progress, number, 1))
-        errors[method] = _errors(calibrator.predict, stopping, held_out, calibrator.outside(*held_out))
+        regions = calibrator.region(stopping), fallback_region(*fitting, plant)
+        spoken = guarded(calibrator, plant, *regions, *held_out)
+        errors[method] = errors_of(spoken.tracks, held_out[0], spoken.radius_m, spoken.untrained)
         progress(number + 1.0)
     return errors
 
 
-def _errors(predict: Predict, stopping: Examples, held_out: Examples, untrained: Flags | None = None) -> Errors:
-    """The errors of what ``predict`` says of the windows held out, its regions sized on those stopped by."""
+def _errors(predict: Predict, stopping: Examples, held_out: Examples) -> Errors:
+    """The errors of what a baseline says of the windows held out, its regions sized on those stopped by."""
     radius_m = band_radius(predict(*stopping), stopping[0].track)
-    beyond = np.zeros(len(held_out[0]), dtype=bool) if untrained is None else untrained
-    return errors_of(predict(*held_out), held_out[0], radius_m, beyond)
+    return errors_of(predict(*held_out), held_out[0], radius_m, np.zeros(len(held_out[0]), dtype=bool))
 
 
 def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained: Flags) -> Errors:

@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from acquisition.angles import unwrap
 from analysis.files import in_place_of
 from analysis.plots import FAINT, INK, STYLE
+from hybrid.certainty import band_radius
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
 from hybrid.reproduction.comparison import Job
 from hybrid.reproduction.processes import in_order
 from hybrid.reproduction.seas import Sea, example_sequence, sea_of
-from hybrid.train import band_radius
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None]

@@ -48,7 +48,7 @@ def tiny(plant: Plant) -> Callable[..., Trained]:
             vars(calibrator).update(epochs=2, batch=32)
             calibrator.fit((training, training.track), (stopping, stopping.track))
         band_m = np.linspace(0.5, 3.0, SECONDS)
-        return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, (), {"windows": 16})
+        return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, band_m, (), {"windows": 16})
 
     return trained
 

@@ -15,10 +15,11 @@ from hypothesis import strategies as st
 
 from acquisition.errors import DataShortageError, InputError
 from hybrid.artefact import Trained
+from hybrid.certainty import band_radius
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import Source, gather
 from hybrid.scores import distances
-from hybrid.train import band_radius, inside_range, train
+from hybrid.train import inside_range, train
 from hybrid.validate import Validation, refuse_seen, validate
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant

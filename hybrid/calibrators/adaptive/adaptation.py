@@ -19,7 +19,18 @@ from hybrid.vessel.plant import HULL, Plant, pack
 
 Floats = NDArray[np.float64]
 
-POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "Xuu", "thrust_nn", "thrust_nu", "side_nv", "side_uv")
+POSITIVE = (
+    "mass_kg",
+    "yaw_inertia_kgm2",
+    "Xud",
+    "Yvd",
+    "Nrd",
+    "Xuu",
+    "thrust_nn",
+    "thrust_nu",
+    "side_nv",
+    "side_uv",
+)
 """Numbers that keep their sign, as masses and damping must; they are adapted by factors, the others by shares."""
 SIGNED = (
     *(name for name in HULL if name not in POSITIVE),
@@ -63,7 +74,7 @@ class Seen:
 
 
 def seen(horizons: Horizons, control: Floats | None = None) -> Seen:
-    """What is seen of windows; the thrusters hold their last seconds' mean, unless ``control`` [N, H, 5] is known."""
+    """What is seen of windows; thrusters hold their last seconds' mean, unless ``control`` [N, H, 5] is known."""
     now = np.concatenate([horizons.start, horizons.wind, horizons.control], axis=1)
     measured = horizons.past.copy()
     measured[:, 0] = np.where(np.isfinite(measured[:, 0]), measured[:, 0], now)
@@ -130,7 +141,10 @@ def observer_gains(vector: Floats) -> tuple[Floats, Floats]:
     levels = 10.0 ** np.clip(_WALKS + powers, -6.0, 4.0)
     lasting_s = _KEPT_S * np.exp(vector[[NAMES.index(name) for name in KEPT]])
     kept = np.exp(-1.0 / lasting_s)
-    gains = [kalman_gains(*levels[axis], kept[axis], _FOLLOWED_S) for axis in range(3)]
+    gains = [
+        kalman_gains(speed_walk, force_walk, position_noise, left, _FOLLOWED_S)
+        for (speed_walk, force_walk, position_noise), left in zip(levels, kept, strict=True)
+    ]
     return np.stack(gains, axis=1), kept
 
 

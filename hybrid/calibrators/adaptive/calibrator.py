@@ -64,16 +64,16 @@ class Adaptive(Calibrator):
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         self.vectors_ = np.stack(
-            [
-                self._adapted(
-                    horizons, fold != member, member, lambda share, m=member: progress((m + share) / members)
-                )
-                for member in range(members)
-            ]
-        )
-        self.range_ = np.stack([(x := _starts(horizons)).min(axis=0), x.max(axis=0)])
-        self._judge(horizons, reference, fold)
+            [self._adapted(horizons, fold != member, member, _part(progress, member, members))
+             for member in range(members)]
+        )  # fmt: skip
+        starts = _starts(horizons)
+        self.range_ = np.stack([starts.min(axis=0), starts.max(axis=0)])
+        self.unseen_ = self._judge(horizons, reference, fold)[len(training[0]) :]
         return self
+
+    def unseen(self, stopping: Examples) -> Floats:
+        return self.unseen_
 
     def _adapted(self, horizons: Horizons, chosen: Flags, member: int, progress: Progress) -> Floats:
         """The vector of one member."""
@@ -91,8 +91,8 @@ class Adaptive(Calibrator):
             raise ValueError("the adaptive calibrator needs the reference model")
         return self.plant
 
-    def _judge(self, horizons: Horizons, reference: Floats, fold: NDArray[np.int64]) -> None:
-        """Trust, usual errors and regions, from what each member says of the legs it was not adapted to."""
+    def _judge(self, horizons: Horizons, reference: Floats, fold: NDArray[np.int64]) -> Floats:
+        """Trust, usual errors and regions, from the tracks [N, H+1, 3] of each leg by who was not adapted to it."""
         parts = []
         order = []
         for member, vector in enumerate(self.vectors_):
@@ -110,6 +110,7 @@ class Adaptive(Calibrator):
         tracks, before_m = self._weighed(ways, self.trust_)
         self.usual_m_ = np.maximum.accumulate(np.median(distances(tracks, horizons.track), axis=0)) + 1e-3
         self.region_ = band_radius(tracks, horizons.track, self._spread(before_m))
+        return tracks
 
     def _ways(self, horizons: Horizons, reference: Floats, vectors: Floats) -> _Ways:
         """Ours, constant velocity and the reference, on the windows and on the seconds before them."""
@@ -135,7 +136,7 @@ class Adaptive(Calibrator):
         known = np.isfinite(ways.before_m)
         floor_m = _PERFECT * self.usual_before_m_
         if np.isinf(trust):
-            weight = np.where(known, 0.0, 0.0)
+            weight = np.zeros_like(ways.before_m)
             weight[0] = 1.0
         else:
             compared = known.all(axis=0)
@@ -186,6 +187,11 @@ class Adaptive(Calibrator):
         trust, self.usual_before_m_ = map(float, learned["trust"])
         self.trust_ = trust or np.inf
         return self
+
+
+def _part(progress: Progress, done: int, total: int) -> Progress:
+    """The progress of one of ``total`` members."""
+    return lambda share: progress((done + share) / total)
 
 
 def _starts(horizons: Horizons) -> Floats:

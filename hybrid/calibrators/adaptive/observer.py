@@ -102,8 +102,8 @@ def _make_follow(stamp: int) -> Callable[..., None]:
         parameters: Floats,
         states: Floats,
     ) -> None:
-        """Fill ``states`` [N, H+1, 6] from ``past`` [N, P+1, 13], newest first, of which ``known_s`` [N] seconds are
-        whole; ``control`` [N, H, 5] and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
+        """Fill ``states`` [N, H+1, 6] from ``past`` [N, P+1, 13], newest first, of which ``known_s`` [N] seconds
+        are whole; ``control`` [N, H, 5] and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
         """
         for i in prange(states.shape[0]):
             p = plants[i]
