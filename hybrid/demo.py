@@ -199,8 +199,9 @@ def write_report(
     page.headline({**headline_of(validation), "of 13 channels lost on the way": f"{sum(lost.values())} samples"})
     page.text(
         "The lengthened ship is the truth, the model is that of the ship before. Wind, waves and current are "
-        "those of the gentle sea; the model knows the measured wind only. Start states are smoothed over 10 s "
-        "on either side, for every method alike."
+        "those of the gentle sea; the model knows the measured wind only. The start states of "
+        "constant velocity, reference and networks are smoothed over 10 s on either side; the adaptive calibrator "
+        "knows what was measured before the start."
     )
     add_validation(page, validation)
     add_recording(page, table, windows.rows)

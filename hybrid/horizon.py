@@ -1,7 +1,7 @@
 """Windows as arrays in SI units and radians: what every prediction method starts from and is judged by.
 
-A method may see the start of a window only: the state, the wind and the thrusters at second 0. What follows
-is the measured track that its prediction is compared with.
+A method may see the start of a window, the state, the wind and the thrusters at second 0, and what was measured in
+the minute before it. What follows is the measured track that its prediction is compared with.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ PAST_S = 60
 class Horizons:
     """N windows of H seconds, arrays with N first.
 
-    ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0;
+    ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, of recordings
+    smoothed over seconds to either side (:func:`hybrid.gather.start_motion`);
     ``track`` [N, H+1, 3]: measured north, east [m] and heading [rad] without jumps, second by second;
     ``wind`` [N, 2]: direction it comes from [rad], speed [m/s]; ``control`` [N, 5]: port [rev/s], port angle
     [rad], starboard [rev/s], starboard angle [rad], tunnel [rpm]; ``trial``, ``leg`` [N] name where each

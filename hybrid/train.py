@@ -51,7 +51,7 @@ def train(
     seed: int = 0,
     progress: Progress = lambda share: None,
 ) -> Trained:
-    """Fit the calibrator and its twin without a model; legs kept out stop the training and size the band."""
+    """Fit the calibrator and its twin without a model; legs kept out stop networks and size their regions."""
     horizons, tracks = inside_range(gathered.horizons, plant)
     fitting, held_out = split_by_group(horizons.leg, HELD_OUT_SHARE, seed)
     training = (horizons.subset(fitting), tracks[fitting])

@@ -6,8 +6,8 @@ channel is replaced by a local second-degree polynomial fitted to the samples wi
 weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
 curvature come out exactly, waves of 4 to 8 s are taken down by a factor of ten and more.
 
-The fit looks ahead as well as back, as a smoother does. For every method the same start state results, so that
-methods compare fairly; a prediction aboard, which cannot look ahead, starts from a less certain state.
+The fit looks ahead as well as back, as a smoother does. All methods that go on from a start state get the same, so
+that they compare fairly; a prediction aboard, which cannot look ahead, starts from a less certain state.
 """
 
 from __future__ import annotations

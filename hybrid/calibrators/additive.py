@@ -1,7 +1,7 @@
 """The residual calibrator: what the paper argues against, kept to measure its argument.
 
 The same network on the same inputs as the paper's, but what is learned is the error of the reference, which
-is then added to the reference's track. An untrained one, or one far from its data, stays near the reference.
+is then added to the reference's track. Where there is nothing to learn it stays the reference.
 """
 
 from __future__ import annotations

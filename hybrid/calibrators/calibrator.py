@@ -25,7 +25,7 @@ Examples = tuple[Horizons, Floats]
 
 
 class Calibrator(ABC):
-    """A learned map from the start of a window, and the reference's track, to the track of the ship.
+    """A learned map from what is known of a window at its start, and the reference's track, to the ship's track.
 
     Learned values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
     that look inside it.
@@ -48,7 +48,7 @@ class Calibrator(ABC):
 
     @abstractmethod
     def outside(self, horizons: Horizons, reference: Floats) -> Flags:
-        """Which windows [N] lie beyond what it was trained on, where it is guessing."""
+        """Which windows [N] lie beyond what it was trained on, where it has no ground."""
 
     def spread(self, horizons: Horizons, reference: Floats) -> Floats:
         """How uncertain each prediction is [N, H], one for a usual one; the same for all here."""

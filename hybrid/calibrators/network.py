@@ -114,7 +114,7 @@ class NetworkCalibrator(Calibrator):
         return np.concatenate([position, self.heading(horizons, reference)[..., None]], axis=-1)
 
     def outside(self, horizons: Horizons, reference: Floats) -> Flags:
-        """Which windows [N] have an input beyond what was trained on, where the network is guessing."""
+        """Which windows [N] have an input beyond what was trained on, where the network has no ground."""
         features = torch.from_numpy(self.features(horizons, reference))
         low, high = self.input_range_
         margin = BEYOND * (high - low) + 1e-6

@@ -62,7 +62,7 @@ def manoeuvres(horizons: Horizons, length_m: float) -> NDArray[np.str_]:
 
 
 def winds(horizons: Horizons) -> NDArray[np.str_]:
-    """The wind of the half minute before each window by its Beaufort number [N], of :data:`WINDS`."""
+    """The wind of the minute before each window by its Beaufort number [N], of :data:`WINDS`."""
     speed_mps = np.nanmean(np.column_stack([horizons.wind[:, 1], horizons.past[..., 7]]), axis=1)
     return np.asarray(np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, speed_mps, side="right")])
 

@@ -72,8 +72,9 @@ def _add_overview(page: Page, evaluation: Evaluation) -> None:
         "drawing legs anew.",
     )
     page.text(
-        "Every prediction starts from a state smoothed over seconds on either side, for every method alike: errors "
-        "are a few percent less than aboard, where nothing is known of the seconds to come."
+        "Constant velocity, the reference and all networks start from a state smoothed over seconds on either "
+        "side: their errors are a few percent less than aboard, where nothing is known of the seconds to come. "
+        "The adaptive calibrator infers its own start from the seconds before."
     )
 
 

@@ -37,7 +37,8 @@ class Errors:
 
     ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
     over the seconds; ``inside`` [N, H] whether the 95 % region of ``radius_m`` [N, H] holds the measured position;
-    ``untrained`` [N] whether the start lies beyond what was trained on. Pooled over draws, these are shares.
+    ``untrained`` [N] whether a baseline spoke, the start lying beyond what was trained on. Pooled over draws, these
+    are shares.
     """
 
     distance_m: Floats

@@ -22,6 +22,7 @@ from acquisition.angles import unwrap
 from analysis.files import in_place_of
 from analysis.plots import FAINT, INK, STYLE
 from hybrid.certainty import band_radius
+from hybrid.horizon import PAST_S
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
 from hybrid.reproduction.comparison import Job
@@ -91,7 +92,7 @@ def draw_tracks(figure: Figure, shown: Shown) -> None:
         plots.campaign_tracks(axes, sea.campaign.horizons.subset(first), sea.campaign.azimuth_deg[first])
         text = f"{sea.campaign.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
         axes.set_title(text, loc="left")
-    before = Line2D([], [], color=FAINT, label="30 s before")
+    before = Line2D([], [], color=FAINT, label=f"{PAST_S} s before")
     handles = [*panels[0].get_legend_handles_labels()[0], before]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
 

@@ -33,7 +33,7 @@ def start_frame(track: Floats, start: Floats) -> Floats:
 
 
 def campaign_tracks(axes: Axes, horizons: Horizons, azimuth_deg: Floats) -> list[Artist]:
-    """Where the sequences lie, one colour an azimuth, with the half minute before each in grey; north up."""
+    """Where the sequences lie, one colour an azimuth, with the minute before each in grey; north up."""
     artists: list[Artist] = []
     for past in horizons.past:
         artists += axes.plot(past[:, 1] / 1e3, past[:, 0] / 1e3, color=FAINT, linewidth=0.8)
