@@ -29,6 +29,7 @@ Flags = NDArray[np.bool_]
 COVERAGE = 0.95
 HINDCAST_S = 15
 _UNSURE_M = 0.5  # no hindcast is believed to better than this
+_UNKNOWN_M = 2.0  # where there is none; the same whatever other windows are asked about
 FALLBACKS = ("reference", "constant_velocity")
 
 
@@ -133,10 +134,11 @@ def fallback(horizons: Horizons, reference: Floats, plant: Plant) -> Fallback:
     wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
     model = simulate_batch(plant, before.start, acted, wind, 1.0).states[..., :3]
     errors = np.stack([off_m(model, before.track), off_m(constant_velocity(before), before.track)])
-    best = np.argmin(np.nan_to_num(errors, nan=np.inf), axis=0)
-    known = np.isfinite(errors)
-    least = np.where(known.any(axis=0), np.where(known, errors, np.inf).min(axis=0), np.nanmedian(errors[0]))
+    errors = np.where(np.isfinite(errors), errors, np.inf)
+    best, least_m = np.argmin(errors, axis=0), errors.min(axis=0)
     both = np.stack([reference, constant_velocity(horizons)])
     return Fallback(
-        both[best, np.arange(len(horizons))], np.array(FALLBACKS)[best], _UNSURE_M + np.nan_to_num(least)
+        tracks=both[best, np.arange(len(horizons))],
+        chosen=np.array(FALLBACKS)[best],
+        spread_m=_UNSURE_M + np.where(np.isfinite(least_m), least_m, _UNKNOWN_M),
     )

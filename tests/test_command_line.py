@@ -200,9 +200,11 @@ def test_train_validate_predict(
     earlier: list[Path], unseen: Path, tmp_path: Path, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The three in a row, each with one JSON object; the horizon of the calibrator is taken up unasked."""
-    monkeypatch.setattr("hybrid.train.make_calibrator", lambda method, seed: few_epochs(method, seed, epochs=2))
+    monkeypatch.setattr(
+        "hybrid.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 2)
+    )
     folder = tmp_path / "calibrator"
-    trained = command("train", *earlier[:2], "-o", folder, "--horizon", 20, "--json")
+    trained = command("train", *earlier[:2], "-o", folder, "--horizon", 20, "--method", "paper", "--json")
     assert trained.code == 0
     assert trained.json["calibrator"] == str(folder)
     assert {path.name for path in folder.iterdir()} == {

@@ -26,7 +26,7 @@ from hybrid.artefact import Trained, load, plant_for, save
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.data_driven import DataDriven
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS
-from hybrid.sidecar import SIDECAR
+from hybrid.sidecar import FORMAT, SIDECAR
 from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import NUMBERS, Plant, bare_plant
@@ -206,7 +206,7 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a list": (_write(SIDECAR, b"[]"), "is damaged"),
     "a deep list": (_write(SIDECAR, b'{"format": ' + b"[" * 100_000), "is damaged"),
     "no format": (_write(SIDECAR, b"{}"), "format: "),
-    "another format": (_edit("format", to=99), "is of format 99, and this version reads 2"),
+    "another format": (_edit("format", to=99), f"is of format 99, and this version reads {FORMAT}"),
     "the format before": (_write(SIDECAR, b'{"format": 1, "method": "paper"}'), "is of format 1"),
     "no band": (_edit("band_m", to=None), "band_m"),
     "a short band": (_edit("band_m", to=[1.0, 2.0]), "band_m has 2 values for 6 s"),

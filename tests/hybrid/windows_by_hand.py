@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from hybrid.baselines import constant_velocity
 from hybrid.horizon import PAST_S, Horizons
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.simulate import simulate_batch
 
 Floats = NDArray[np.float64]
 
@@ -40,14 +42,46 @@ def random_windows(count: int, seconds: int, seed: int = 0) -> Horizons:
     return replace(windows, wind=random.uniform([-np.pi, 0.0], [np.pi, 8.0], (count, 2)))
 
 
+def voyages(plant: Plant, count: int, seconds: int, seed: int = 0, *, legs: int = 6) -> Horizons:
+    """Windows, each with the minute before, of ships that are ``plant`` to the letter and measured exactly.
+
+    Every ship starts anywhere, shifts both pods once in the first half of the minute and holds them from there on,
+    in a wind of her own. The windows are dealt out to ``legs`` legs.
+    """
+    random = np.random.default_rng(seed)
+    low = [-500.0, -500.0, -np.pi, 2.5, -0.1, -0.005]
+    high = [500.0, 500.0, np.pi, 4.5, 0.1, 0.005]
+    control = np.zeros((count, PAST_S + seconds + 1, 5))
+    shifted = np.arange(control.shape[1]) >= random.integers(5, PAST_S // 2, (count, 1))
+    for shaft, angle in ((0, 1), (2, 3)):
+        control[..., shaft] = random.uniform(2.0, 3.0, (count, 1)) + 0.2 * shifted
+        control[..., angle] = np.deg2rad(random.uniform(-8.0, 8.0, (count, 1)) + 4.0 * shifted)
+    wind = np.repeat(random.uniform([-np.pi, 0.0], [np.pi, 8.0], (count, 1, 2)), control.shape[1], axis=1)
+    acting = 0.5 * (control[:, 1:] + control[:, :-1])
+    runs = simulate_batch(plant, random.uniform(low, high, (count, 6)), acting, wind[:, 1:], 1.0)
+    measured = np.concatenate([runs.states, wind, control], axis=2)
+    now = measured[:, PAST_S]
+    return Horizons(
+        start=now[:, :6].copy(),
+        track=measured[:, PAST_S:, :3].copy(),
+        wind=now[:, 6:8].copy(),
+        control=now[:, 8:].copy(),
+        trial=np.array(["trial"] * count),
+        leg=np.array([f"trial/{number % legs:03d}" for number in range(count)]),
+        start_time=pd.date_range("2026-06-01T08:00:00Z", periods=count, freq="120s"),
+        past=measured[:, PAST_S::-1].copy(),
+    )
+
+
 def moved(windows: Horizons, north_m: float, east_m: float, turn_rad: float = 0.0) -> Horizons:
     """The same windows in another place and on another heading, the wind turned with them."""
-    start, track, wind = windows.start.copy(), windows.track.copy(), windows.wind.copy()
-    for states in (start, track):
+    start, track, wind, past = (each.copy() for each in (windows.start, windows.track, windows.wind, windows.past))
+    for states in (start, track, past):
         states[..., :2] = turned(states[..., :2], turn_rad) + np.array([north_m, east_m])
         states[..., 2] += turn_rad
     wind[:, 0] += turn_rad
-    return replace(windows, start=start, track=track, wind=wind)
+    past[..., 6] += turn_rad
+    return replace(windows, start=start, track=track, wind=wind, past=past)
 
 
 def turned(points: Floats, turn_rad: float) -> Floats:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
 
-Floats = NDArray[np.float64]
+from hybrid.vessel.compiling import Floats
 
 _DIFFUSE = 10.0
 
 
+@njit(cache=True)
 def kalman_gains(
     speed_walk: float, force_walk: float, position_noise: float, kept_force: float, steps: int
 ) -> Floats:
@@ -21,12 +22,13 @@ def kalman_gains(
     share of the force that is left a second later. Kalman, A new approach to linear filtering (1960).
     """
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept_force]])
-    walk = np.diag([0.0, speed_walk, force_walk])
-    noise = np.diag([position_noise, 1.0])
-    covariance = np.diag([position_noise, 1.0, _DIFFUSE * force_walk])
+    walk = np.diag(np.array([0.0, speed_walk, force_walk]))
+    noise = np.diag(np.array([position_noise, 1.0]))
+    covariance = np.diag(np.array([position_noise, 1.0, _DIFFUSE * force_walk]))
     gains = np.empty((steps, 3, 2))
     for number in range(steps):
         covariance = step @ covariance @ step.T + walk
-        gains[number] = covariance[:, :2] @ np.linalg.inv(covariance[:2, :2] + noise)
+        seen = np.ascontiguousarray(covariance[:, :2])
+        gains[number] = seen @ np.linalg.inv(seen[:2] + noise)
         covariance = covariance - gains[number] @ covariance[:2]
     return gains

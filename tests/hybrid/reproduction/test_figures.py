@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.network import NetworkCalibrator
 from hybrid.reproduction import comparison, figures, page, plots
@@ -36,6 +38,7 @@ def shown() -> Iterator[Shown]:
     """One small campaign in a gentle sea."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(comparison, "make_calibrator", quick)
+        patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
         yield shown_of([Job("gentle", 2, sequences=12)], workers=1)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from typer.testing import CliRunner
 
 import seatrial
 from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator, Examples, Progress
 from hybrid.calibrators.network import NetworkCalibrator
 from hybrid.horizon import Horizons
@@ -48,6 +50,7 @@ def small() -> Iterator[Callable[[list[Job]], Table3]]:
     """Small campaigns, compared in this process with little training."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(comparison, "make_calibrator", quick)
+        patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
         yield lambda jobs: table3(jobs, workers=1)
 
 

@@ -1,0 +1,348 @@
+"""The adaptive calibrator: what the observer sees, what is learned from tracks, and what it may not look at."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import solve_discrete_are
+
+from acquisition.errors import DataShortageError
+from hybrid.artefact import Trained, load, save
+from hybrid.baselines import reference
+from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.adaptive.adaptation import FOLLOWED, KEPT, NAMES, adapted, followed, observer_gains, seen
+from hybrid.calibrators.adaptive.calibrator import Adaptive, _folds
+from hybrid.calibrators.adaptive.fit import adapt
+from hybrid.calibrators.adaptive.gains import kalman_gains
+from hybrid.certainty import fallback_region
+from hybrid.horizon import PAST_S, Horizons
+from hybrid.scores import distances
+from hybrid.vessel.plant import Plant, pack
+from tests.hybrid.windows_by_hand import Floats, moved, turned, voyages
+
+SECONDS = 10
+UNADAPTED = np.zeros(len(NAMES))
+NUMBERS = ("start", "track", "wind", "control", "past")
+power = st.floats(-3.0, 2.0)
+
+
+def off_m(predicted: Floats, windows: Horizons) -> float:
+    """The mean distance [m]."""
+    return float(distances(predicted, windows.track).mean())
+
+
+def tracks(vector: Floats, plant: Plant, windows: Horizons) -> Floats:
+    """What the adapted model says of windows [N, H+1, 3]."""
+    return followed(vector, plant, seen(windows))[..., :3]
+
+
+def noisy(windows: Horizons, seed: int = 0) -> Horizons:
+    """The windows as real sensors see them: a few centimetres, tenths of a degree, centimetres a second."""
+    random = np.random.default_rng(seed)
+    deviation = np.array([0.05, 0.05, 0.003, 0.02, 0.02, 0.001])
+    past = windows.past.copy()
+    past[..., :6] += deviation * random.normal(size=past[..., :6].shape)
+    return replace(windows, past=past, start=past[:, 0, :6].copy())
+
+
+@pytest.fixture(scope="module")
+def truth(plant: Plant) -> Plant:
+    """A ship unlike the reference: a fifth less thrust, and something that turns her."""
+    return replace(plant, thrust_nn=0.8 * plant.thrust_nn, constant_N_nm=20e3)
+
+
+@pytest.fixture(scope="module")
+def training(truth: Plant) -> Horizons:
+    """Her windows, of two legs: so two members are adapted, which is soon done."""
+    return noisy(voyages(truth, 24, SECONDS, legs=2))
+
+
+def fit(plant: Plant, windows: Horizons, seed: int = 0) -> Adaptive:
+    """A calibrator on the windows, the last six of them to stop by, adapted in a few steps."""
+    alone, last = reference(windows, plant), np.arange(len(windows)) >= len(windows) - 6
+    training, stopping = ((windows.subset(mask), alone[mask]) for mask in (~last, last))
+    calibrator = make_calibrator("adaptive", seed, plant)
+    assert isinstance(calibrator, Adaptive)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=2))
+        return calibrator.fit(training, stopping)
+
+
+@pytest.fixture(scope="module")
+def learned(plant: Plant, training: Horizons) -> Adaptive:
+    return fit(plant, training)
+
+
+@settings(max_examples=30, deadline=None)
+@given(speed=power, force=power, position=power, kept=st.floats(0.5, 1.0))
+def test_in_the_long_run_gains_solve_the_riccati_equation(
+    speed: float, force: float, position: float, kept: float
+) -> None:
+    """Kalman's recursion ends at the steady filter, which scipy finds another way."""
+    step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept]])
+    seeing, noise = np.eye(2, 3), np.diag([10.0**position, 1.0])
+    steady = solve_discrete_are(step.T, seeing.T, np.diag([0.0, 10.0**speed, 10.0**force]), noise)
+    expected = steady @ seeing.T @ np.linalg.inv(seeing @ steady @ seeing.T + noise)
+    found = kalman_gains(10.0**speed, 10.0**force, 10.0**position, kept, 1500)[-1]
+    assert found == pytest.approx(expected, rel=1e-5, abs=1e-8)
+
+
+def test_a_steady_speed_is_the_mean_of_its_measurements() -> None:
+    """Where nothing wanders and positions are worth nothing, the k-th measurement has the weight 1 / k."""
+    gains = kalman_gains(0.0, 0.0, 1e9, 1.0, 40)
+    assert gains[:, 1, 1] == pytest.approx(1.0 / np.arange(2.0, 42.0), rel=1e-6)
+    assert gains[:, 2] == pytest.approx(0.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(speed=power, force=power)
+def test_an_exact_position_is_believed(speed: float, force: float) -> None:
+    """Position follows what is measured without error all the way, whatever the speeds say."""
+    gains = kalman_gains(10.0**speed, 10.0**force, 0.0, 0.99, 30)
+    assert gains[:, 0, 0] == pytest.approx(1.0)
+    assert gains[:, 0, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+@given(st.lists(st.floats(-4.0, 4.0), min_size=len(FOLLOWED) + len(KEPT), max_size=len(FOLLOWED) + len(KEPT)))
+@settings(max_examples=30, deadline=None)
+def test_gains_stay_finite_and_stable(numbers: list[float]) -> None:
+    """Whatever the vector says, errors of position and speed are corrected and never overcorrected twofold."""
+    vector = UNADAPTED.copy()
+    vector[[NAMES.index(name) for name in (*FOLLOWED, *KEPT)]] = numbers
+    gains, kept = observer_gains(vector)
+    assert np.isfinite(gains).all()
+    assert ((kept > 0.0) & (kept < 1.0)).all()
+    own = np.linalg.eigvals(np.eye(2) - gains[:, :, :2]).real
+    assert ((own > -1e-6) & (own < 1.0 + 1e-6)).all()
+
+
+def test_no_departure_is_the_reference(plant: Plant) -> None:
+    """A vector of nothing leaves every number of the plant as it was, to the bit."""
+    assert adapted(UNADAPTED, plant).tobytes() == pack(plant).tobytes()
+
+
+def test_the_true_model_predicts_the_true_track(plant: Plant) -> None:
+    """Without noise the observer has nothing to correct: a few tenths of a millimetre of the longer step remain."""
+    windows = voyages(plant, 20, 30)
+    assert np.ptp(windows.track[..., 0], axis=1).mean() > 20.0
+    assert distances(tracks(UNADAPTED, plant, windows), windows.track).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "most"),
+    [("constant_X_n", 5e3, 0.2), ("constant_Y_n", -5e3, 0.2), ("constant_N_nm", 5e4, 0.5)],
+)
+def test_a_force_that_the_model_lacks_is_found(plant: Plant, name: str, size: float, most: float) -> None:
+    """What pushes or turns the ship shows in the half minute before; the reference alone errs much more.
+
+    If the force is believed to last, less is left than if it is believed to fade.
+    """
+    numbers: dict[str, Any] = {name: size}
+    windows = voyages(replace(plant, **numbers), 20, 15)
+    alone = off_m(reference(windows, plant), windows)
+    found = off_m(tracks(UNADAPTED, plant, windows), windows)
+    lasting = UNADAPTED.copy()
+    lasting[[NAMES.index(each) for each in KEPT]] = 4.0
+    assert alone > 0.1
+    assert found < most * alone
+    assert off_m(tracks(lasting, plant, windows), windows) < 0.8 * found
+
+
+def test_longer_seen_is_better_known(truth: Plant, plant: Plant) -> None:
+    """The less of the past is known the more of the lacking force stays hidden, down to the reference itself."""
+    windows = voyages(truth, 30, 15)
+    errors = []
+    for known_s in (PAST_S, 10, 5, 0):
+        past = windows.past.copy()
+        past[:, known_s + 1 :] = np.nan
+        errors.append(off_m(tracks(UNADAPTED, plant, replace(windows, past=past)), windows))
+    assert errors == sorted(errors)
+    assert errors[-1] == pytest.approx(off_m(reference(windows, plant), windows), rel=1e-3)
+
+
+@pytest.mark.parametrize(("north_m", "surge_mps", "turn_rad"), [(80.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 1.0)])
+def test_a_splice_begins_anew(plant: Plant, north_m: float, surge_mps: float, turn_rad: float) -> None:
+    """What lies before a leap that no ship makes, whatever it is, does not spoil the prediction."""
+    windows = voyages(plant, 12, SECONDS)
+    past = windows.past.copy()
+    past[:, 12:, 0] += north_m
+    past[:, 12:, 2] += turn_rad
+    past[:, 12:, 3] += surge_mps
+    assert distances(tracks(UNADAPTED, plant, replace(windows, past=past)), windows.track).max() < 2e-3
+
+
+def test_hidden_numbers_are_recovered(plant: Plant) -> None:
+    """A fifth less thrust and half as much drag again: found from a few windows, so that others of the ship are
+    predicted to the centimetre, where the reference errs by half a metre and more.
+    """
+    ship = replace(plant, thrust_nn=0.8 * plant.thrust_nn, Xuu=1.5 * plant.Xuu)
+    windows, unseen = (voyages(ship, 16, SECONDS, seed) for seed in (0, 1))
+    vector = adapt(plant, seen(windows), windows.track, 1.0, steps=3)
+    assert off_m(reference(unseen, plant), unseen) > 0.5
+    assert off_m(tracks(vector, plant, unseen), unseen) < 0.01
+
+
+def test_no_departure_is_invented(plant: Plant) -> None:
+    """Where the reference is the ship and nothing is off, the numbers stay where they are; what noise makes of
+    them does other windows little harm.
+    """
+    windows = voyages(plant, 16, SECONDS)
+    vector = adapt(plant, seen(windows), windows.track, 1.0, steps=2)
+    assert np.abs(vector).max() < 0.05
+    misled = adapt(plant, seen(noisy(windows)), windows.track, 1.0, steps=2)
+    unseen = noisy(voyages(plant, 40, SECONDS, seed=1), seed=1)
+    assert off_m(tracks(misled, plant, unseen), unseen) < 1.1 * off_m(tracks(UNADAPTED, plant, unseen), unseen)
+
+
+def test_what_cannot_be_run_teaches_nothing(plant: Plant) -> None:
+    """Windows whose start is no number count for nothing; the vector stays what the others say."""
+    windows = voyages(plant, 8, 5)
+    lost = np.arange(8) < 2
+    past = windows.past.copy()
+    past[lost, :, 3] = np.nan
+    holed = replace(windows, past=past, start=np.where(lost[:, None], np.nan, windows.start))
+    assert np.isfinite(adapt(plant, seen(holed), holed.track, 1.0, steps=1)).all()
+
+
+def test_it_learns_a_ship_from_her_legs(plant: Plant, truth: Plant, learned: Adaptive) -> None:
+    """On windows of the same ship that were not seen a fifth of the reference's error is left, noise and all."""
+    unseen = noisy(voyages(truth, 40, SECONDS, seed=1), seed=1)
+    alone = reference(unseen, plant)
+    assert off_m(learned.predict(unseen, alone), unseen) < 0.25 * off_m(alone, unseen)
+
+
+def test_a_seed_is_one_calibrator(plant: Plant) -> None:
+    """The same seed gives the same numbers to the last bit, whatever else is drawn between."""
+    windows = noisy(voyages(plant, 10, 3, legs=2))
+    first = fit(plant, windows, 3).state()
+    np.random.default_rng().normal(size=9)
+    again = fit(plant, windows, 3).state()
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+
+
+def test_one_leg_is_too_few(plant: Plant) -> None:
+    with pytest.raises(DataShortageError, match="only one leg"):
+        fit(plant, voyages(plant, 10, 3, legs=1))
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 1000))
+def test_nothing_after_the_start_is_looked_at(plant: Plant, truth: Plant, learned: Adaptive, seed: int) -> None:
+    """Whatever the ship did after second 0, the prediction and its region are the same to the bit."""
+    windows = noisy(voyages(truth, 6, SECONDS, seed))
+    random = np.random.default_rng(seed)
+    track = windows.track.copy()
+    track[:, 1:] = random.normal(0.0, 1e3, track[:, 1:].shape)
+    alone = reference(windows, plant)
+    for say in (learned.predict, learned.spread, learned.outside):
+        assert np.array_equal(say(windows, alone), say(replace(windows, track=track), alone))
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    north=st.floats(-1e4, 1e4),
+    east=st.floats(-1e4, 1e4),
+    turn=st.floats(-2.0 * np.pi, 2.0 * np.pi),
+    hull=st.floats(-1.0, 1.0),
+)
+def test_it_is_the_same_ship_anywhere_and_on_any_heading(
+    plant: Plant, truth: Plant, north: float, east: float, turn: float, hull: float
+) -> None:
+    """Moved and turned with her wind she goes the same way, as long as nothing is fixed to the earth."""
+    vector = UNADAPTED.copy()
+    vector[[NAMES.index(name) for name in ("Xuu", "Nur", "thrust_nn", "constant_Y_n")]] = hull
+    windows = noisy(voyages(truth, 5, SECONDS))
+    here = tracks(vector, plant, windows)
+    there = tracks(vector, plant, moved(windows, north, east, turn))
+    assert there[..., :2] == pytest.approx(turned(here[..., :2], turn) + np.array([north, east]), abs=1e-6)
+    assert there[..., 2] == pytest.approx(here[..., 2] + turn, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["current_north", "drift_east", "wind_north"])
+def test_what_is_fixed_to_the_earth_does_not_turn_with_the_ship(plant: Plant, name: str) -> None:
+    """A current, a drift and a wind of the place act on a ship turned about from the other side."""
+    vector = UNADAPTED.copy()
+    vector[NAMES.index(name)] = 2.0
+    windows = voyages(plant, 5, SECONDS)
+    there = tracks(vector, plant, moved(windows, 0.0, 0.0, np.pi))
+    gap = there[..., :2] - turned(tracks(vector, plant, windows)[..., :2], np.pi)
+    assert np.hypot(gap[:, -1, 0], gap[:, -1, 1]).min() > 0.01
+
+
+def test_a_window_without_a_past_is_predicted(plant: Plant, truth: Plant, learned: Adaptive) -> None:
+    """All of them, or some among others: finite tracks and regions, the others' untouched, these less sure."""
+    windows = noisy(voyages(truth, 8, SECONDS, seed=2))
+    alone = reference(windows, plant)
+    for without in (np.arange(8) < 3, np.ones(8, dtype=bool)):
+        past = np.where(without[:, None, None], np.nan, windows.past)
+        blind = replace(windows, past=past)
+        found, spread = learned.predict(blind, alone), learned.spread(blind, alone)
+        assert np.isfinite(found).all()
+        assert np.array_equal(found[~without], learned.predict(windows, alone)[~without])
+        assert found[without, 0, :2] == pytest.approx(windows.start[without, :2])
+        assert (spread[without] > np.median(learned.spread(windows, alone))).all()
+
+
+def test_a_window_is_predicted_alone_as_among_others(plant: Plant, truth: Plant, learned: Adaptive) -> None:
+    windows = noisy(voyages(truth, 6, SECONDS, seed=3))
+    alone = reference(windows, plant)
+    for say in (learned.predict, learned.spread, learned.outside):
+        single = [say(windows.subset(np.array([row])), alone[[row]])[0] for row in range(6)]
+        assert np.array_equal(np.stack(single), say(windows, alone))
+
+
+@pytest.mark.parametrize(("column", "times"), [(3, 3.0), (5, 20.0)])
+def test_speeds_far_from_the_training_are_outside(
+    plant: Plant, truth: Plant, learned: Adaptive, column: int, times: float
+) -> None:
+    """What was trained on is inside; three times the speed, twenty times the rate of turn is not."""
+    windows = voyages(truth, 20, SECONDS)
+    start = windows.start.copy()
+    start[:, column] = times * np.abs(windows.start[:, column]).max()
+    assert not learned.outside(windows, windows.track).any()
+    assert learned.outside(replace(windows, start=start), windows.track).all()
+
+
+@given(
+    sizes=st.lists(st.integers(1, 30), min_size=1, max_size=25),
+    seed=st.integers(0, 50),
+)
+def test_legs_go_whole_and_every_member_lacks_some(sizes: list[int], seed: int) -> None:
+    """A leg is in one fold only, no fold is empty, and none is larger than its share and the longest leg."""
+    leg = np.repeat([f"leg {number}" for number in range(len(sizes))], sizes)
+    fold = _folds(leg, seed)
+    members = min(5, len(sizes))
+    assert all(len(np.unique(fold[leg == name])) == 1 for name in np.unique(leg))
+    counts = np.bincount(fold, minlength=members)
+    assert len(counts) == members
+    assert (counts > 0).all()
+    assert counts.max() <= sum(sizes) / members + max(sizes)
+
+
+def test_it_comes_back_to_the_bit(
+    plant: Plant, truth: Plant, training: Horizons, learned: Adaptive, tmp_path: Path
+) -> None:
+    """Through its state, and through the files of an artefact: the same tracks, spread and flags."""
+    windows = noisy(voyages(truth, 12, SECONDS, seed=4))
+    alone = reference(windows, plant)
+    examples = training, reference(training, plant)
+    twin = make_calibrator("data_driven", 0, plant)
+    vars(twin).update(epochs=2, batch=32)
+    twin.fit(examples, examples)
+    bands = learned.region(examples), fallback_region(*examples, plant)
+    trained = Trained(learned, twin, SECONDS, "gunnerus_short", plant, *bands, (), {})
+    loaded = load(save(trained, tmp_path).parent)
+    assert np.array_equal(loaded.band_m, trained.band_m)
+    assert np.array_equal(loaded.fallback_band, trained.fallback_band)
+    restored = Adaptive(learned.seed, plant).restore(learned.state())
+    for other in (restored, loaded.calibrator):
+        for name in ("predict", "spread", "outside"):
+            then, now = (getattr(each, name)(windows, alone) for each in (learned, other))
+            assert np.array_equal(then, now)

@@ -1,0 +1,248 @@
+"""How sure a prediction is, and the never-worse rule: who speaks where the calibrator has no ground."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from hybrid.baselines import constant_velocity, reference
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.certainty import HINDCAST_S, band_radius, earlier, fallback, fallback_region, guarded, off_m
+from hybrid.horizon import PAST_S, Horizons, joined_horizons
+from hybrid.scores import distances
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.simulate import simulate_batch
+from tests.hybrid.windows_by_hand import random_windows, voyages
+
+SECONDS = 12
+
+
+class Boastful(Calibrator):
+    """Right to the centimetre up to three metres a second; beyond it is a kilometre off and knows it, or says what
+    is no number and does not.
+    """
+
+    method: ClassVar[str] = "boastful"
+    inputs: ClassVar[tuple[str, ...]] = ()
+    beyond: float = 1000.0
+
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+        return self
+
+    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
+        off = np.where(self._fast(horizons), self.beyond, 0.01)
+        return horizons.track + off[:, None, None]
+
+    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
+        return self._fast(horizons) if np.isfinite(self.beyond) else np.zeros(len(horizons), dtype=bool)
+
+    def _fast(self, horizons: Horizons) -> Flags:
+        return np.asarray(horizons.start[:, 3] > 3.0)
+
+    def state(self) -> dict[str, Any]:
+        return {}
+
+    def restore(self, tensors: dict[str, Any]) -> Self:
+        return self
+
+
+@pytest.fixture(scope="module")
+def turning(plant: Plant) -> Horizons:
+    """Ships on new courses that the reference knows to the letter, and others, with half her thrust, that it does
+    not: of the first the reference is the better guess, of most of the others constant velocity. Starts are
+    smoothed, so they are a bit off what was measured.
+    """
+    known = voyages(plant, 40, SECONDS)
+    windows = joined_horizons(known, voyages(replace(plant, thrust_nn=0.5 * plant.thrust_nn), 40, SECONDS, seed=1))
+    return replace(windows, start=windows.start + np.array([0.1, -0.1, 0.0, 0.02, 0.0, 0.0]))
+
+
+def without_past(windows: Horizons, which: Flags) -> Horizons:
+    """The windows, of which some know nothing of what came before."""
+    return replace(windows, past=np.where(which[:, None, None], np.nan, windows.past))
+
+
+def hindcasts(windows: Horizons, plant: Plant) -> Floats:
+    """How far off reference and constant velocity were over the last seconds [2, N], one window at a time."""
+    errors = np.empty((2, len(windows)))
+    for number, past in enumerate(windows.past):
+        rows = past[HINDCAST_S::-1]
+        control = 0.5 * (rows[1:, 8:] + rows[:-1, 8:])  # the angles of these ships do not go round
+        wind = np.tile(rows[0, 6:8], (HINDCAST_S, 1))
+        model = simulate_batch(plant, rows[0, :6], control[None], wind[None], 1.0).states[0]
+        started = replace(windows.subset(np.array([number])), start=rows[:1, :6], track=rows[None, :, :3])
+        for way, track in enumerate((model, constant_velocity(started)[0])):
+            errors[way, number] = np.hypot(*(track[1:, :2] - rows[1:, :2]).T).mean()
+    return errors
+
+
+def test_earlier_windows_are_what_was_recorded(plant: Plant) -> None:
+    """So many seconds before, on the model that is the ship: its run from there ends where the ship is now."""
+    windows = voyages(plant, 10, SECONDS)
+    before, acted = earlier(windows, HINDCAST_S)
+    wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
+    states = simulate_batch(plant, before.start, acted, wind, 1.0).states
+    assert states[..., :3] == pytest.approx(before.track, abs=1e-6)
+    assert states[:, -1] == pytest.approx(windows.past[:, 0, :6], abs=1e-6)
+    assert np.array_equal(before.past[:, 0, :6], before.start)
+    assert np.array_equal(before.past[:, PAST_S - HINDCAST_S], windows.past[:, PAST_S])
+    assert np.isnan(before.past[:, PAST_S - HINDCAST_S + 1 :]).all()
+
+
+def test_a_pod_goes_the_short_way_round(plant: Plant) -> None:
+    """From 179 to -179 degrees a pod turns by two degrees aft, and did not point ahead between."""
+    windows = voyages(plant, 2, SECONDS)
+    past = windows.past.copy()
+    past[:, ::2, 9], past[:, 1::2, 9] = np.deg2rad(179.0), np.deg2rad(-179.0)
+    acted = earlier(replace(windows, past=past), HINDCAST_S)[1]
+    assert np.cos(acted[..., 1]) == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_the_better_of_the_last_seconds_speaks(plant: Plant, turning: Horizons) -> None:
+    """Window by window the baseline with the smaller error over the last seconds, and each has its turn."""
+    alone = reference(turning, plant)
+    errors = hindcasts(turning, plant)
+    found = fallback(turning, alone, plant)
+    best = np.argmin(errors, axis=0)
+    assert 0 < best.sum() < len(best)
+    assert found.chosen.tolist() == np.array(["reference", "constant_velocity"])[best].tolist()
+    both = np.stack([alone, constant_velocity(turning)])
+    assert np.array_equal(found.tracks, both[best, np.arange(len(best))])
+    assert np.diff(found.spread_m[np.argsort(errors.min(axis=0))]).min() >= 0.0
+
+
+def test_looking_back_helps(plant: Plant, turning: Horizons) -> None:
+    """On a ship of which either baseline may be the better one the choice beats both, on the whole."""
+    alone = reference(turning, plant)
+    chosen = off_m(fallback(turning, alone, plant).tracks, turning.track).mean()
+    assert chosen < min(off_m(each, turning.track).mean() for each in (alone, constant_velocity(turning)))
+
+
+def test_without_a_past_the_reference_speaks(plant: Plant, turning: Horizons) -> None:
+    """Of windows that know nothing of the seconds before, whether all are such or some: and less surely."""
+    alone = reference(turning, plant)
+    number = np.arange(len(turning))
+    for lost in (number < 7, number >= 0):
+        found = fallback(without_past(turning, lost), alone, plant)
+        assert (found.chosen[lost] == "reference").all()
+        assert np.array_equal(found.tracks[lost], alone[lost])
+        assert np.isfinite(found.spread_m).all()
+        assert (found.spread_m[lost] >= fallback(turning, alone, plant).spread_m.min()).all()
+
+
+@pytest.mark.parametrize("lost", [0, 5])
+def test_a_window_is_judged_by_itself(plant: Plant, turning: Horizons, lost: int) -> None:
+    """What is said of a window does not depend on which others are asked about with it."""
+    windows = without_past(turning, np.arange(len(turning)) < lost)
+    alone = reference(windows, plant)
+    whole = fallback(windows, alone, plant)
+    for row in (0, 4, 20):
+        single = fallback(windows.subset(np.array([row])), alone[[row]], plant)
+        assert np.array_equal(single.tracks[0], whole.tracks[row])
+        assert single.chosen[0] == whole.chosen[row]
+        assert single.spread_m[0] == pytest.approx(whole.spread_m[row])
+
+
+def test_nothing_after_the_start_is_looked_at(plant: Plant, turning: Horizons) -> None:
+    track = turning.track.copy()
+    track[:, 1:] += 500.0
+    alone = reference(turning, plant)
+    then, now = (fallback(each, alone, plant) for each in (turning, replace(turning, track=track)))
+    assert np.array_equal(then.tracks, now.tracks)
+    assert np.array_equal(then.spread_m, now.spread_m)
+
+
+@pytest.mark.parametrize("beyond", [1000.0, np.nan, np.inf])
+def test_a_calibrator_without_ground_does_no_harm(plant: Plant, turning: Horizons, beyond: float) -> None:
+    """Where it says itself that it is guessing, or says nothing that is a number, the better baseline speaks; and
+    where it has ground it is left alone.
+    """
+    calibrator = Boastful()
+    calibrator.beyond = beyond
+    alone = reference(turning, plant)
+    band_m, fallback_band = np.linspace(0.1, 1.0, SECONDS), np.linspace(1.0, 9.0, SECONDS)
+    found = guarded(calibrator, plant, band_m, fallback_band, turning, alone)
+    fast = turning.start[:, 3] > 3.0
+    assert 0 < fast.sum() < len(fast)
+    assert np.array_equal(found.untrained, fast)
+    assert np.array_equal(found.method == "hybrid", ~fast)
+    assert np.array_equal(found.tracks[~fast], calibrator.predict(turning, alone)[~fast])
+    assert np.array_equal(found.radius_m[~fast], np.tile(band_m, ((~fast).sum(), 1)))
+    instead = fallback(turning, alone, plant)
+    assert np.array_equal(found.tracks[fast], instead.tracks[fast])
+    assert np.array_equal(found.method[fast], instead.chosen[fast])
+    baselines = [off_m(each, turning.track)[fast] for each in (alone, constant_velocity(turning))]
+    assert (off_m(found.tracks, turning.track)[fast] <= np.maximum(*baselines)).all()
+    assert off_m(found.tracks, turning.track)[fast].mean() < min(each.mean() for each in baselines)
+
+
+def test_regions_are_circles_that_grow(plant: Plant, turning: Horizons) -> None:
+    """Positive, never falling, whoever speaks; and wider where the last seconds were further off."""
+    alone = reference(turning, plant)
+    bands = np.linspace(0.1, 1.0, SECONDS), fallback_region(turning, alone, plant)
+    found = guarded(Boastful(), plant, *bands, turning, alone)
+    assert found.radius_m.shape == (len(turning), SECONDS)
+    assert (found.radius_m > 0.0).all()
+    assert (np.diff(found.radius_m, axis=1) >= 0.0).all()
+    fast = turning.start[:, 3] > 3.0
+    error_m = hindcasts(turning, plant).min(axis=0)[fast]
+    assert np.diff(found.radius_m[fast, -1][np.argsort(error_m)]).min() >= 0.0
+
+
+def test_the_fallbacks_regions_hold_other_windows(plant: Plant) -> None:
+    """Sized on one half of the windows they hold 95 % of the other half, as far as chance allows."""
+    ship = replace(plant, constant_N_nm=4e4, thrust_nn=0.9 * plant.thrust_nn)
+    sized, judged = (voyages(ship, 200, SECONDS, seed) for seed in (1, 2))
+    radius = fallback_region(sized, reference(sized, plant), plant)
+    said = fallback(judged, reference(judged, plant), plant)
+    inside = distances(said.tracks, judged.track) <= said.spread_m[:, None] * radius
+    # both halves are drawn by chance: twice the variance of one
+    low = 1.0 - binom.ppf(0.999, 100, 0.05) / 100.0
+    assert (inside.mean(axis=0) >= low).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(sized=st.integers(19, 120), seed=st.integers(0, 10_000))
+def test_regions_hold_what_they_promise_however_few_sized_them(sized: int, seed: int) -> None:
+    """Over many draws of exchangeable errors, each of its own spread, the share held is that of split conformal
+    prediction, ceil((n + 1) 0.95) / (n + 1), within what chance does to it.
+    """
+    random = np.random.default_rng(seed)
+    draws, judged = 40, 50
+    windows = random_windows(sized + judged, 1, seed)
+    spread = random.uniform(0.2, 3.0, (sized + judged, 1))
+    held = 0
+    for _ in range(draws):
+        off = windows.track.copy()
+        off[:, 1, :2] += spread * random.normal(size=(sized + judged, 2))
+        radius = band_radius(off[:sized], windows.track[:sized], spread[:sized])
+        held += int((distances(off, windows.track)[sized:] <= spread[sized:] * radius).sum())
+    expected = np.ceil((sized + 1) * 0.95) / (sized + 1)
+    # a draw's coverage is a beta variable; its deviation bounds that of the mean, beside the binomial one
+    beta = np.sqrt(expected * (1.0 - expected) / (sized + 2) / draws)
+    chance = np.sqrt(expected * (1.0 - expected) / (draws * judged))
+    assert held / (draws * judged) == pytest.approx(expected, abs=5.0 * np.hypot(beta, chance))
+
+
+def test_wider_where_less_sure() -> None:
+    """Errors in proportion to the spread: relative regions hold each half alike, one radius for all does not."""
+    random = np.random.default_rng(0)
+    windows = random_windows(800, 1)
+    spread = np.where(np.arange(800) % 2, 4.0, 0.5)[:, None]
+    off = windows.track.copy()
+    off[:, 1, :2] += spread * random.normal(size=(800, 2))
+
+    def held(radius_m: Floats) -> list[float]:
+        inside = distances(off, windows.track) <= radius_m
+        return [float(inside[half::2].mean()) for half in (0, 1)]
+
+    assert held(spread * band_radius(off, windows.track, spread)) == pytest.approx([0.95, 0.95], abs=0.025)
+    one = held(np.broadcast_to(band_radius(off, windows.track), spread.shape))
+    assert one[0] == 1.0
+    assert one[1] < 0.93
