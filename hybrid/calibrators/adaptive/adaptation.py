@@ -94,9 +94,11 @@ def _held(past: Floats) -> Floats:
 
 
 def _mean_wind(past: Floats) -> Floats:
-    """The mean wind vector of the last seconds, as direction [rad] and speed [m/s]: [N, 2]."""
+    """The mean wind vector of the known ones of the last seconds, as direction [rad] and speed [m/s]: [N, 2]."""
     recent = past[:, :_AVERAGED_S, 6:8]
-    vector = np.nanmean(recent[..., 1] * np.exp(1j * recent[..., 0]), axis=1)
+    each = recent[..., 1] * np.exp(1j * recent[..., 0])
+    known = np.isfinite(each)
+    vector = np.where(known, each, 0.0).sum(axis=1) / known.sum(axis=1).clip(min=1)
     return np.column_stack([np.angle(vector), np.abs(vector)])
 
 
