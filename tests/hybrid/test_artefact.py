@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from shutil import copytree
@@ -24,6 +25,7 @@ from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from hybrid.artefact import Trained, load, plant_for, save
 from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.data_driven import DataDriven
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS
 from hybrid.sidecar import FORMAT, SIDECAR
@@ -46,7 +48,9 @@ def tiny(plant: Plant) -> Callable[..., Trained]:
         fitted = [make_calibrator(each, seed, plant) for each in (method, "data_driven")]
         for calibrator in fitted:
             vars(calibrator).update(epochs=2, batch=32)
-            calibrator.fit((training, training.track), (stopping, stopping.track))
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+                calibrator.fit((training, training.track), (stopping, stopping.track))
         band_m = np.linspace(0.5, 3.0, SECONDS)
         return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, band_m, (), {"windows": 16})
 
