@@ -16,13 +16,18 @@ Floats = NDArray[np.float64]
 
 
 def constant_velocity(horizons: Horizons) -> Floats:
-    """The present surge, sway and yaw rate held: a straight line or a circle, in closed form.
+    """The present surge, sway and yaw rate of the windows' starts held."""
+    return present_motion_held(horizons.start, horizons.horizon_s)
+
+
+def present_motion_held(states: Floats, horizon_s: int) -> Floats:
+    """Surge, sway and yaw rate of states [N, 6] held: a straight line or a circle, in closed form, [N, H+1, 3].
 
     With yaw rate r the displacement in the start frame after t seconds is the integral of the turning body
     velocity: (u sin rt - v (1 - cos rt)) / r ahead and (v sin rt + u (1 - cos rt)) / r to starboard.
     """
-    seconds = np.arange(horizons.horizon_s + 1, dtype=float)
-    north, east, heading, surge, sway, rate = (column[:, None] for column in horizons.start.T)
+    seconds = np.arange(horizon_s + 1, dtype=float)
+    north, east, heading, surge, sway, rate = (column[:, None] for column in states.T)
     turn = rate * seconds
     # sinc and its companion stay exact for a yaw rate of zero
     along = seconds * np.sinc(turn / np.pi)

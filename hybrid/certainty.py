@@ -82,8 +82,8 @@ def guarded(
     ``band_m`` [H] is :meth:`Calibrator.region`, ``fallback_band`` [H] is :func:`fallback_region`.
     """
     untrained = calibrator.outside(horizons, reference)
-    tracks = calibrator.predict(horizons, reference)
-    radius_m = calibrator.spread(horizons, reference) * band_m
+    tracks, spread = calibrator.predict_with_spread(horizons, reference)
+    radius_m = spread * band_m
     lost = untrained | ~np.isfinite(tracks).all(axis=(1, 2))
     method = np.where(lost, "", "hybrid").astype("<U20")
     if lost.any():

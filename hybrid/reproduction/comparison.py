@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
 from hybrid.baselines import constant_velocity, reference
-from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.horizon import Horizons, split_by_group
@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 TEST_SHARE, STOPPING_SHARE = 0.2, 0.2
-OURS = "adaptive" if "adaptive" in METHODS else "paper"
+OURS = "adaptive"
 LEARNED = {"paper": "paper", "data_driven": "data_driven", "additive": "additive", "hybrid": OURS}
 """The methods of the table that learn, and the calibrator that each is."""
 SPLITS = ("sequence", "random")

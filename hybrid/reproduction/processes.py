@@ -17,7 +17,7 @@ def in_order(asked: Sequence[tuple[Any, ...]], workers: int, progress: Progress)
             yield function(*arguments)
             progress((number + 1) / len(asked))
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as processes:
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_one_core_each) as processes:
         running = [processes.submit(*each) for each in asked]
         try:
             for done, each in enumerate(as_completed(running), start=1):
@@ -27,3 +27,12 @@ def in_order(asked: Sequence[tuple[Any, ...]], workers: int, progress: Progress)
             processes.shutdown(wait=False, cancel_futures=True)
             raise
         yield from (each.result() for each in running)
+
+
+def _one_core_each() -> None:
+    """Let a process use one core: threads of several processes would wait for each other."""
+    import numba
+    import torch
+
+    numba.set_num_threads(1)
+    torch.set_num_threads(1)

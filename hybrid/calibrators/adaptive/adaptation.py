@@ -7,6 +7,7 @@ zero is the reference itself, one is a usual departure. That is the prior, too: 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,9 @@ SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "w
 AXES = ("surge", "sway", "yaw")
 FOLLOWED = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
 KEPT = tuple(f"kept_{axis}" for axis in AXES)
-NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, *FOLLOWED, *KEPT)
+LAG, LAG_S = "thruster_lag", 1.0
+"""Thrusters that are recorded as ordered act later; a lag below zero means none."""
+NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, *FOLLOWED, *KEPT)
 """The names of the vector's numbers."""
 
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
@@ -119,6 +122,7 @@ def adapted(vector: Floats, plant: Plant) -> NDArray[np.void]:
         packed[name] += heavier * usual * value(vector, name)
     packed["current_north_mps"] += CURRENT_MPS * value(vector, "current_north")
     packed["current_east_mps"] += CURRENT_MPS * value(vector, "current_east")
+    packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * value(vector, LAG))
     own = plant.drift_force_n
     north = own * plant.drift_north + heavier * DRIFT_N * value(vector, "drift_north")
     east = own * plant.drift_east + heavier * DRIFT_N * value(vector, "drift_east")
@@ -139,10 +143,15 @@ def blown(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Flo
 
 def observer_gains(vector: Floats) -> tuple[Floats, Floats]:
     """The gains [steps, 3 axes, 3, 2] and what is left of the force a second later [3]."""
-    powers = _USUAL_POWER * vector[[NAMES.index(name) for name in FOLLOWED]].reshape(3, 3)
-    levels = 10.0 ** np.clip(_WALKS + powers, -6.0, 4.0)
-    lasting_s = _KEPT_S * np.exp(vector[[NAMES.index(name) for name in KEPT]])
-    kept = np.exp(-1.0 / lasting_s)
+    return _gains(*(value(vector, name) for name in (*FOLLOWED, *KEPT)))
+
+
+@lru_cache(maxsize=64)
+def _gains(*numbers: float) -> tuple[Floats, Floats]:
+    """The gains of the vector's FOLLOWED and KEPT; remembered, as most steps do not change them."""
+    powers, lasting = np.array(numbers[: len(FOLLOWED)]), np.array(numbers[len(FOLLOWED) :])
+    levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
+    kept = np.exp(-1.0 / (_KEPT_S * np.exp(lasting)))
     gains = [
         kalman_gains(speed_walk, force_walk, position_noise, left, _FOLLOWED_S)
         for (speed_walk, force_walk, position_noise), left in zip(levels, kept, strict=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acquisition.channels import NAMES as CHANNELS
 from acquisition.errors import DataShortageError
-from hybrid.baselines import constant_velocity
+from hybrid.baselines import present_motion_held
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 MEMBERS = 5
 MOST_WINDOWS = 400
-STRIDE_S = 5.0
 TRUSTS = (np.inf, 4.0, 2.0)
 """By which power of its error in the last seconds a way of predicting loses weight; infinite: ours alone."""
 BEYOND = 0.5
 """How far past the range of the training, as a share of it, a start may lie before it counts as outside."""
 _PERFECT = 0.1  # errors in the last seconds below this share of the usual one say nothing more
 _UNKNOWN = 2.0  # how uncertain a window is whose past is not known, in usual errors
+_RECENT_S = 5
 _WAYS = 3  # ours, constant velocity, the reference
 
 
@@ -58,7 +58,6 @@ class Adaptive(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Adapt to the windows of both parts; no leg is needed to stop by. Raises :class:`DataShortageError`."""
         horizons = joined_horizons(training[0], stopping[0])
-        reference = np.concatenate([training[1], stopping[1]])
         fold = _folds(horizons.leg, self.seed)
         members = int(fold.max()) + 1
         if members < 2:
@@ -69,7 +68,7 @@ class Adaptive(Calibrator):
         )  # fmt: skip
         starts = _starts(horizons)
         self.range_ = np.stack([starts.min(axis=0), starts.max(axis=0)])
-        self.unseen_ = self._judge(horizons, reference, fold)[len(training[0]) :]
+        self.unseen_ = self._judge(horizons, fold)[len(training[0]) :]
         return self
 
     def unseen(self, stopping: Examples) -> Floats:
@@ -82,8 +81,7 @@ class Adaptive(Calibrator):
             drawn = np.random.default_rng([self.seed, member]).choice(rows, MOST_WINDOWS, replace=False)
             rows = np.sort(drawn)
         windows = horizons.subset(rows)
-        overlap = min(1.0, STRIDE_S / windows.horizon_s) if _overlapping(windows) else 1.0
-        return adapt(self._model, seen(windows), windows.track, overlap, progress)
+        return adapt(self._model, seen(windows), windows.track, _own_share(windows), progress)
 
     @property
     def _model(self) -> Plant:
@@ -91,13 +89,13 @@ class Adaptive(Calibrator):
             raise ValueError("the adaptive calibrator needs the reference model")
         return self.plant
 
-    def _judge(self, horizons: Horizons, reference: Floats, fold: NDArray[np.int64]) -> Floats:
+    def _judge(self, horizons: Horizons, fold: NDArray[np.int64]) -> Floats:
         """Trust, usual errors and regions, from the tracks [N, H+1, 3] of each leg by who was not adapted to it."""
         parts = []
         order = []
         for member, vector in enumerate(self.vectors_):
             mine = np.flatnonzero(fold == member)
-            parts.append(self._ways(horizons.subset(mine), reference[mine], vector[None]))
+            parts.append(self._ways(horizons.subset(mine), vector[None]))
             order.append(mine)
         back = np.argsort(np.concatenate(order))
         ways = _Ways(
@@ -105,61 +103,58 @@ class Adaptive(Calibrator):
             np.concatenate([part.before_m for part in parts], axis=1)[:, back],
         )
         self.usual_before_m_ = float(np.nanmedian(ways.before_m[0])) if np.isfinite(ways.before_m[0]).any() else 1.0
-        errors = [distances(self._weighed(ways, trust)[0], horizons.track).mean() for trust in TRUSTS]
+        errors = [np.nanmean(distances(self._weighed(ways, trust)[0], horizons.track)) for trust in TRUSTS]
         self.trust_ = TRUSTS[int(np.argmin(errors))]
         tracks, before_m = self._weighed(ways, self.trust_)
-        self.usual_m_ = np.maximum.accumulate(np.median(distances(tracks, horizons.track), axis=0)) + 1e-3
-        self.region_ = band_radius(tracks, horizons.track, self._spread(before_m))
+        self.region_ = band_radius(tracks, horizons.track, self._spread(before_m, horizons.horizon_s))
         return tracks
 
-    def _ways(self, horizons: Horizons, reference: Floats, vectors: Floats) -> _Ways:
+    def _ways(self, horizons: Horizons, vectors: Floats) -> _Ways:
         """Ours, constant velocity and the reference, on the windows and on the seconds before them."""
         before, acted = earlier(horizons, HINDCAST_S)
-        wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
-        model = simulate_batch(self._model, before.start, acted, wind, 1.0).states[..., :3]
-        ours_before = self._together(vectors, seen(before, acted))
-        return _Ways(
-            np.stack([self._together(vectors, seen(horizons)), constant_velocity(horizons), reference]),
-            np.stack([off_m(each, before.track) for each in (ours_before, constant_velocity(before), model)]),
-        )
+        now, then = seen(horizons), seen(before, acted)
+        tracks, earlier_tracks = self._all_ways(vectors, now), self._all_ways(vectors, then)
+        return _Ways(tracks, np.stack([off_m(each, before.track) for each in earlier_tracks]))
 
-    def _together(self, vectors: Floats, windows: Seen) -> Floats:
-        """The mean track [N, H+1, 3] of several members."""
-        total = np.zeros((len(windows), windows.control.shape[1] + 1, 3))
-        for vector in vectors:
-            total += followed(vector, self._model, windows)[..., :3]
-        return total / len(vectors)
+    def _all_ways(self, vectors: Floats, windows: Seen) -> Floats:
+        """The tracks [ways, N, H+1, 3] that start from one observed state: the mean of what the members see."""
+        states = np.mean([followed(vector, self._model, windows) for vector in vectors], axis=0)
+        seconds = windows.control.shape[1]
+        wind = np.repeat(windows.wind[:, None], seconds, axis=1)
+        model = simulate_batch(self._model, states[:, 0], windows.control, wind, 1.0).states
+        return np.stack([states[..., :3], present_motion_held(states[:, 0], seconds), model[..., :3]])
 
     def _weighed(self, ways: _Ways, trust: float) -> tuple[Floats, Floats]:
-        """One track a window [N, H+1, 3] of all ways, and the error of the last seconds [N] that goes with it."""
-        usable = np.isfinite(ways.tracks).all(axis=(2, 3))
+        """One track a window [N, H+1, 3] of all ways, and the error of the last seconds [N] that goes with it.
+
+        Windows in which our own model leaves its range are NaN.
+        """
         known = np.isfinite(ways.before_m)
-        floor_m = _PERFECT * self.usual_before_m_
-        if np.isinf(trust):
-            weight = np.zeros_like(ways.before_m)
-            weight[0] = 1.0
-        else:
-            compared = known.all(axis=0)
-            weight = np.where(compared, (np.nan_to_num(ways.before_m, nan=1.0) + floor_m) ** -trust, 0.0)
-            weight[0] = np.where(compared, weight[0], 1.0)
-        weight = np.where(usable, weight, 0.0)
-        weight[1] = np.where(weight.sum(axis=0) > 0.0, weight[1], 1.0)
+        weight = np.zeros_like(ways.before_m)
+        weight[0] = 1.0
+        if np.isfinite(trust):
+            error = np.nan_to_num(ways.before_m, nan=np.inf) + _PERFECT * self.usual_before_m_
+            weight = np.where(known[0], error**-trust, weight)
+        weight = np.where(np.isfinite(ways.tracks).all(axis=(2, 3)) | (np.arange(_WAYS) == 0)[:, None], weight, 0.0)
         weight = weight / weight.sum(axis=0)
         tracks = np.einsum("wn,wnhc->nhc", weight, np.where(weight[..., None, None] > 0.0, ways.tracks, 0.0))
         before = np.where(known, ways.before_m, _UNKNOWN * self.usual_before_m_)
         return tracks, np.einsum("wn,wn->n", weight, before)
 
-    def _spread(self, before_m: Floats) -> Floats:
+    def _spread(self, before_m: Floats, horizon_s: int) -> Floats:
         """How uncertain windows are [N, H], one for a usual one: half of it goes with the last seconds' error."""
         share = 0.5 + 0.5 * before_m / max(self.usual_before_m_, 1e-6)
-        return np.repeat(share[:, None], len(self.usual_m_), axis=1)
+        return np.repeat(share[:, None], horizon_s, axis=1)
 
     def predict(self, horizons: Horizons, reference: Floats) -> Floats:
-        return self._weighed(self._ways(horizons, reference, self.vectors_), self.trust_)[0]
+        return self.predict_with_spread(horizons, reference)[0]
 
     def spread(self, horizons: Horizons, reference: Floats) -> Floats:
-        ways = self._ways(horizons, reference, self.vectors_)
-        return self._spread(self._weighed(ways, self.trust_)[1])
+        return self.predict_with_spread(horizons, reference)[1]
+
+    def predict_with_spread(self, horizons: Horizons, reference: Floats) -> tuple[Floats, Floats]:
+        tracks, before_m = self._weighed(self._ways(horizons, self.vectors_), self.trust_)
+        return tracks, self._spread(before_m, horizons.horizon_s)
 
     def region(self, stopping: Examples) -> Floats:
         return self.region_
@@ -173,7 +168,7 @@ class Adaptive(Calibrator):
         import torch
 
         learned = {
-            "vectors": self.vectors_, "range": self.range_, "usual": self.usual_m_, "region": self.region_,
+            "vectors": self.vectors_, "range": self.range_, "region": self.region_,
             "trust": np.array([0.0 if np.isinf(self.trust_) else self.trust_, self.usual_before_m_]),
         }  # fmt: skip
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in learned.items()}
@@ -183,7 +178,7 @@ class Adaptive(Calibrator):
         self.vectors_, self.range_ = learned["vectors"], learned["range"]
         if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(NAMES):
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {len(NAMES)}")
-        self.usual_m_, self.region_ = learned["usual"], learned["region"]
+        self.region_ = learned["region"]
         trust, self.usual_before_m_ = map(float, learned["trust"])
         self.trust_ = trust or np.inf
         return self
@@ -195,10 +190,17 @@ def _part(progress: Progress, done: int, total: int) -> Progress:
 
 
 def _starts(horizons: Horizons) -> Floats:
-    """What decides whether a start was trained on: speeds, wind speed, thrusters [N, 11]; angles as vectors."""
-    control = horizons.control
+    """What decides whether a start was trained on: speeds, wind speed, thrusters [N, 11]; angles as vectors.
+
+    Means over the last seconds, so that a wave does not decide.
+    """
+    windows = seen(horizons)
+    recent = windows.past[:, :_RECENT_S]
+    known = np.isfinite(recent).all(axis=2, keepdims=True)
+    mean = np.where(known, recent, 0.0).sum(axis=1) / known.sum(axis=1)
+    control = windows.control[:, 0]
     angles = [f(control[:, column]) for column in (1, 3) for f in (np.cos, np.sin)]
-    return np.column_stack([horizons.start[:, 3:], horizons.wind[:, 1], control[:, [0, 2, 4]], *angles])
+    return np.column_stack([mean[:, 3:6], windows.wind[:, 1], control[:, [0, 2, 4]], *angles])
 
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
@@ -213,7 +215,10 @@ def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
     return fold[where]
 
 
-def _overlapping(windows: Horizons) -> bool:
-    """Whether windows follow each other by less than their length."""
-    starts = np.sort(windows.start_time.as_unit("ns").asi8)
-    return bool(len(starts) > 1 and np.median(np.diff(starts)) < windows.horizon_s * 1_000_000_000)
+def _own_share(windows: Horizons) -> float:
+    """The share of a window that is its own: how far apart a leg's windows start, over their length, at most one."""
+    starts_s = windows.start_time.as_unit("ns").asi8 / 1e9
+    order = np.lexsort((starts_s, windows.leg))
+    same_leg = windows.leg[order][1:] == windows.leg[order][:-1]
+    apart_s = np.diff(starts_s[order])[same_leg]
+    return float(min(1.0, np.median(apart_s) / windows.horizon_s)) if len(apart_s) else 1.0

@@ -113,12 +113,13 @@ def _make_follow(stamp: int) -> Callable[..., None]:
             second, since = known_s[i], 0
             row = past[i, second]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
+            acting = (row[8], row[9], row[10], row[11], row[12])
             while second > 0 and stamp != 0:
                 now = past[i, second - 1]
-                acting = between(past[i, second], now)
+                order = between(past[i, second], now)
                 lacking(p, own, missing)
-                state, _ = advance(
-                    p, mass, lag, acting, acting, (now[6], now[7]), 0.0, 1.0, 1, state, extra, parameters[0]
+                state, acting = advance(
+                    p, mass, lag, order, acting, (now[6], now[7]), 0.0, 1.0, 1, state, extra, parameters[0]
                 )
                 missing = faded(missing, kept)
                 possible, state, missing = corrected(state, missing, now, gains[min(since, len(gains) - 1)])
@@ -133,7 +134,7 @@ def _make_follow(stamp: int) -> Callable[..., None]:
                 c = control[i, k]
                 order = (c[0], c[1], c[2], c[3], c[4])
                 lacking(p, own, missing)
-                state, _ = advance(p, mass, lag, order, order, air, 0.0, 1.0, 1, state, extra, parameters[0])
+                state, acting = advance(p, mass, lag, order, acting, air, 0.0, 1.0, 1, state, extra, parameters[0])
                 missing = faded(missing, kept)
                 for j in range(6):
                     states[i, k + 1, j] = state[j]
