@@ -216,7 +216,7 @@ def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
 
 
 def _own_share(windows: Horizons) -> float:
-    """The share of a window that is its own: how far apart a leg's windows start, over their length, at most one."""
+    """The share of a window that is its own: how far apart those of a leg start, over their length, at most one."""
     starts_s = windows.start_time.as_unit("ns").asi8 / 1e9
     order = np.lexsort((starts_s, windows.leg))
     same_leg = windows.leg[order][1:] == windows.leg[order][:-1]
