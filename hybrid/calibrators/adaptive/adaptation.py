@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from hybrid.calibrators.adaptive.gains import kalman_gains
@@ -59,6 +60,7 @@ _FOLLOWED_S = 30
 _AVERAGED_S = 5
 _STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
 _LARGEST_FACTOR = 2.0
+_ONE_CORE = 64  # so many windows one core has followed before another is awake
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,5 +172,10 @@ def followed(vector: Floats, plant: Plant, windows: Seen) -> Floats:
     plants = np.repeat(adapted(vector, plant), len(windows))
     extra, parameters = combined(plant)
     states = np.empty((len(windows), windows.control.shape[1] + 1, 6))
-    follow(plants, past, windows.known_s, gains, kept, windows.control, wind, extra, parameters, states)
+    cores = get_num_threads()
+    set_num_threads(1 if len(windows) <= _ONE_CORE else cores)
+    try:
+        follow(plants, past, windows.known_s, gains, kept, windows.control, wind, extra, parameters, states)
+    finally:
+        set_num_threads(cores)
     return states
