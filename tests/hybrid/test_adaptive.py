@@ -18,7 +18,17 @@ from acquisition.errors import DataShortageError
 from hybrid.artefact import Trained, load, save
 from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.adaptive.adaptation import FOLLOWED, KEPT, NAMES, adapted, followed, observer_gains, seen
+from hybrid.calibrators.adaptive.adaptation import (
+    FOLLOWED,
+    KEPT,
+    NAMES,
+    POSITIVE,
+    SIGNED,
+    adapted,
+    followed,
+    observer_gains,
+    seen,
+)
 from hybrid.calibrators.adaptive.calibrator import Adaptive, _folds
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.adaptive.gains import kalman_gains
@@ -127,6 +137,22 @@ def test_gains_stay_finite_and_stable(numbers: list[float]) -> None:
 def test_no_departure_is_the_reference(plant: Plant) -> None:
     """A vector of nothing leaves every number of the plant as it was, to the bit."""
     assert adapted(UNADAPTED, plant).tobytes() == pack(plant).tobytes()
+
+
+@given(st.lists(st.floats(-9.0, 9.0), min_size=len(NAMES), max_size=len(NAMES)))
+@settings(max_examples=30, deadline=None)
+def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float]) -> None:
+    """Masses, damping and thrust keep their sign whatever the vector says; all others change by shares; and what
+    is not in the vector is the reference's still.
+    """
+    then, now = pack(plant), adapted(np.array(numbers), plant)
+    for name, number in zip(NAMES, numbers, strict=True):
+        if name in POSITIVE:
+            assert now[name] == pytest.approx(then[name] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
+        elif name in SIGNED:
+            assert now[name] == pytest.approx(then[name] * (1.0 + 0.5 * number), rel=1e-12)
+    for name in ("length_overall_m", "propeller_diameter_m", "CX", "lateral_area_m2", "wind_load_factor"):
+        assert np.array_equal(now[name], then[name])
 
 
 def test_the_true_model_predicts_the_true_track(plant: Plant) -> None:

@@ -17,7 +17,7 @@ from hybrid.calibrators.adaptive.gains import kalman_gains
 from hybrid.calibrators.adaptive.observer import follow
 from hybrid.horizon import Horizons
 from hybrid.vessel.extra_forces import combined
-from hybrid.vessel.plant import HULL, Plant, pack
+from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
 
 Floats = NDArray[np.float64]
 
@@ -52,6 +52,9 @@ LAG, LAG_S = "thruster_lag", 1.0
 """Thrusters that are recorded as ordered act later; a lag below zero means none."""
 NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, *FOLLOWED, *KEPT)
 """The names of the vector's numbers."""
+_PLACES = {name: number for number, name in enumerate(NAMES)}
+_NUMBERED = np.arange(DTYPE.itemsize / 8).view(DTYPE)
+_COLUMNS = [int(_NUMBERED[name][0]) for name in (*POSITIVE, *SIGNED)]  # where they stand in a packed plant
 
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
 _USUAL_POWER = 1.5
@@ -109,16 +112,15 @@ def _mean_wind(past: Floats) -> Floats:
 
 def value(vector: Floats, name: str) -> float:
     """One number of the vector."""
-    return float(vector[NAMES.index(name)])
+    return float(vector[_PLACES[name]])
 
 
 def adapted(vector: Floats, plant: Plant) -> NDArray[np.void]:
     """The plant, packed [1], with its numbers, steady forces, current and drift as the vector says."""
     packed = pack(plant)
-    for name in POSITIVE:
-        packed[name] *= np.exp(np.clip(USUAL_SHARE * value(vector, name), -_LARGEST_FACTOR, _LARGEST_FACTOR))
-    for name in SIGNED:
-        packed[name] *= 1.0 + USUAL_SHARE * value(vector, name)
+    departed = USUAL_SHARE * vector[: len(POSITIVE) + len(SIGNED)]
+    factor = np.exp(departed[: len(POSITIVE)].clip(-_LARGEST_FACTOR, _LARGEST_FACTOR))
+    flat(packed)[0, _COLUMNS] *= np.concatenate([factor, 1.0 + departed[len(POSITIVE) :]])
     heavier = plant.mass_kg / STEADY_MASS_KG
     for name, usual in STEADY.items():
         packed[name] += heavier * usual * value(vector, name)
