@@ -48,13 +48,14 @@ def band_radius(predicted: Floats, measured: Floats, spread: Floats | None = Non
     """The radius, in units of ``spread`` [N, H], that holds 95 % of the measured positions, by second [H].
 
     The quantile is that of split conformal prediction, ceil((n + 1) 0.95) of n, so it does not shrink with few
-    windows; it never falls from one second to the next.
+    windows; it never falls from one second to the next. Seconds that were not measured or not predicted (NaN) do
+    not count.
     """
     distance = distances(predicted, measured)
     relative = distance if spread is None else distance / spread
-    count = len(relative)
-    rank = min(int(np.ceil((count + 1) * COVERAGE)), count) - 1
-    return np.maximum.accumulate(np.sort(relative, axis=0)[rank])
+    count = np.isfinite(relative).sum(axis=0)
+    rank = np.minimum(np.ceil((count + 1) * COVERAGE), count).astype(np.int64) - 1
+    return np.maximum.accumulate(np.take_along_axis(np.sort(relative, axis=0), rank[None], axis=0)[0])
 
 
 @dataclass(frozen=True, slots=True)

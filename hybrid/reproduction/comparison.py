@@ -10,11 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from hybrid.baselines import constant_velocity, reference
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import Calibrator, Examples
+from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.horizon import Horizons, split_by_group
 from hybrid.reproduction.campaign import HORIZON_S, MODEL, SEQUENCES, TRUTH, Campaign, paper_campaign
@@ -29,7 +28,6 @@ OURS = "adaptive"
 LEARNED = {"paper": "paper", "data_driven": "data_driven", "additive": "additive", "hybrid": OURS}
 """The methods of the table that learn, and the calibrator that each is."""
 SPLITS = ("sequence", "random")
-_SPLINE_DEGREE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,39 +105,13 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
     training = _examples(horizons, tracks, parts.training)
     stopping = _examples(horizons, tracks, parts.stopping)
     for method, calibrator in LEARNED.items():
-        learned = fitted(make_calibrator(calibrator, job.seed, plant), training, stopping)
+        learned = make_calibrator(calibrator, job.seed, plant).fit(training, stopping)
         predicted[method] = learned.predict(judged, tracks[tested])
     measured = _masked(judged.track, parts.test[tested])
     return [
         Errors(job, method, split, (track[..., :2] - measured[..., :2])[:, 1:])
         for method, track in predicted.items()
     ]
-
-
-def fitted(calibrator: Calibrator, training: Examples, stopping: Examples) -> Calibrator:
-    """Fit a network to the seconds whose position is measured, any other calibrator to whole tracks.
-
-    The seconds that such a track lacks are interpolated: as good a leak as the rows themselves.
-    """
-    from hybrid.calibrators.network import NetworkCalibrator
-
-    if isinstance(calibrator, NetworkCalibrator):
-        return calibrator.fit(training, stopping)
-    return calibrator.fit(_without_gaps(training), _without_gaps(stopping))
-
-
-def _without_gaps(examples: Examples) -> Examples:
-    """Tracks with the seconds that are missing put in by a quadratic spline, which also carries on at the end."""
-    windows, tracks = examples
-    seconds = np.arange(windows.horizon_s + 1.0)
-    whole = windows.track.copy()
-    for track in whole:
-        there = np.isfinite(track[:, 0])
-        if there.sum() > _SPLINE_DEGREE:
-            spline = make_interp_spline(seconds[there], track[there], k=_SPLINE_DEGREE)
-            track[~there] = spline(seconds[~there])
-    usable = np.asarray(np.isfinite(whole).all(axis=(1, 2)))
-    return replace(windows, track=whole).subset(usable), tracks[usable]
 
 
 def _examples(horizons: Horizons, tracks: Floats, rows: Flags) -> Examples:

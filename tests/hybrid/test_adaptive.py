@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import block_diag, expm, solve_discrete_are
 
 from acquisition.errors import DataShortageError
 from hybrid.artefact import Trained, load, save
@@ -31,7 +31,7 @@ from hybrid.calibrators.adaptive.adaptation import (
 )
 from hybrid.calibrators.adaptive.calibrator import Adaptive, _folds
 from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.adaptive.gains import kalman_gains
+from hybrid.calibrators.adaptive.gains import WAVE_DAMPING, kalman_gains, wave_step
 from hybrid.certainty import fallback_region
 from hybrid.horizon import PAST_S, Horizons
 from hybrid.scores import distances
@@ -51,7 +51,8 @@ def off_m(predicted: Floats, windows: Horizons) -> float:
 
 def tracks(vector: Floats, plant: Plant, windows: Horizons) -> Floats:
     """What the adapted model says of windows [N, H+1, 3]."""
-    return followed(vector, plant, seen(windows))[..., :3]
+    states, waves = followed(vector, plant, seen(windows))
+    return states[..., :3] + waves
 
 
 def noisy(windows: Horizons, seed: int = 0) -> Horizons:
@@ -92,17 +93,40 @@ def learned(plant: Plant, training: Horizons) -> Adaptive:
 
 
 @settings(max_examples=30, deadline=None)
-@given(speed=power, force=power, position=power, kept=st.floats(0.5, 1.0))
+@given(speed=power, force=power, position=power, kept=st.floats(0.5, 1.0), wave=power, radps=st.floats(0.5, 2.0))
 def test_in_the_long_run_gains_solve_the_riccati_equation(
-    speed: float, force: float, position: float, kept: float
+    speed: float, force: float, position: float, kept: float, wave: float, radps: float
 ) -> None:
     """Kalman's recursion ends at the steady filter, which scipy finds another way."""
-    step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept]])
-    seeing, noise = np.eye(2, 3), np.diag([10.0**position, 1.0])
-    steady = solve_discrete_are(step.T, seeing.T, np.diag([0.0, 10.0**speed, 10.0**force]), noise)
+    still = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, kept]])
+    swinging = expm(np.array([[0.0, 1.0], [-(radps**2), -2.0 * WAVE_DAMPING * radps]]))
+    step, noise = block_diag(still, swinging), np.diag([10.0**position, 1.0])
+    seeing = np.hstack([np.eye(2, 3), np.eye(2)])
+    walk = np.diag([0.0, 10.0**speed, 10.0**force, 0.0, 10.0**wave])
+    steady = solve_discrete_are(step.T, seeing.T, walk, noise)
     expected = steady @ seeing.T @ np.linalg.inv(seeing @ steady @ seeing.T + noise)
-    found = kalman_gains(10.0**speed, 10.0**force, 10.0**position, kept, 1500)[-1]
-    assert found == pytest.approx(expected, rel=1e-5, abs=1e-8)
+    found = kalman_gains(10.0**speed, 10.0**force, 10.0**position, kept, 1500, 10.0**wave, radps)[-1]
+    assert found == pytest.approx(expected, rel=1e-4, abs=1e-6)
+
+
+def test_a_swing_in_waves_is_no_speed() -> None:
+    """A ship that lies still in a swell of one period: the filter that knows of waves sees her lie still, and where
+    the swell takes her next; the one that does not takes its crests for speed.
+    """
+    radps, seconds = 1.0, np.arange(60.0)
+    measured = np.stack([np.sin(radps * seconds), radps * np.cos(radps * seconds)], axis=1)
+    speeds, foretold = [], []
+    for walk in (1.0, 0.0):
+        gains = kalman_gains(1e-4, 1e-6, 1.0, 0.99, 60, walk, radps)
+        step = block_diag(np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 0.99]]), wave_step(radps))
+        state = np.zeros(5)
+        for gain, seen_now in zip(gains, measured, strict=True):
+            state = step @ state
+            state = state + gain @ (seen_now - state[:2] - state[3:])
+        speeds.append(abs(state[1]))
+        foretold.append(abs((step @ state)[3] - np.sin(radps * 60.0)))
+    assert speeds[0] < 0.2 * speeds[1]
+    assert foretold[0] < 0.3 < foretold[1]
 
 
 def test_a_steady_speed_is_the_mean_of_its_measurements() -> None:
@@ -127,10 +151,10 @@ def test_gains_stay_finite_and_stable(numbers: list[float]) -> None:
     """Whatever the vector says, errors of position and speed are corrected and never overcorrected twofold."""
     vector = UNADAPTED.copy()
     vector[[NAMES.index(name) for name in (*FOLLOWED, *KEPT)]] = numbers
-    gains, kept = observer_gains(vector)
+    gains, kept, _ = observer_gains(vector)
     assert np.isfinite(gains).all()
     assert ((kept > 0.0) & (kept < 1.0)).all()
-    own = np.linalg.eigvals(np.eye(2) - gains[:, :, :2]).real
+    own = np.linalg.eigvals(np.eye(2) - gains[:, :, :2] - gains[:, :, 3:]).real
     assert ((own > -1e-6) & (own < 1.0 + 1e-6)).all()
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
-from hybrid.calibrators.adaptive.gains import kalman_gains
+from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
 from hybrid.calibrators.adaptive.observer import follow
 from hybrid.horizon import Horizons
 from hybrid.vessel.extra_forces import combined
@@ -50,7 +50,8 @@ FOLLOWED = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "f
 KEPT = tuple(f"kept_{axis}" for axis in AXES)
 LAG, LAG_S = "thruster_lag", 1.0
 """Thrusters that are recorded as ordered act later; a lag below zero means none."""
-NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, *FOLLOWED, *KEPT)
+WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
+NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, *FOLLOWED, *KEPT, *WAVES)
 """The names of the vector's numbers."""
 _PLACES = {name: number for number, name in enumerate(NAMES)}
 _NUMBERED = np.arange(DTYPE.itemsize / 8).view(DTYPE)
@@ -59,6 +60,8 @@ _COLUMNS = [int(_NUMBERED[name][0]) for name in (*POSITIVE, *SIGNED)]  # where t
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
 _USUAL_POWER = 1.5
 _KEPT_S = 120.0
+_WAVE_S, _USUAL_PERIOD = 6.0, 0.3
+_WAVE_WALK = -1.0  # a power of ten
 _FOLLOWED_S = 30
 _AVERAGED_S = 5
 _STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
@@ -145,27 +148,32 @@ def blown(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Flo
     return np.angle(vector_mps), np.abs(vector_mps)
 
 
-def observer_gains(vector: Floats) -> tuple[Floats, Floats]:
-    """The gains [steps, 3 axes, 3, 2] and what is left of the force a second later [3]."""
-    return _gains(*(value(vector, name) for name in (*FOLLOWED, *KEPT)))
+def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
+    """The gains [steps, 3 axes, 5, 2], the share of the force left a second later [3], the step of waves [2, 2]."""
+    return _gains(*(value(vector, name) for name in (*FOLLOWED, *KEPT, *WAVES)))
 
 
 @lru_cache(maxsize=64)
-def _gains(*numbers: float) -> tuple[Floats, Floats]:
-    """The gains of the vector's FOLLOWED and KEPT; remembered, as most steps do not change them."""
-    powers, lasting = np.array(numbers[: len(FOLLOWED)]), np.array(numbers[len(FOLLOWED) :])
+def _gains(*numbers: float) -> tuple[Floats, Floats, Floats]:
+    """The gains of the vector's FOLLOWED, KEPT and WAVES; remembered, as most steps do not change them."""
+    powers, lasting, (period, *walks) = np.split(np.array(numbers), [len(FOLLOWED), len(FOLLOWED) + len(KEPT)])
     levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
+    wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
+    wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
     kept = np.exp(-1.0 / (_KEPT_S * np.exp(lasting)))
     gains = [
-        kalman_gains(speed_walk, force_walk, position_noise, left, _FOLLOWED_S)
-        for (speed_walk, force_walk, position_noise), left in zip(levels, kept, strict=True)
+        kalman_gains(speed_walk, force_walk, position_noise, left, _FOLLOWED_S, wave_walk, wave_radps)
+        for (speed_walk, force_walk, position_noise), left, wave_walk in zip(levels, kept, wave_walks, strict=True)
     ]
-    return np.stack(gains, axis=1), kept
+    return np.stack(gains, axis=1), kept, wave_step(wave_radps)
 
 
-def followed(vector: Floats, plant: Plant, windows: Seen) -> Floats:
-    """The states [N, H+1, 6] that the adapted model predicts from what is seen of N windows."""
-    gains, kept = observer_gains(vector)
+def followed(vector: Floats, plant: Plant, windows: Seen) -> tuple[Floats, Floats]:
+    """What the adapted model predicts from what is seen of N windows.
+
+    Returns the states [N, H+1, 6] without the swing in waves, and that swing's north, east and heading [N, H+1, 3].
+    """
+    gains, kept, wave = observer_gains(vector)
     past, wind = windows.past, windows.wind
     if value(vector, "wind_north") or value(vector, "wind_east"):
         past = past.copy()
@@ -173,11 +181,13 @@ def followed(vector: Floats, plant: Plant, windows: Seen) -> Floats:
         wind = np.column_stack(blown(vector, wind[:, 0], wind[:, 1]))
     plants = np.repeat(adapted(vector, plant), len(windows))
     extra, parameters = combined(plant)
-    states = np.empty((len(windows), windows.control.shape[1] + 1, 6))
+    shape = len(windows), windows.control.shape[1] + 1
+    states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
+    known, control = windows.known_s, windows.control
     cores = get_num_threads()
     set_num_threads(1 if len(windows) <= _ONE_CORE else cores)
     try:
-        follow(plants, past, windows.known_s, gains, kept, windows.control, wind, extra, parameters, states)
+        follow(plants, past, known, gains, kept, wave, control, wind, extra, parameters, states, waves)
     finally:
         set_num_threads(cores)
-    return states
+    return states, waves

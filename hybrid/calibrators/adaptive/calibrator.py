@@ -117,12 +117,14 @@ class Adaptive(Calibrator):
         return _Ways(tracks, np.stack([off_m(each, before.track) for each in earlier_tracks]))
 
     def _all_ways(self, vectors: Floats, windows: Seen) -> Floats:
-        """The tracks [ways, N, H+1, 3] that start from one observed state: the mean of what the members see."""
-        states = np.mean([followed(vector, self._model, windows) for vector in vectors], axis=0)
+        """The tracks [ways, N, H+1, 3] from one observed state, the mean of what the members see, in one sea."""
+        parts = [followed(vector, self._model, windows) for vector in vectors]
+        states, waves = (np.mean(part, axis=0) for part in zip(*parts, strict=True))
         seconds = windows.control.shape[1]
         wind = np.repeat(windows.wind[:, None], seconds, axis=1)
         model = simulate_batch(self._model, states[:, 0], windows.control, wind, 1.0).states
-        return np.stack([states[..., :3], present_motion_held(states[:, 0], seconds), model[..., :3]])
+        held = present_motion_held(states[:, 0], seconds)
+        return np.asarray(np.stack([states[..., :3], held, model[..., :3]]) + waves)
 
     def _weighed(self, ways: _Ways, trust: float) -> tuple[Floats, Floats]:
         """One track a window [N, H+1, 3] of all ways, and the error of the last seconds [N] that goes with it.

@@ -17,6 +17,7 @@ from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Progress = Callable[[float], None]
 
 STEPS = 8
@@ -38,17 +39,21 @@ def adapt(
 ) -> Floats:
     """The vector [len(NAMES)] with which predictions meet the tracks [N, H+1, 3] that were measured.
 
-    ``overlap`` is the share of a window that is its own, at most one.
+    ``overlap`` is the share of a window that is its own, at most one. Seconds whose position was not measured are
+    NaN and say nothing.
     """
+    unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
     def off(vector: Floats) -> Floats:
-        return _ahead_aside(followed(vector, plant, windows)[:, 1:, :3] - track[:, 1:], track[:, :1, 2])
+        states, waves = followed(vector, plant, windows)
+        gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
+        return _ahead_aside(gap, track[:, :1, 2])
 
     vector, damping = np.zeros(len(NAMES)), 1e-3
     now = off(vector)
     for step in range(steps):
         progress(step / steps)
-        scale = 1.48 * np.sqrt(np.nanmedian(now**2, axis=0)) + _LEAST
+        scale = 1.48 * np.sqrt(_median_where(~unknown, now**2)) + _LEAST
         weight = _weights(now / scale, overlap)
         slope = _slope(off, vector, now, weight / scale)
         better = _step(off, vector, now, slope, weight / scale, damping)
@@ -58,6 +63,15 @@ def adapt(
         if before - after < _ENOUGH * before:
             break
     return vector
+
+
+def _median_where(known: Flags, squares: Floats) -> Floats:
+    """The median over the windows in which a second is known and the model in its range: [H, 3]."""
+    usable = known[..., None] & np.isfinite(squares)
+    ordered = np.sort(np.where(usable, squares, np.inf), axis=0)
+    middle = (usable.sum(axis=0) // 2).clip(max=len(squares) - 1)
+    median = np.take_along_axis(ordered, middle[None], axis=0)[0]
+    return np.asarray(np.where(np.isfinite(median), median, 1.0))
 
 
 def _ahead_aside(gap: Floats, heading: Floats) -> Floats:
@@ -90,10 +104,10 @@ def _step(
     off: Callable[[Floats], Floats], vector: Floats, now: Floats, slope: Floats, weight: Floats, damping: float
 ) -> tuple[float, float, Floats, Floats, float] | None:
     """Cost before and after, vector, differences and damping after the first step that helps; None if none does."""
-    lost = weight[:, 0, 0] > 0.0
+    counted = weight[:, 0, 0] > 0.0
 
     def cost(vector: Floats, differences: Floats) -> float:
-        inside = (differences * weight)[lost]
+        inside = (differences * weight)[counted]
         return float(np.sum(inside**2) + vector @ vector) if np.isfinite(inside).all() else np.inf
 
     normal = slope.T @ slope

@@ -19,8 +19,10 @@ from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record, compile
 from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_over
 from hybrid.vessel.plant import ForceFunction
 
-LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 5.0, 0.3, 1.0, 0.05
+LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 Force = tuple[float, float, float]
+Swing = tuple[float, float, float, float, float, float]
+"""Displacement in waves ahead, aside [m] and in heading [rad], and their rates."""
 
 
 @compiled
@@ -48,14 +50,18 @@ def lacking(p: Record, own: Force, missing: Force) -> None:
 
 
 @compiled
-def corrected(state: State, missing: Force, measured: Floats, gain: Floats) -> tuple[bool, State, Force]:
-    """Whether the measurement can be the ship's, and state and force moved towards it."""
+def corrected(
+    state: State, missing: Force, swing: Swing, measured: Floats, gain: Floats
+) -> tuple[bool, State, Force, Swing]:
+    """Whether the measurement can be the ship's; and state, force and swing in waves moved towards it."""
     north, east, psi, u, v, r = state
     surge, sway, yaw = missing
     cosine, sine = cos(psi), sin(psi)
     off_north, off_east = measured[0] - north, measured[1] - east
-    ahead, aside = off_north * cosine + off_east * sine, off_east * cosine - off_north * sine
-    turned, du, dv, dr = measured[2] - psi, measured[3] - u, measured[4] - v, measured[5] - r
+    ahead = off_north * cosine + off_east * sine - swing[0]
+    aside = off_east * cosine - off_north * sine - swing[1]
+    turned = measured[2] - psi - swing[2]
+    du, dv, dr = measured[3] - u - swing[3], measured[4] - v - swing[4], measured[5] - r - swing[5]
     possible = (
         hypot(ahead, aside) < LEAP_M
         and abs(turned) < LEAP_RAD
@@ -79,7 +85,39 @@ def corrected(state: State, missing: Force, measured: Floats, gain: Floats) -> t
             sway + gain[1, 2, 0] * aside + gain[1, 2, 1] * dv,
             yaw + gain[2, 2, 0] * turned + gain[2, 2, 1] * dr,
         ),
+        (
+            swing[0] + gain[0, 3, 0] * ahead + gain[0, 3, 1] * du,
+            swing[1] + gain[1, 3, 0] * aside + gain[1, 3, 1] * dv,
+            swing[2] + gain[2, 3, 0] * turned + gain[2, 3, 1] * dr,
+            swing[3] + gain[0, 4, 0] * ahead + gain[0, 4, 1] * du,
+            swing[4] + gain[1, 4, 0] * aside + gain[1, 4, 1] * dv,
+            swing[5] + gain[2, 4, 0] * turned + gain[2, 4, 1] * dr,
+        ),
     )
+
+
+@compiled
+def swung(swing: Swing, step: Floats) -> Swing:
+    """The swing in waves a second later."""
+    return (
+        step[0, 0] * swing[0] + step[0, 1] * swing[3],
+        step[0, 0] * swing[1] + step[0, 1] * swing[4],
+        step[0, 0] * swing[2] + step[0, 1] * swing[5],
+        step[1, 0] * swing[0] + step[1, 1] * swing[3],
+        step[1, 0] * swing[1] + step[1, 1] * swing[4],
+        step[1, 0] * swing[2] + step[1, 1] * swing[5],
+    )
+
+
+@compiled
+def put(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
+    """Write a state [6], and the swing as north, east and heading [3]."""
+    cosine, sine = cos(state[2]), sin(state[2])
+    for j in range(6):
+        states[j] = state[j]
+    waves[0] = swing[0] * cosine - swing[1] * sine
+    waves[1] = swing[0] * sine + swing[1] * cosine
+    waves[2] = swing[2]
 
 
 @compiled
@@ -96,20 +134,25 @@ def _make_follow(stamp: int) -> Callable[..., None]:
         known_s: NDArray[np.int64],
         gains: Floats,
         kept: Floats,
+        wave: Floats,
         control: Floats,
         wind: Floats,
         extra: ForceFunction | None,
         parameters: Floats,
         states: Floats,
+        waves: Floats,
     ) -> None:
-        """Fill ``states`` [N, H+1, 6] from ``past`` [N, P+1, 13], newest first, of which ``known_s`` [N] seconds
-        are whole; ``control`` [N, H, 5] and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
+        """Fill ``states`` [N, H+1, 6], and ``waves`` [N, H+1, 3] beside them.
+
+        From ``past`` [N, P+1, 13], newest first, of which ``known_s`` [N] seconds are whole; ``control`` [N, H, 5]
+        and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
         """
         for i in prange(states.shape[0]):
             p = plants[i]
             mass, lag = inverse_mass(p), lag_over(p, 1.0)
             own = (p.constant_X_n, p.constant_Y_n, p.constant_N_nm)
             missing = (0.0, 0.0, 0.0)
+            swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             second, since = known_s[i], 0
             row = past[i, second]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
@@ -122,22 +165,26 @@ def _make_follow(stamp: int) -> Callable[..., None]:
                     p, mass, lag, order, acting, (now[6], now[7]), 0.0, 1.0, 1, state, extra, parameters[0]
                 )
                 missing = faded(missing, kept)
-                possible, state, missing = corrected(state, missing, now, gains[min(since, len(gains) - 1)])
+                swing = swung(swing, wave)
+                gain = gains[min(since, len(gains) - 1)]
+                possible, state, missing, swing = corrected(state, missing, swing, now, gain)
                 since += 1
                 if not possible:
-                    state, missing, since = (now[0], now[1], now[2], now[3], now[4], now[5]), (0.0, 0.0, 0.0), 0
+                    state = (now[0], now[1], now[2], now[3], now[4], now[5])
+                    missing = (0.0, 0.0, 0.0)
+                    swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                    since = 0
                 second -= 1
             air = (wind[i, 0], wind[i, 1])
-            for j in range(6):
-                states[i, 0, j] = state[j]
+            put(state, swing, states[i, 0], waves[i, 0])
             for k in range(control.shape[1]):
                 c = control[i, k]
                 order = (c[0], c[1], c[2], c[3], c[4])
                 lacking(p, own, missing)
                 state, acting = advance(p, mass, lag, order, acting, air, 0.0, 1.0, 1, state, extra, parameters[0])
                 missing = faded(missing, kept)
-                for j in range(6):
-                    states[i, k + 1, j] = state[j]
+                swing = swung(swing, wave)
+                put(state, swing, states[i, k + 1], waves[i, k + 1])
 
     return follow  # type: ignore[no-any-return]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,17 +18,16 @@ from typer.testing import CliRunner
 import seatrial
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.calibrator import Calibrator, Examples, Progress
+from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.network import NetworkCalibrator
-from hybrid.horizon import Horizons
 from hybrid.reproduction import comparison
-from hybrid.reproduction.comparison import Errors, Job, fitted, parts_of
+from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import ORDER, Row, Table3, bootstrap_means, cells_of, rows_of, table3
 from hybrid.reproduction.tables import write_table3
 from hybrid.scores import score
 from hybrid.vessel.plant import Plant
-from tests.hybrid.windows_by_hand import Floats, random_windows
+from tests.hybrid.windows_by_hand import random_windows
 
 CONTRACT = {
     "sea_state", "method", "split", "mae_x_m", "mae_y_m", "mean_distance_m", "low", "high", "reduction",
@@ -46,12 +45,16 @@ def quick(method: str, seed: int, plant: Plant) -> Calibrator:
 
 
 @pytest.fixture(scope="module")
-def small() -> Iterator[Callable[[list[Job]], Table3]]:
+def small() -> Callable[[list[Job]], Table3]:
     """Small campaigns, compared in this process with little training."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(comparison, "make_calibrator", quick)
-        patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
-        yield lambda jobs: table3(jobs, workers=1)
+
+    def compared(jobs: list[Job]) -> Table3:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(comparison, "make_calibrator", quick)
+            patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+            return table3(jobs, workers=1)
+
+    return compared
 
 
 @pytest.fixture(scope="module")
@@ -83,31 +86,16 @@ def test_a_split_leaves_a_fifth_for_the_test() -> None:
     assert parts_of(windows, "random", 0).test.mean() == pytest.approx(0.2, abs=0.03)
 
 
-class Remembering(NetworkCalibrator):
-    """Keeps what it was given to learn from."""
-
-    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Remembering:
-        self.given = training[0].track
-        return self
-
-    def features(self, horizons: Horizons, reference: Floats) -> Floats:
-        return np.zeros((len(horizons), horizons.horizon_s, 1))
-
-
-def test_seconds_kept_from_a_calibrator_do_not_reach_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A network passes over them; another calibrator gets them interpolated from the others, never measured."""
+def test_seconds_kept_from_a_calibrator_do_not_reach_it() -> None:
+    """What is not among the rows is not there; windows without any row are left out."""
     windows = random_windows(6, 30)
-    kept_out = np.random.default_rng(5).random((6, 31)) < 0.3
-    kept_out[:, 0] = False
-    spoilt = replace(windows, track=np.where(kept_out[..., None], np.nan, windows.track))
-    learner = Remembering()
-    fitted(learner, (spoilt, windows.track), (spoilt, windows.track))
-    assert (np.isnan(learner.given[..., 0]) == kept_out).all()
-    monkeypatch.setattr("hybrid.calibrators.network.NetworkCalibrator", type("Other", (), {}))
-    fitted(learner, (spoilt, windows.track), (spoilt, windows.track))
-    assert learner.given[~kept_out] == pytest.approx(windows.track[~kept_out])
-    gap_m = np.abs(learner.given - windows.track)[kept_out][:, :2]
-    assert 0.0 < gap_m.max() < 0.5
+    rows = np.random.default_rng(5).random((6, 30)) < 0.7
+    rows[2] = False
+    given, tracks = _examples(windows, windows.track, rows)
+    assert len(given) == len(tracks) == 5
+    known = np.isfinite(given.track[:, 1:]).all(axis=2)
+    assert (known == np.delete(rows, 2, axis=0)).all()
+    assert given.track[:, 1:][known] == pytest.approx(np.delete(windows.track, 2, axis=0)[:, 1:][known])
 
 
 def test_the_bootstraps_first_row_is_the_score() -> None:
