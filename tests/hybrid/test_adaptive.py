@@ -289,6 +289,20 @@ def test_recordings_of_the_same_hours_are_no_overlap(plant: Plant, truth: Plant)
     assert off_m(first.predict(windows, alone), windows) < 0.5 * off_m(alone, windows)
 
 
+def test_seconds_of_one_window_in_two_parts_are_learned_from(plant: Plant, truth: Plant) -> None:
+    """Even seconds to learn from, odd ones to stop by, of the same windows: as when rows are drawn at random."""
+    windows = voyages(truth, 16, SECONDS, legs=4)
+    even = np.arange(SECONDS + 1) % 2 == 0
+    alone = reference(windows, plant)
+    parts = []
+    for kept in (even, ~even):
+        rows = kept.copy()
+        rows[0] = True
+        parts.append((replace(windows, track=np.where(rows[None, :, None], windows.track, np.nan)), alone))
+    calibrator = make_calibrator("adaptive", 0, plant).fit(parts[0], parts[1])
+    assert off_m(calibrator.predict(windows, alone), windows) < 0.3 * off_m(alone, windows)
+
+
 def test_one_leg_is_too_few(plant: Plant) -> None:
     with pytest.raises(DataShortageError, match="only one leg"):
         fit(plant, voyages(plant, 10, 3, legs=1))

@@ -223,4 +223,5 @@ def _own_share(windows: Horizons) -> float:
     order = np.lexsort((starts_s, windows.leg))
     same_leg = windows.leg[order][1:] == windows.leg[order][:-1]
     apart_s = np.diff(starts_s[order])[same_leg]
+    apart_s = apart_s[apart_s > 0.0]  # seconds of one window may come in two parts
     return float(min(1.0, np.median(apart_s) / windows.horizon_s)) if len(apart_s) else 1.0
