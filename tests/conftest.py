@@ -59,9 +59,7 @@ def unseen(simulated: Simulated) -> Path:
     return simulated("gentle", 100, 1200.0)
 
 
-def few_epochs(
-    method: str, seed: int = 0, plant: Plant | None = None, epochs: int = 120
-) -> NetworkCalibrator:
+def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: int = 120) -> NetworkCalibrator:
     """An untrained calibrator that takes seconds to train, not minutes."""
     from hybrid.calibrators import make_calibrator
     from hybrid.calibrators.network import NetworkCalibrator
