@@ -7,6 +7,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 
+def part_of(progress: Callable[[float], None], done: int, total: int) -> Callable[[float], None]:
+    """The progress of one of ``total`` pieces of work, ``done`` of which are over.
+
+    >>> part_of(print, 1, 4)(0.5)
+    0.375
+    """
+    return lambda share: progress((done + share) / total)
+
+
 @contextmanager
 def bar(what: str) -> Iterator[Callable[[float], None]]:
     """A function that takes the share done, 0 to 1."""

@@ -48,12 +48,11 @@ def reference(horizons: Horizons, plant: Plant) -> Floats:
 
     Windows in which the model leaves its range are NaN from there on.
     """
-    seconds = horizons.horizon_s
-    runs = simulate_batch(
-        plant,
-        horizons.start,
-        np.repeat(horizons.control[:, None, :], seconds, axis=1),
-        np.repeat(horizons.wind[:, None, :], seconds, axis=1),
-        dt_s=1.0,
-    )
-    return runs.states[:, :, :3]
+    held = np.repeat(horizons.control[:, None, :], horizons.horizon_s, axis=1)
+    return modelled(plant, horizons.start, held, horizons.wind)
+
+
+def modelled(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
+    """The simulation model from states [N, 6] under controls [N, H, 5] and a wind [N, 2] that holds [N, H+1, 3]."""
+    blowing = np.repeat(wind[:, None, :], control.shape[1], axis=1)
+    return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]

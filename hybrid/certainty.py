@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.baselines import constant_velocity
+from hybrid.baselines import constant_velocity, modelled
 from hybrid.horizon import Horizons
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
 
 if TYPE_CHECKING:
     from hybrid.calibrators.calibrator import Calibrator
@@ -132,8 +131,7 @@ def fallback(horizons: Horizons, reference: Floats, plant: Plant) -> Fallback:
     Where these are not known it is the reference.
     """
     before, acted = earlier(horizons, HINDCAST_S)
-    wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
-    model = simulate_batch(plant, before.start, acted, wind, 1.0).states[..., :3]
+    model = modelled(plant, before.start, acted, before.wind)
     errors = np.stack([off_m(model, before.track), off_m(constant_velocity(before), before.track)])
     errors = np.where(np.isfinite(errors), errors, np.inf)
     best, least_m = np.argmin(errors, axis=0), errors.min(axis=0)

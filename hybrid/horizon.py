@@ -6,8 +6,9 @@ the minute before it. What follows is the measured track that its prediction is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -70,15 +71,12 @@ class Horizons:
         )
 
 
-def joined_horizons(first: Horizons, second: Horizons) -> Horizons:
-    """The windows of both, one after the other."""
-    times = pd.DatetimeIndex(first.start_time.append(second.start_time))
-    arrays = {
-        field.name: np.concatenate([getattr(first, field.name), getattr(second, field.name)])
-        for field in fields(Horizons)
-        if field.name != "start_time"
-    }
-    return Horizons(**arrays, start_time=times)
+def joined_horizons(parts: Sequence[Horizons]) -> Horizons:
+    """The windows of all parts, one after the other."""
+    names = [field.name for field in fields(Horizons) if field.name != "start_time"]
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names}
+    times = np.concatenate([each.start_time.to_numpy() for each in parts])
+    return Horizons(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"))
 
 
 def from_rows(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
+from acquisition.progress import part_of
 from hybrid.artefact import Trained
 from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
@@ -56,10 +57,8 @@ def train(
     fitting, held_out = split_by_group(horizons.leg, HELD_OUT_SHARE, seed)
     training = (horizons.subset(fitting), tracks[fitting])
     stopping = (horizons.subset(held_out), tracks[held_out])
-    calibrator = make_calibrator(method, seed, plant).fit(training, stopping, lambda share: progress(share / 2))
-    data_driven = make_calibrator("data_driven", seed, plant).fit(
-        training, stopping, lambda share: progress(0.5 + share / 2)
-    )
+    calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
+    data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
     return Trained(
         calibrator=calibrator,
         data_driven=data_driven,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.progress import part_of
 from hybrid.baselines import constant_velocity
 from hybrid.calibrators import make_calibrator
 from hybrid.certainty import band_radius, fallback_region, guarded
@@ -101,16 +102,11 @@ def study(
         parts = []
         for number, draw in enumerate(kind_draws):
             parts.append(
-                _judged(draw, (inside, tracks), methods, plant, seed + number, _part(progress, done, total))
+                _judged(draw, (inside, tracks), methods, plant, seed + number, part_of(progress, done, total))
             )
             done += len(methods)
         results.append(_pooled(kind, inside, kind_draws, parts))
     return Study(inside, len(horizons) - len(inside), tuple(results))
-
-
-def _part(progress: Progress, done: int, total: int) -> Progress:
-    """The progress of one draw, in methods, within ``total`` fits of which ``done`` are over."""
-    return lambda fits: progress((done + fits) / total)
 
 
 def _judged(
@@ -122,7 +118,7 @@ def _judged(
     )
     errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
     for number, method in enumerate(methods):
-        calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, _part(progress, number, 1))
+        calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
         regions = calibrator.region(stopping), fallback_region(*fitting, plant)
         spoken = guarded(calibrator, plant, *regions, *held_out)
         errors[method] = errors_of(spoken.tracks, held_out[0], spoken.radius_m, spoken.untrained)

@@ -62,12 +62,21 @@ class Errors:
 
 
 def compare(job: Job) -> list[Errors]:
-    """The errors of every method under both splits, windows in which the reference leaves its range left out."""
-    plant = vessel_plant(load_vessel(job.model))
+    """The errors of every method under both splits."""
+    return compared(job, *judged_by(job))
+
+
+def judged_by(job: Job) -> tuple[Campaign, Floats]:
+    """The campaign of a job and the reference's tracks on it, without windows in which it leaves its range."""
     campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
-    tracks = reference(campaign.horizons, plant)
+    tracks = reference(campaign.horizons, vessel_plant(load_vessel(job.model)))
     inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
-    campaign, tracks = campaign.subset(inside), tracks[inside]
+    return campaign.subset(inside), tracks[inside]
+
+
+def compared(job: Job, campaign: Campaign, tracks: Floats) -> list[Errors]:
+    """The errors of every method on a campaign under both splits."""
+    plant = vessel_plant(load_vessel(job.model))
     return [
         error
         for split in SPLITS

@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
 from hybrid.baselines import constant_velocity, reference
 from hybrid.calibrators import make_calibrator
 from hybrid.effects import vessel_plant
-from hybrid.horizon import Horizons
+from hybrid.horizon import Horizons, joined_horizons
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.reproduction.degradation import OVERALL, Degradation, degradations, single_degradations
 from hybrid.reproduction.processes import in_order
@@ -140,15 +139,7 @@ def campaign_sequences(
         sizes.append(pool % LARGEST_CAMPAIGN)
     asked = [(paper_campaign, sea_state, 1000 * seed + number, TRUTH, size) for number, size in enumerate(sizes)]
     judged, *learned = in_order(asked, workers, progress)
-    return Sequences(_joined([each.horizons for each in learned]), judged.horizons), judged.truth
-
-
-def _joined(parts: Sequence[Horizons]) -> Horizons:
-    """The windows of all parts, one after the other."""
-    names = [field.name for field in fields(Horizons) if field.name != "start_time"]
-    arrays: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names}
-    times = np.concatenate([each.start_time.to_numpy() for each in parts])
-    return Horizons(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"))
+    return Sequences(joined_horizons([each.horizons for each in learned]), judged.horizons), judged.truth
 
 
 def fidelity_map(

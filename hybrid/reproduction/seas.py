@@ -10,13 +10,10 @@ from numpy.typing import NDArray
 
 from analysis.resample import resample
 from analysis.windows import held_windows
-from hybrid.baselines import reference
-from hybrid.effects import vessel_plant
 from hybrid.horizon import Horizons
-from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign, paper_campaign
-from hybrid.reproduction.comparison import Errors, Job, compare, parts_of
+from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign
+from hybrid.reproduction.comparison import Errors, Job, compared, judged_by, parts_of
 from hybrid.truth.trial import simulate_trial
-from hybrid.vessel.files import load_vessel
 
 Floats = NDArray[np.float64]
 _EXAMPLE_S = 400.0
@@ -52,12 +49,9 @@ class Sea:
 
 def sea_of(job: Job) -> Sea:
     """Simulate the campaign of ``job``, train every method on it and judge them."""
-    campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
-    tracks = reference(campaign.horizons, vessel_plant(load_vessel(job.model)))
-    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
-    usable = campaign.subset(inside)
-    unseen = np.flatnonzero(parts_of(usable.horizons, "sequence", job.seed).test.any(axis=1))
-    return Sea(usable, tracks[inside], unseen, tuple(compare(job)))
+    campaign, tracks = judged_by(job)
+    unseen = np.flatnonzero(parts_of(campaign.horizons, "sequence", job.seed).test.any(axis=1))
+    return Sea(campaign, tracks, unseen, tuple(compared(job, campaign, tracks)))
 
 
 def example_sequence(sea_state: str, seed: int, vessel: str) -> pd.DataFrame:

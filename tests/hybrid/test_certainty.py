@@ -59,7 +59,9 @@ def turning(plant: Plant) -> Horizons:
     smoothed, so they are a bit off what was measured.
     """
     known = voyages(plant, 40, SECONDS)
-    windows = joined_horizons(known, voyages(replace(plant, thrust_nn=0.5 * plant.thrust_nn), 40, SECONDS, seed=1))
+    windows = joined_horizons(
+        [known, voyages(replace(plant, thrust_nn=0.5 * plant.thrust_nn), 40, SECONDS, seed=1)]
+    )
     return replace(windows, start=windows.start + np.array([0.1, -0.1, 0.0, 0.02, 0.0, 0.0]))
 
 

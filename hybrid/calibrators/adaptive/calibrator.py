@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from acquisition.channels import NAMES as CHANNELS
 from acquisition.errors import DataShortageError
-from hybrid.baselines import present_motion_held
+from acquisition.progress import part_of
+from hybrid.baselines import modelled, present_motion_held
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
@@ -18,7 +19,6 @@ from hybrid.certainty import HINDCAST_S, band_radius, earlier, off_m
 from hybrid.horizon import Horizons, joined_horizons
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.simulate import simulate_batch
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -57,13 +57,13 @@ class Adaptive(Calibrator):
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Adapt to the windows of both parts; no leg is needed to stop by. Raises :class:`DataShortageError`."""
-        horizons = joined_horizons(training[0], stopping[0])
+        horizons = joined_horizons([training[0], stopping[0]])
         fold = _folds(horizons.leg, self.seed)
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         self.vectors_ = np.stack(
-            [self._adapted(horizons, fold != member, member, _part(progress, member, members))
+            [self._adapted(horizons, fold != member, member, part_of(progress, member, members))
              for member in range(members)]
         )  # fmt: skip
         starts = _starts(horizons)
@@ -91,17 +91,11 @@ class Adaptive(Calibrator):
 
     def _judge(self, horizons: Horizons, fold: NDArray[np.int64]) -> Floats:
         """Trust, usual errors and regions, from the tracks [N, H+1, 3] of each leg by who was not adapted to it."""
-        parts = []
-        order = []
+        ways = _Ways(np.empty((_WAYS, *horizons.track.shape)), np.empty((_WAYS, len(horizons))))
         for member, vector in enumerate(self.vectors_):
-            mine = np.flatnonzero(fold == member)
-            parts.append(self._ways(horizons.subset(mine), vector[None]))
-            order.append(mine)
-        back = np.argsort(np.concatenate(order))
-        ways = _Ways(
-            np.concatenate([part.tracks for part in parts], axis=1)[:, back],
-            np.concatenate([part.before_m for part in parts], axis=1)[:, back],
-        )
+            mine = fold == member
+            part = self._ways(horizons.subset(mine), vector[None])
+            ways.tracks[:, mine], ways.before_m[:, mine] = part.tracks, part.before_m
         self.usual_before_m_ = float(np.nanmedian(ways.before_m[0])) if np.isfinite(ways.before_m[0]).any() else 1.0
         errors = [np.nanmean(distances(self._weighed(ways, trust)[0], horizons.track)) for trust in TRUSTS]
         self.trust_ = TRUSTS[int(np.argmin(errors))]
@@ -120,11 +114,9 @@ class Adaptive(Calibrator):
         """The tracks [ways, N, H+1, 3] from one observed state, the mean of what the members see, in one sea."""
         parts = [followed(vector, self._model, windows) for vector in vectors]
         states, waves = (np.mean(part, axis=0) for part in zip(*parts, strict=True))
-        seconds = windows.control.shape[1]
-        wind = np.repeat(windows.wind[:, None], seconds, axis=1)
-        model = simulate_batch(self._model, states[:, 0], windows.control, wind, 1.0).states
-        held = present_motion_held(states[:, 0], seconds)
-        return np.asarray(np.stack([states[..., :3], held, model[..., :3]]) + waves)
+        held = present_motion_held(states[:, 0], windows.control.shape[1])
+        model = modelled(self._model, states[:, 0], windows.control, windows.wind)
+        return np.asarray(np.stack([states[..., :3], held, model]) + waves)
 
     def _weighed(self, ways: _Ways, trust: float) -> tuple[Floats, Floats]:
         """One track a window [N, H+1, 3] of all ways, and the error of the last seconds [N] that goes with it.
@@ -184,11 +176,6 @@ class Adaptive(Calibrator):
         trust, self.usual_before_m_ = map(float, learned["trust"])
         self.trust_ = trust or np.inf
         return self
-
-
-def _part(progress: Progress, done: int, total: int) -> Progress:
-    """The progress of one of ``total`` members."""
-    return lambda share: progress((done + share) / total)
 
 
 def _starts(horizons: Horizons) -> Floats:
