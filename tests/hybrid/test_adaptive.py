@@ -154,8 +154,16 @@ def test_gains_stay_finite_and_stable(numbers: list[float]) -> None:
     gains, kept, _ = observer_gains(vector)
     assert np.isfinite(gains).all()
     assert ((kept > 0.0) & (kept < 1.0)).all()
-    own = np.linalg.eigvals(np.eye(2) - gains[:, :, :2] - gains[:, :, 3:]).real
+    own = np.linalg.eigvals(np.eye(2) - gains[..., :2, :] - gains[..., 3:, :]).real
     assert ((own > -1e-6) & (own < 1.0 + 1e-6)).all()
+
+
+def test_headings_are_believed_less_in_a_turn() -> None:
+    """Stamps that jitter spoil a heading by as much as the ship turns, and neither positions nor the yaw rate."""
+    gains = observer_gains(UNADAPTED)[0][:, -1]
+    assert (np.diff(gains[:, 2, 0, 0]) < 0.0).all()
+    assert (np.diff(gains[:, 2, 1, 1]) >= 0.0).all()
+    assert np.array_equal(gains[:, :2], np.repeat(gains[:1, :2], len(gains), axis=0))
 
 
 def test_no_departure_is_the_reference(plant: Plant) -> None:

@@ -14,7 +14,7 @@ from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
-from hybrid.calibrators.adaptive.observer import follow
+from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, follow
 from hybrid.horizon import Horizons
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
@@ -50,8 +50,10 @@ FOLLOWED = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "f
 KEPT = tuple(f"kept_{axis}" for axis in AXES)
 LAG, LAG_S = "thruster_lag", 1.0
 """Thrusters that are recorded as ordered act later; a lag below zero means none."""
+JITTER, JITTER_S = "stamp_jitter", 0.1
+"""By how much headings are stamped too early or too late, now and then: noise that grows with the yaw rate."""
 WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
-NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, *FOLLOWED, *KEPT, *WAVES)
+NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, JITTER, *FOLLOWED, *KEPT, *WAVES)
 """The names of the vector's numbers."""
 _PLACES = {name: number for number, name in enumerate(NAMES)}
 _NUMBERED = np.arange(DTYPE.itemsize / 8).view(DTYPE)
@@ -63,6 +65,7 @@ _KEPT_S = 120.0
 _WAVE_S, _USUAL_PERIOD = 6.0, 0.3
 _WAVE_WALK = -1.0  # a power of ten
 _FOLLOWED_S = 30
+_RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
 _AVERAGED_S = 5
 _STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
 _LARGEST_FACTOR = 2.0
@@ -149,23 +152,28 @@ def blown(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Flo
 
 
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
-    """The gains [steps, 3 axes, 5, 2], the share of the force left a second later [3], the step of waves [2, 2]."""
-    return _gains(*(value(vector, name) for name in (*FOLLOWED, *KEPT, *WAVES)))
+    """The gains [turns, steps, 3 axes, 5, 2], the share of the force left a second later [3], and the step of waves
+    [2, 2]."""
+    return _gains(*(value(vector, name) for name in (JITTER, *FOLLOWED, *KEPT, *WAVES)))
 
 
 @lru_cache(maxsize=64)
-def _gains(*numbers: float) -> tuple[Floats, Floats, Floats]:
-    """The gains of the vector's FOLLOWED, KEPT and WAVES; remembered, as most steps do not change them."""
+def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
+    """The gains of the vector's JITTER, FOLLOWED, KEPT and WAVES; remembered, as most steps do not change them."""
     powers, lasting, (period, *walks) = np.split(np.array(numbers), [len(FOLLOWED), len(FOLLOWED) + len(KEPT)])
     levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
     wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
     wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
     kept = np.exp(-1.0 / (_KEPT_S * np.exp(lasting)))
+    stamped = (
+        JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
+    ) ** 2
+    noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * stamped
     gains = [
-        kalman_gains(speed_walk, force_walk, position_noise, left, _FOLLOWED_S, wave_walk, wave_radps)
-        for (speed_walk, force_walk, position_noise), left, wave_walk in zip(levels, kept, wave_walks, strict=True)
+        [kalman_gains(speed, force, noise, left, _FOLLOWED_S, wave, wave_radps) for noise in axis_noises]
+        for (speed, force, _), axis_noises, left, wave in zip(levels, noises, kept, wave_walks, strict=True)
     ]
-    return np.stack(gains, axis=1), kept, wave_step(wave_radps)
+    return np.ascontiguousarray(np.moveaxis(gains, 0, 2)), kept, wave_step(wave_radps)
 
 
 def followed(vector: Floats, plant: Plant, windows: Seen) -> tuple[Floats, Floats]:

@@ -20,6 +20,8 @@ from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_ov
 from hybrid.vessel.plant import ForceFunction
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
+TURN_RADPS, TURNS = 0.02, 4
+"""The gains are there for four yaw rates that far apart, the first of them none."""
 Force = tuple[float, float, float]
 Swing = tuple[float, float, float, float, float, float]
 """Displacement in waves ahead, aside [m] and in heading [rad], and their rates."""
@@ -166,7 +168,8 @@ def _make_follow(stamp: int) -> Callable[..., None]:
                 )
                 missing = faded(missing, kept)
                 swing = swung(swing, wave)
-                gain = gains[min(since, len(gains) - 1)]
+                turn = min(int(abs(now[5]) / TURN_RADPS + 0.5), TURNS - 1)
+                gain = gains[turn, min(since, gains.shape[1] - 1)]
                 possible, state, missing, swing = corrected(state, missing, swing, now, gain)
                 since += 1
                 if not possible:
