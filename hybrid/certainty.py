@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid.baselines import constant_velocity, modelled
-from hybrid.horizon import Horizons
+from hybrid.horizon import Horizons, difference_rad
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
 
@@ -108,7 +108,7 @@ def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
     past[:, : past.shape[1] - seconds] = horizons.past[:, seconds:]
     recorded = horizons.past[:, seconds::-1]
     turn = np.diff(recorded[..., 8:], axis=1)
-    turn[..., [1, 3]] = np.angle(np.exp(1j * turn[..., [1, 3]]))
+    turn[..., [1, 3]] = difference_rad(recorded[:, 1:, [9, 11]], recorded[:, :-1, [9, 11]])
     moved = replace(
         horizons,
         start=recorded[:, 0, :6],

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid.horizon import difference_rad
+
 Floats = NDArray[np.float64]
 
 
@@ -37,7 +39,7 @@ def score(predicted: Floats, measured: Floats) -> Score:
     """Compare tracks [N, H+1, 3] of north, east [m] and heading [rad]."""
     gap = predicted[:, 1:] - measured[:, 1:]
     distance = distances(predicted, measured)
-    turn = np.angle(np.exp(1j * gap[..., 2]))
+    turn = difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2])
     return Score(
         mean_distance_m=float(distance.mean()),
         end_distance_m=float(distance[:, -1].mean()),

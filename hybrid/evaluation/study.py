@@ -13,7 +13,7 @@ from hybrid.baselines import constant_velocity
 from hybrid.calibrators import make_calibrator
 from hybrid.certainty import band_radius, fallback_region, guarded
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
-from hybrid.horizon import Horizons
+from hybrid.horizon import Horizons, difference_rad
 from hybrid.scores import distances
 from hybrid.train import inside_range
 from hybrid.vessel.plant import Plant
@@ -136,7 +136,7 @@ def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained
     """Errors of tracks [N, H+1, 3] whose 95 % regions have ``radius_m`` [H] or [N, H]."""
     gap = predicted[:, 1:] - horizons.track[:, 1:]
     distance = distances(predicted, horizons.track)
-    turn = np.angle(np.exp(1j * gap[..., 2]))
+    turn = difference_rad(predicted[:, 1:, 2], horizons.track[:, 1:, 2])
     return Errors(
         distance_m=distance,
         north_m=np.abs(gap[..., 0]).mean(axis=1),
