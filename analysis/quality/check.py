@@ -39,13 +39,13 @@ CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wi
 
 GRAVITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
            "motion_contradiction", "stuck", "position_jump", "heading_wrap_interpolated", "speed_scale",
-           "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_offset", "yaw_rate_bias",
-           "position_offset", "wind_apparent", "wind_direction_offset", "order_interpolated", "spike", "gap",
-           "quantised", "time_jitter", "duplicate")  # fmt: skip
+           "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter", "heading_offset",
+           "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset", "order_interpolated",
+           "spike", "gap", "quantised", "time_jitter", "duplicate")  # fmt: skip
 """Codes of findings, the gravest first; others come behind."""
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}
-_EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time_jitter"}),
+_EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time_jitter", "heading_time_jitter"}),
                  "stuck": frozenset({"feedback_frozen"})}  # fmt: skip
 
 

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from analysis.quality.kinematic_path import interpolated, path_model
 from analysis.quality.kinematic_series import GROUPS, Floats, isolated, rotated, samples_of
-from analysis.quality.kinematics import Kinematics, quantile
+from analysis.quality.kinematics import CHANCE, Kinematics, quantile
 
 _SHORT_S = 30.0
 _LONG_S = 120.0
 _FEWEST_SAMPLES = 8
 _FEWEST_STRETCHES = 5
 _BROKEN = 30.0
+_LEAST_RATIO = 2.0
 _LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
 
 
@@ -29,8 +30,9 @@ _LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
 class Jitter:
     """Variance of the stamps [s2] with its standard error and how many stretches tell it.
 
-    ``surplus`` is by how many of its standard errors the variance along exceeds that across in short stretches,
-    whose many tell it best, and ``ratio`` the one over the other.
+    ``surplus`` is by how many of its standard errors the variance that jitter makes exceeds the one that it does
+    not (of positions along and across the way, of headings with and without turning) in short stretches, whose
+    many tell it best, and ``ratio`` the one over the other.
     """
 
     variance_s2: float = 0.0
@@ -43,6 +45,11 @@ class Jitter:
     @property
     def seconds(self) -> float:
         return float(np.sqrt(max(self.variance_s2, 0.0)))
+
+    def beyond(self, smallest_s: float) -> bool:
+        """Whether it is larger than anyone should care about, and surely no chance."""
+        surely = self.surplus > quantile(1.0 - CHANCE, self.surplus_stretches)
+        return surely and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
 
     def interval(self) -> tuple[float, float]:
         """The 95 % interval of the standard deviation [s]."""

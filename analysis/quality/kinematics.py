@@ -31,6 +31,8 @@ PATH_PARAMETERS = (
 )  # fmt: skip
 TURN_PARAMETERS = ("yaw_rate_factor", "yaw_rate_bias_radps", "heading_after_yaw_rate_s")
 NAMES = PATH_PARAMETERS + TURN_PARAMETERS
+CHANCE = 1e-4
+"""Probability that a figure of a sound trial is called wrong."""
 _DELAY_PRIOR_S = 20.0
 _PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0])
 _TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])

@@ -17,18 +17,18 @@ from acquisition.frames import Quality
 from analysis.frames import utc_index
 from analysis.quality.contradictions import contradiction, flag_displaced, jump_finding, unfitted
 from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.heading_jitter import SMALLEST_S, heading_jitter
 from analysis.quality.kinematic_coarse import coarse_fit
 from analysis.quality.kinematic_delays import CAUSES, OBSERVED, Explanation, explain
 from analysis.quality.kinematic_jitter import Jitter, stamp_jitter
 from analysis.quality.kinematic_jumps import PositionJump, position_jumps
 from analysis.quality.kinematic_parts import with_parts
 from analysis.quality.kinematic_series import GROUPS, MOTION
-from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics, quantile
-from analysis.quality.motion_scales import CHANCE, heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
+from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics
+from analysis.quality.motion_scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_JITTER_S = 0.15
-_LEAST_RATIO = 2.0
 _SMALLEST_ARM_M = 0.5
 _WHAT = {
     "north_m": "The positions",
@@ -91,7 +91,7 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     index = utc_index(table)
     start, end = index.min(), index.max()
     jitter = stamp_jitter(table, fit)
-    explanation = explain(fit, jitter.variance_s2 if _jitters(jitter) else 0.0)
+    explanation = explain(fit, jitter.variance_s2 if jitter.beyond(_SMALLEST_JITTER_S) else 0.0)
     found = [
         speed_scale(fit, start, end),
         yaw_rate_scale(fit, start, end),
@@ -100,6 +100,7 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
         _arm(explanation, fit, start, end),
         _jitter(jitter, start, end),
+        _turning_jitter(heading_jitter(fit), start, end),
     ]
     return tuple(each for each in found if each is not None)
 
@@ -177,13 +178,8 @@ def _arm(explanation: Explanation, fit: Kinematics, start: pd.Timestamp, end: pd
     )  # fmt: skip
 
 
-def _jitters(jitter: Jitter) -> bool:
-    surely = jitter.surplus > quantile(1.0 - CHANCE, jitter.surplus_stretches)
-    return surely and jitter.seconds >= _SMALLEST_JITTER_S and jitter.ratio >= _LEAST_RATIO
-
-
 def _jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not _jitters(jitter):
+    if not jitter.beyond(_SMALLEST_JITTER_S):
         return None
     low, high = jitter.interval()
     text = (
@@ -193,5 +189,22 @@ def _jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding |
     return Finding(
         "position_time_jitter", "north_m", start, end, text,
         "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile.",
+        {"seconds": jitter.seconds, "low": low, "high": high},
+    )  # fmt: skip
+
+
+def _turning_jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    if not jitter.beyond(SMALLEST_S):
+        return None
+    low, high = jitter.interval()
+    text = (
+        f"The heading errs as the ship turns, with {jitter.ratio:.0f} times the variance about the integrated yaw"
+        f" rate that it has without turning: its stamps jitter by {jitter.seconds:.2f} s"
+        f" (95 % {low:.2f} to {high:.2f})"
+    )
+    return Finding(
+        "heading_time_jitter", "heading_deg", start, end, text,
+        "Take the compass's own times; the integrated yaw rate is the better guide to the shape of a turn until"
+        " then, and --rebuild-positions takes it.",
         {"seconds": jitter.seconds, "low": low, "high": high},
     )  # fmt: skip

@@ -11,10 +11,7 @@ import pandas as pd
 
 from analysis.quality.contradictions import SPEED_UNITS, YAW_RATE_UNITS, Unit, believable, unit_of
 from analysis.quality.findings import Finding
-from analysis.quality.kinematics import NAMES, Kinematics, quantile
-
-CHANCE = 1e-4
-"""Probability that a figure of a sound trial is called wrong."""
+from analysis.quality.kinematics import CHANCE, NAMES, Kinematics, quantile
 
 _SMALLEST = {
     "speed_factor": 0.005,

@@ -49,10 +49,10 @@ def rebuilt(table: pd.DataFrame) -> Rebuilt | None:
     off_m = recorded_m - way_m
     side = _sides(off_m)
     tie_s = _TIES_S[0]
-    tied_m = _tied(off_m, side, times, tie_s)
+    tied_m = tied(off_m, side, times, tie_s)
     if _agrees_between_leaps(way_m, off_m):
         for tie_s in (*_TIES_S, np.inf):
-            tied_m = _tied(off_m, side, times, tie_s)
+            tied_m = tied(off_m, side, times, tie_s)
             if _pull(tied_m, way_m, side) < _SLOW:
                 break
     columns = {}
@@ -81,17 +81,18 @@ def _sides(off_m: Floats) -> NDArray[np.intp]:
     return np.concatenate([[0], np.cumsum(leap)])
 
 
-def _tied(off_m: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
-    """Running median and mean of the distance between positions and path, on each side by itself: [n, 2]."""
-    tied = []
+def tied(off: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
+    """Running median and mean over ``tie_s`` of what lies between the recorded and the integrated [n, m], on each
+    side by itself; where ``tie_s`` is infinite, the median of a side."""
+    parts = []
     for part in np.split(np.arange(side.size), np.flatnonzero(np.diff(side)) + 1):
-        off = pd.DataFrame(off_m[part], index=times[part])
+        each = pd.DataFrame(off[part], index=times[part])
         if np.isfinite(tie_s):
-            typical = off.rolling(pd.Timedelta(seconds=tie_s), center=True).median()
-            tied.append(typical.rolling(pd.Timedelta(seconds=tie_s), center=True).mean().to_numpy())
+            typical = each.rolling(pd.Timedelta(seconds=tie_s), center=True).median()
+            parts.append(typical.rolling(pd.Timedelta(seconds=tie_s), center=True).mean().to_numpy())
         else:
-            tied.append(np.broadcast_to(np.median(off_m[part], axis=0), (part.size, 2)))
-    return np.concatenate(tied)
+            parts.append(np.broadcast_to(np.median(off[part], axis=0), (part.size, off.shape[1])))
+    return np.concatenate(parts)
 
 
 def _agrees_between_leaps(way_m: Floats, off_m: Floats) -> bool:

@@ -1,15 +1,16 @@
 """The repairs that are certain, each with its number in the table's history, and a recording of the repaired table.
 
 They are done in an order that lets none lean on what a later one mends: impossible, stray and repeated values
-become gaps first; then the heading, then the scales of yaw rate and speeds, then the positions, which are rebuilt
-from heading and speeds, then the wind, which needs both too. Orders stand alone and come last.
+become gaps first; then headings on the circle, then the scales of yaw rate and speeds, then the heading, which is
+rebuilt from the yaw rate, then the positions, which are rebuilt from heading and speeds, then the wind, which needs
+both too. Orders stand alone and come last.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from analysis.history import KEY, history_of, with_step
 from analysis.quality import heading_wrap as wrapped
 from analysis.quality import orders, rebuilt_path, wind
 from analysis.quality.findings import Finding, Flags
+from analysis.quality.rebuilt_heading import rebuilt_heading
 from analysis.quality.runs import Bools, Floats, integral, samples_of
 from analysis.quality.samples import in_turn, possible, rows_of
 from analysis.quality.summary import ALL, OTHER_TURN
@@ -87,8 +89,8 @@ def repair(
         changed = _changed(table, columns)
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
-        if not changed:
-            continue
+        if not changed and (columns or not text):
+            continue  # what is left alone for a reason is said
         repairs.append(Repair(finding.code, finding.channel, text, changed))
         table = with_step(
             table.assign(**columns), "repair", code=finding.code, channel=finding.channel, text=text,
@@ -98,13 +100,18 @@ def repair(
 
 
 def rebuilding_positions(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
-    """The findings with the order to rebuild the positions, for :func:`repair`.
+    """The findings with the order to rebuild the positions and, where it was found to jitter, the heading that
+    their path leans on, for :func:`repair`.
 
     It is never certain by itself: positions that jitter in time are found, but whether the path that speeds and
     heading give is the better truth is for the analyst to say. It is where windows of predicted position are to
     be judged, whose errors would else be the stamps' own.
     """
-    others = [finding for finding in findings if finding.code != "position_time_jitter"]
+    others = [
+        replace(finding, certain=True) if finding.code == "heading_time_jitter" else finding
+        for finding in findings
+        if finding.code != "position_time_jitter"
+    ]
     times = utc_index(table)
     order = Finding("position_time_jitter", "north_m", times[0], times[-1], "asked for", certain=True)
     return (*others, order)
@@ -280,6 +287,15 @@ def scaled_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> t
     return f"surge and sway multiplied by {factor:.4f}", columns
 
 
+def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
+    """The shape of the turns from the yaw rate: :func:`analysis.quality.rebuilt_heading.rebuilt_heading`."""
+    rebuilt = rebuilt_heading(table)
+    if rebuilt is None:
+        return "heading left as it is: the yaw rate is lacking, or scatters too much to mend it", {}
+    text = f"heading rebuilt from the integrated yaw rate, tied to the recorded one over {rebuilt.tie_s:.0f} s"
+    return text, {"heading_deg": rebuilt.heading_deg}
+
+
 def rebuilt_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> tuple[str, Columns]:
     """Positions from the path that speeds and heading give: :func:`analysis.quality.rebuilt_path.rebuilt`."""
     rebuilt = rebuilt_path.rebuilt(table)
@@ -322,6 +338,7 @@ _REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], tuple[str,
     wrapped.CODE: on_the_circle,
     "yaw_rate_scale": scaled_yaw_rate,
     "speed_scale": scaled_speeds,
+    "heading_time_jitter": rebuilt_headings,
     "position_time_jitter": rebuilt_positions,
     "wind_apparent": steadiest_wind,
     orders.CODE: held,
