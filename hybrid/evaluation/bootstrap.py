@@ -1,7 +1,8 @@
 """Intervals of means and ratios by drawing legs, not windows: windows of one leg say nearly the same.
 
 The cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many legs as there are, drawn with replacement,
-each with all of its windows. Ratios are paired: both means come from the same legs.
+each with all of its windows. Ratios are paired: both means come from the same legs. The sequences of a campaign are
+legs of their own.
 """
 
 from __future__ import annotations
@@ -42,11 +43,11 @@ class LegBootstrap:
     times: Floats
 
     @classmethod
-    def of(cls, legs: NDArray[np.str_], seed: int) -> LegBootstrap:
-        """For windows of the named legs [N]."""
+    def of(cls, legs: NDArray[np.str_] | NDArray[np.int64], seed: int, draws: int = DRAWS) -> LegBootstrap:
+        """For windows of the legs [N] that are named, or numbered; as many legs and one seed give equal draws."""
         names, number = np.unique(legs, return_inverse=True)
         share = np.full(len(names), 1.0 / len(names))
-        times = np.random.default_rng(seed).multinomial(len(names), share, size=DRAWS)
+        times = np.random.default_rng(seed).multinomial(len(names), share, size=draws)
         return cls(number.astype(np.int64), times.astype(float))
 
     @property
@@ -81,6 +82,11 @@ class LegBootstrap:
         """Intervals about ``values`` [K] from draws [draws, K]."""
         if self.legs < 2:
             return tuple(Interval(float(each), np.nan, np.nan) for each in values)
-        # without interpolation: between two infinite draws there is no number
-        low, high = np.percentile(drawn, COVERAGE_PERCENT, axis=0, method="nearest")
-        return tuple(Interval(*map(float, each)) for each in zip(values, low, high, strict=True))
+        return tuple(interval_about(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
+
+
+def interval_about(value: float, drawn: Floats) -> Interval:
+    """``value`` with the middle 95 % of what was drawn [draws]."""
+    # without interpolation: between two infinite draws there is no number
+    low, high = np.percentile(drawn, COVERAGE_PERCENT, method="nearest")
+    return Interval(value, float(low), float(high))

@@ -33,20 +33,21 @@ def table3(
     """Compare all methods in the paper's three sea states."""
     from acquisition.progress import bar
     from hybrid.artefact import make_folder
+    from hybrid.reproduction.seas import seas_of
     from hybrid.reproduction.table3 import papers_jobs
-    from hybrid.reproduction.table3 import table3 as run
+    from hybrid.reproduction.table3 import table3 as table_of
     from hybrid.reproduction.tables import terminal_tables, write_table3
 
     if output is not None:
         make_folder(output)
     with bar("campaigns") as progress:
-        table = run(papers_jobs(seed, seeds), workers, progress)
+        seas = seas_of(papers_jobs(seed, seeds), workers, progress)
+    table = table_of([each for sea in seas for each in sea.errors])
     if output is not None:
         from hybrid.reproduction.figures import shown_of
         from hybrid.reproduction.page import write_page
 
-        with bar("figures") as progress:
-            shown = shown_of(papers_jobs(seed, 1), progress)
+        shown = shown_of([sea for sea in seas if sea.job.seed == seed])
         for path in (*write_table3(table, output), write_page(table, output, shown)):
             typer.echo(path, err=True)
     if as_json:

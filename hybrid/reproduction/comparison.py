@@ -61,11 +61,6 @@ class Errors:
     gap_m: Floats
 
 
-def compare(job: Job) -> list[Errors]:
-    """The errors of every method under both splits."""
-    return compared(job, *judged_by(job))
-
-
 def judged_by(job: Job) -> tuple[Campaign, Floats]:
     """The campaign of a job and the reference's tracks on it, without windows in which it leaves its range."""
     campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)

@@ -26,8 +26,7 @@ from hybrid.horizon import PAST_S
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
 from hybrid.reproduction.comparison import Job
-from hybrid.reproduction.processes import in_order
-from hybrid.reproduction.seas import Sea, example_sequence, sea_of
+from hybrid.reproduction.seas import Sea, example_sequence, seas_of
 
 Floats = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -57,14 +56,14 @@ class FigureOf:
 
 def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share: None) -> list[Path]:
     """Simulate, train, draw, and write every figure as PNG and SVG. Raises :class:`StorageError`."""
-    return write_drawn(shown_of([Job(sea_state, seed) for sea_state in SEA_STATES], progress), folder)
+    jobs = [Job(sea_state, seed) for sea_state in SEA_STATES]
+    return write_drawn(shown_of(seas_of(jobs, progress=progress)), folder)
 
 
-def shown_of(jobs: Sequence[Job], progress: Progress = lambda share: None, workers: int = 2) -> Shown:
-    """The sea states of ``jobs``, in their order; the example is from the last of them."""
-    seas = tuple(in_order([(sea_of, job) for job in jobs], workers, progress))
-    last = jobs[-1]
-    return Shown(seas, example_sequence(last.sea_state, last.seed, last.vessel), last.sea_state)
+def shown_of(seas: Sequence[Sea]) -> Shown:
+    """The sea states shown, in their order, one campaign each; the example is from the last of them."""
+    last = seas[-1].job
+    return Shown(tuple(seas), example_sequence(last.sea_state, last.seed, last.vessel), last.sea_state)
 
 
 def write_drawn(shown: Shown, folder: Path) -> list[Path]:

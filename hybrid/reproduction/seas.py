@@ -1,7 +1,9 @@
-"""What the figures show: one campaign in each sea state, and what every method predicts of it."""
+"""What table and figures are made from: campaigns, and what every method predicts of each."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +15,11 @@ from analysis.windows import held_windows
 from hybrid.horizon import Horizons
 from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign
 from hybrid.reproduction.comparison import Errors, Job, compared, judged_by, parts_of
+from hybrid.reproduction.processes import in_order
 from hybrid.truth.trial import simulate_trial
 
 Floats = NDArray[np.float64]
+Progress = Callable[[float], None]
 _EXAMPLE_S = 400.0
 
 
@@ -24,9 +28,10 @@ class Sea:
     """One sea state: its campaign, the reference's tracks on it, and the errors of all methods.
 
     ``unseen`` indexes the test sequences of the split by sequence; ``errors`` are those of
-    :func:`~hybrid.reproduction.comparison.compare`.
+    :func:`~hybrid.reproduction.comparison.compared`.
     """
 
+    job: Job
     campaign: Campaign
     reference: Floats
     unseen: NDArray[np.int64]
@@ -51,7 +56,14 @@ def sea_of(job: Job) -> Sea:
     """Simulate the campaign of ``job``, train every method on it and judge them."""
     campaign, tracks = judged_by(job)
     unseen = np.flatnonzero(parts_of(campaign.horizons, "sequence", job.seed).test.any(axis=1))
-    return Sea(campaign, tracks, unseen, tuple(compared(job, campaign, tracks)))
+    return Sea(job, campaign, tracks, unseen, tuple(compared(job, campaign, tracks)))
+
+
+def seas_of(
+    jobs: Sequence[Job], workers: int | None = None, progress: Progress = lambda share: None
+) -> tuple[Sea, ...]:
+    """:func:`sea_of` each job, in their order; what comes out does not depend on the number of ``workers``."""
+    return tuple(in_order([(sea_of, job) for job in jobs], workers or os.cpu_count() or 1, progress))
 
 
 def example_sequence(sea_state: str, seed: int, vessel: str) -> pd.DataFrame:

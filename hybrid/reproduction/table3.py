@@ -9,34 +9,23 @@ Two rows are no method: ``floor`` is the true ship from the same measurements, t
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid.evaluation.bootstrap import DRAWS, Interval, LegBootstrap, interval_about
 from hybrid.reproduction.campaign import SEA_STATES
-from hybrid.reproduction.comparison import SPLITS, Errors, Job, compare
-from hybrid.reproduction.processes import in_order
+from hybrid.reproduction.comparison import SPLITS, Errors, Job
 from hybrid.reproduction.published import PUBLISHED, published_hybrid
 
 Floats = NDArray[np.float64]
-Progress = Callable[[float], None]
 
-SEEDS, DRAWS = 5, 2000
+SEEDS = 5
 ORDER = ("constant_velocity", "reference", "data_driven", "paper", "additive", "hybrid", "floor", "waves_only")
 QUANTITIES = ("reduction_x", "reduction_y", "reduction")
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A mean over seeds with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +39,13 @@ class Row:
     sea_state: str
     method: str
     split: str
-    mae_x_m: Estimate
-    mae_y_m: Estimate
-    mean_distance_m: Estimate
-    reduction: Estimate
-    reduction_x: Estimate
-    reduction_y: Estimate
-    removable_gap_closed: Estimate
+    mae_x_m: Interval
+    mae_y_m: Interval
+    mean_distance_m: Interval
+    reduction: Interval
+    reduction_x: Interval
+    reduction_y: Interval
+    removable_gap_closed: Interval
     sequences: int
     seeds: int
 
@@ -65,7 +54,7 @@ class Row:
         flat: dict[str, Any] = {}
         for name in self.__slots__:
             each = getattr(self, name)
-            if not isinstance(each, Estimate):
+            if not isinstance(each, Interval):
                 flat[name] = each
                 continue
             prefix = "" if name == "mean_distance_m" else f"{name}_"
@@ -80,7 +69,7 @@ class Cell:
     sea_state: str
     quantity: str
     published: float
-    hybrid: Estimate
+    hybrid: Interval
     floor: float
     waves_only: float
 
@@ -110,13 +99,11 @@ class Table3:
         }
 
 
-def table3(jobs: Sequence[Job], workers: int | None = None, progress: Progress = lambda share: None) -> Table3:
-    """Compare all methods on each job's campaign; the result does not depend on the number of ``workers``."""
-    asked = [(compare, job) for job in jobs]
-    errors = [each for done in in_order(asked, workers or os.cpu_count() or 1, progress) for each in done]
+def table3(errors: Sequence[Errors]) -> Table3:
+    """The table from the errors of every method, split and seed, of any number of sea states."""
     rows = tuple(
         row
-        for sea_state in dict.fromkeys(job.sea_state for job in jobs)
+        for sea_state in dict.fromkeys(each.job.sea_state for each in errors)
         for split in SPLITS
         for row in rows_of([each for each in errors if (each.job.sea_state, each.split) == (sea_state, split)])
     )
@@ -138,19 +125,18 @@ def bootstrap_means(gaps_m: Sequence[Floats], draws: int = DRAWS) -> Floats:
     """Mean |north|, |east| and distance of errors by seed [n, H, 2], NaN left out: [1 + draws, 3].
 
     Row 0 is the mean over seeds as measured; each row after it of a draw of whole sequences, with replacement
-    and within each seed (Davison and Hinkley 1997, stratified and by clusters). Equal shapes give equal draws.
+    and within each seed: :class:`~hybrid.evaluation.bootstrap.LegBootstrap`, stratified.
     """
-    by_seed = [_means(gap_m, draws, np.random.default_rng(seed)) for seed, gap_m in enumerate(gaps_m)]
+    by_seed = [_means(gap_m, draws, seed) for seed, gap_m in enumerate(gaps_m)]
     return np.asarray(np.mean(by_seed, axis=0))
 
 
-def _means(gap_m: Floats, draws: int, generator: np.random.Generator) -> Floats:
+def _means(gap_m: Floats, draws: int, seed: int) -> Floats:
     """Row 0 the means of one seed's errors, then those of each draw [1 + draws, 3]."""
-    count = len(gap_m)
-    times = np.vstack([np.ones(count), generator.multinomial(count, np.full(count, 1.0 / count), draws)])
-    size = np.stack([*np.abs(np.moveaxis(gap_m, -1, 0)), np.hypot(gap_m[..., 0], gap_m[..., 1])], axis=-1)
-    sums, judged = np.nansum(size, axis=1), np.isfinite(gap_m[..., 0]).sum(axis=1)
-    return np.asarray((times @ sums) / (times @ judged)[:, None])
+    sequence, second = np.nonzero(np.isfinite(gap_m[..., 0]))
+    north, east = gap_m[sequence, second].T
+    size = np.abs(np.column_stack([north, east, np.hypot(north, east)]))
+    return np.vstack([size.mean(axis=0), LegBootstrap.of(sequence, seed, draws).means(size)])
 
 
 def _row(errors: Sequence[Errors], method: str, drawn: dict[str, Floats]) -> Row:
@@ -161,22 +147,21 @@ def _row(errors: Sequence[Errors], method: str, drawn: dict[str, Floats]) -> Row
         sea_state=mine[0].job.sea_state,
         method=method,
         split=mine[0].split,
-        mae_x_m=_estimate(means[:, 0]),
-        mae_y_m=_estimate(means[:, 1]),
-        mean_distance_m=_estimate(means[:, 2]),
-        reduction=_estimate(less[:, 2]),
-        reduction_x=_estimate(less[:, 0]),
-        reduction_y=_estimate(less[:, 1]),
-        removable_gap_closed=_estimate((reference - means)[:, 2] / (reference - floor)[:, 2]),
+        mae_x_m=_interval(means[:, 0]),
+        mae_y_m=_interval(means[:, 1]),
+        mean_distance_m=_interval(means[:, 2]),
+        reduction=_interval(less[:, 2]),
+        reduction_x=_interval(less[:, 0]),
+        reduction_y=_interval(less[:, 1]),
+        removable_gap_closed=_interval((reference - means)[:, 2] / (reference - floor)[:, 2]),
         sequences=sum(len(each.gap_m) for each in mine),
         seeds=len(mine),
     )
 
 
-def _estimate(values: Floats) -> Estimate:
+def _interval(values: Floats) -> Interval:
     """The first value, with the middle 95 % of those drawn after it."""
-    low, high = np.quantile(values[1:], [0.025, 0.975])
-    return Estimate(float(values[0]), float(low), float(high))
+    return interval_about(float(values[0]), values[1:])
 
 
 def cells_of(rows: Iterable[Row]) -> list[Cell]:

@@ -10,8 +10,9 @@ from pathlib import Path
 from rich.table import Table
 
 from analysis.files import in_place_of
+from hybrid.evaluation.bootstrap import Interval
 from hybrid.reproduction.published import PUBLISHED
-from hybrid.reproduction.table3 import Estimate, Row, Table3
+from hybrid.reproduction.table3 import Row, Table3
 
 _COLUMNS = ("x m", "y m", "distance m", "less\nerror", "gap\nclosed", "random\nsplit m", "less\nerror")
 _WHAT = {"reduction_x": "x", "reduction_y": "y", "reduction": "distance"}
@@ -60,9 +61,9 @@ def cells_table(table: Table3) -> Table:
     return shown
 
 
-def spread(estimate: Estimate) -> str:
+def spread(interval: Interval) -> str:
     """A figure with its interval."""
-    return f"{estimate.value:.2f} [{estimate.low:.2f}, {estimate.high:.2f}]"
+    return f"{interval.value:.2f} [{interval.low:.2f}, {interval.high:.2f}]"
 
 
 def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:

@@ -19,6 +19,7 @@ from hybrid.reproduction import comparison, figures, page, plots
 from hybrid.reproduction.comparison import Job
 from hybrid.reproduction.figures import FIGURES, Shown, shown_of, write_drawn
 from hybrid.reproduction.page import shortfalls, write_page
+from hybrid.reproduction.seas import seas_of
 from hybrid.reproduction.table3 import Table3, cells_of, rows_of
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
@@ -39,7 +40,7 @@ def shown() -> Iterator[Shown]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(comparison, "make_calibrator", quick)
         patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
-        yield shown_of([Job("gentle", 2, sequences=12)], workers=1)
+        yield shown_of(seas_of([Job("gentle", 2, sequences=12)], workers=1))
 
 
 @pytest.fixture(scope="module")
