@@ -92,7 +92,8 @@ def fidelity(
     """Degrade the reference step by step and learn from ever more windows."""
     from acquisition.progress import bar
     from hybrid.artefact import make_folder
-    from hybrid.reproduction.fidelity import papers_map, reading
+    from hybrid.reproduction.fidelity import papers_map
+    from hybrid.reproduction.fidelity_reading import reading, with_reading
 
     if output is not None:
         make_folder(output)
@@ -104,7 +105,7 @@ def fidelity(
         for path in write_map(found, output):
             typer.echo(path, err=True)
     if as_json:
-        typer.echo(json.dumps(found.as_dict()))
+        typer.echo(json.dumps(with_reading(found)))
         return
     for sentence in reading(found):
         typer.echo(sentence)

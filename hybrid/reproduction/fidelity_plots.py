@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from analysis.files import in_place_of
 from analysis.plots import INK, STYLE
 from hybrid.plots import title_of
-from hybrid.reproduction.fidelity import FidelityMap, useful_up_to_m
+from hybrid.reproduction.fidelity_map import LEAST_M, FidelityMap, useful_up_to_m
+from hybrid.reproduction.fidelity_reading import with_reading
 from hybrid.reproduction.plots import COLOUR
 
 Floats = NDArray[np.float64]
@@ -98,9 +99,8 @@ def _paler(colour: str, strength: float) -> tuple[float, float, float]:
 def _limit_rows(main: FidelityMap) -> Floats:
     """The thresholds as heights on the axis of rows [W]; none where the hybrid is better on all of them."""
     limits = useful_up_to_m(main)
-    rows = np.interp(
-        np.log(np.clip(limits, 1e-9, None)), np.log(main.reference_m), np.arange(len(main.reference_m))
-    )
+    limit, error = (np.log(np.maximum(each, LEAST_M)) for each in (limits, main.reference_m))
+    rows = np.interp(limit, error, np.arange(len(main.reference_m)))
     return np.where(np.isinf(limits), np.nan, np.where(limits == 0.0, -0.5, rows))
 
 
@@ -143,7 +143,7 @@ def write_map(found: FidelityMap, folder: Path) -> list[Path]:
     """The map as PNG and SVG, its numbers and its reading as JSON. Raises :class:`StorageError`."""
     path = folder / f"{NAME}.json"
     with in_place_of(path) as partial:
-        partial.write_text(json.dumps(found.as_dict(), indent=2) + "\n", encoding="utf-8")
+        partial.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
     paths = [path]
     with mpl.rc_context({**STYLE, "svg.hashsalt": "seatrial"}):  # type: ignore[dict-item]
         for name, draw, size in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):

@@ -18,16 +18,10 @@ from hybrid.baselines import reference
 from hybrid.effects import vessel_plant
 from hybrid.horizon import Horizons
 from hybrid.reproduction.degradation import OVERALL, blended, degradations, livelier, single_degradations
-from hybrid.reproduction.fidelity import (
-    FidelityMap,
-    Sequences,
-    best_up_to_m,
-    enough_alone_m,
-    fidelity_map,
-    reading,
-    useful_up_to_m,
-)
+from hybrid.reproduction.fidelity import Sequences, fidelity_map
+from hybrid.reproduction.fidelity_map import FidelityMap, enough_alone_m, hybrid_wins, useful_up_to_m
 from hybrid.reproduction.fidelity_plots import draw_map, write_map
+from hybrid.reproduction.fidelity_reading import reading
 from hybrid.scores import distances
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import NUMBERS, Plant
@@ -136,13 +130,40 @@ def test_thresholds_beyond_the_ends() -> None:
 
 def test_the_hybrid_is_best_only_where_nothing_else_is() -> None:
     found = by_hand([0.1, 1.0, 3.0, 10.0], [[0.3], [0.5], [0.9], [1.6]], [2.0])
-    assert best_up_to_m(found).tolist() == [3.0]
+    assert hybrid_wins(found).ravel().tolist() == [False, True, True, False]
     assert "up to 10.00 m" in reading(found)[0]
+    assert "on 2 (1.00 to 3.00 m off) of 4 references" in reading(found)[1]
 
 
 def test_a_reference_is_enough_alone_until_something_beats_it() -> None:
     found = by_hand([0.1, 1.0, 10.0], [[0.3], [0.5], [0.9]], [2.0])
     assert enough_alone_m(found).tolist() == [0.1]
+
+
+def test_a_reference_beaten_once_is_not_enough_beyond() -> None:
+    """A worse reference on which the hybrid does badly by chance does not make the better one enough."""
+    found = by_hand([0.1, 0.5, 1.0], [[0.3], [0.3], [2.0]], [2.0])
+    assert enough_alone_m(found).tolist() == [0.1]
+    assert enough_alone_m(by_hand([1.0, 2.0], [[0.5], [3.0]], [3.0])).tolist() == [0.0]
+
+
+def test_the_reading_says_where_there_is_nothing_to_gain() -> None:
+    """Data alone better everywhere: no threshold, no win, and the nearest miss is named."""
+    found = by_hand([0.5, 4.0], [[1.0, 0.4], [2.0, 0.6]], [0.9, 0.3])
+    how_bad, choice, gain = reading(found)
+    assert "from 10 and 20 windows not even on the best reference" in how_bad
+    assert "on 0 of 2 references from 10 windows and 0 of 2 references from 20 windows" in choice
+    assert "up to 0.50 m off beside one that learned from 10 windows and nowhere beside one" in choice
+    assert "gains nowhere" in gain
+    assert "0.50 m off, from 20 windows: 0.40 m against 0.30 m of the data alone" in gain
+
+
+def test_the_gain_is_on_the_best_of_the_others_whichever_it_is() -> None:
+    """The reference where that is better than the data, constant velocity where that is."""
+    beside_reference = by_hand([1.0, 9.0], [[0.4], [1.9]], [2.0])
+    beside_constant_velocity = by_hand([1.0, 9.0], [[0.9], [0.5]], [2.0])
+    assert "0.40 m against 1.00 m of the reference;" in reading(beside_reference)[2]
+    assert "0.50 m against 1.50 m of constant velocity;" in reading(beside_constant_velocity)[2]
 
 
 def test_three_sentences_with_numbers_of_the_map(small: FidelityMap) -> None:
@@ -154,10 +175,9 @@ def test_three_sentences_with_numbers_of_the_map(small: FidelityMap) -> None:
         f"{each:.2f}" for array in (main.reference_m, main.hybrid_m, main.data_driven_m) for each in np.ravel(array)
     }
     known |= {f"{main.constant_velocity_m:.2f}", "0.00"} | {f"{each:.2f}" for each in useful_up_to_m(main)}
-    known |= {f"{each:.2f}" for each in (*enough_alone_m(main), *best_up_to_m(main))}
     assert set(re.findall(r"\d+\.\d\d", " ".join(sentences))) <= known
     for amount in AMOUNTS:
-        assert re.search(rf"with (\d+, )*{amount}\b", sentences[0])
+        assert re.search(rf"from (\d+(, | and ))*{amount}\b.* windows", sentences[0])
 
 
 def test_too_few_windows_is_said(small: FidelityMap) -> None:
