@@ -11,12 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.angles import unwrap
 from analysis.quality.kinematic_jitter import Jitter
 from analysis.quality.kinematic_path import turn_model
-from analysis.quality.kinematic_series import Bools, Floats
-from analysis.quality.kinematics import Kinematics
+from analysis.quality.kinematic_series import GROUPS, Bools, Floats, samples_of
+from analysis.quality.kinematics import CHANCE, Kinematics, quantile
 
 SMALLEST_S = 0.1
 """Jitter below this is nothing to care about: a quarter of a degree in a hard turn."""
@@ -26,14 +28,17 @@ _FEWEST_SAMPLES = 8
 _FEWEST_STRETCHES = 5
 _PRIOR = np.array([np.inf, np.inf, 0.05, 0.3])
 """How far the line, the scale and the delay [s] of one stretch may be from those of the whole recording."""
+_FINEST_RAD = np.deg2rad(0.01)
 _LARGEST_STAMP_ERROR_S = 3.0
 _LEAP = 10.0
+_STILL = 0.1
+_ROUNDS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class HeadingErrors:
-    """Of each heading: when [s], by how much it differs from the integrated yaw rate [rad], how far she has turned
-    by then [rad] and how fast she turns [rad/s], all of shape [n]; the step that headings are rounded to [rad]."""
+    """Of each heading: when [s], by how much it differs from the integrated yaw rate [rad], how far the ship has
+    turned by then [rad] and how fast she turns [rad/s], all of shape [n]; the step of the values [rad]."""
 
     time_s: Floats
     error: Floats
@@ -42,38 +47,31 @@ class HeadingErrors:
     step: float
 
 
-def heading_jitter(fit: Kinematics) -> Jitter:
-    """The jitter of the headings about the turns that were fitted to them.
-
-    As :func:`analysis.quality.kinematic_jitter.stamp_jitter` does for positions: short stretches say whether, and
-    stretches of 60 and 120 s, in the limit of long ones, how much.
-    """
-    return jitter_of(heading_errors(fit))
+def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
+    """The jitter of the headings in a table about the turns that were fitted to it."""
+    raw = samples_of(table, GROUPS["heading_deg"])
+    turned, rate = turned_at(fit, raw.time_s)
+    error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
+    steps = np.abs(np.diff(raw.levels[:, 0]))
+    moved = steps[steps > 1e-7]
+    return jitter_of(HeadingErrors(raw.time_s, error, turned, rate, float(moved.min()) if moved.size else 0.0))
 
 
 def jitter_of(errors: HeadingErrors) -> Jitter:
-    """The part of errors that grows with the yaw rate, as that of stamps."""
-    short, half, long = (_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
-    if min(long.usable.sum(), short.usable.sum()) < _FEWEST_STRETCHES:
+    """The part of errors that grows with the yaw rate, as that of stamps.
+
+    Short stretches tell best of errors that change from sample to sample, the limit of long ones, from stretches of
+    60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
+    worked out once more from how far the ship turns in that time, which in waves is less than in proportion.
+    """
+    lines = tuple(_about_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
+    if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
         return Jitter()
-    halves = np.pad(half.squares, (0, 2 * long.count.size - half.count.size)).reshape(-1, 2).sum(axis=1)
-    least = errors.step**2 / 12.0
-    limit = _growth(long, 2.0 * long.squares - halves, least)
-    growth = _growth(short, short.squares, least)
-    surplus = growth.variance_s2 / max(growth.standard_error_s2, 1e-12)
-    return Jitter(
-        limit.variance_s2, limit.standard_error_s2, limit.telling, surplus, growth.telling, growth.ratio
-    )  # fmt: skip
-
-
-def heading_errors(fit: Kinematics) -> HeadingErrors:
-    """By how much the cleaned headings differ from the yaw rate as it was fitted, and integrated."""
-    heading = fit.motion.heading
-    turned, rate = turned_at(fit, heading.time_s)
-    error = heading.levels[:, 0] - turned
-    steps = np.abs(np.diff(heading.levels[:, 0]))
-    moved = steps[steps > 1e-7]
-    return HeadingErrors(heading.time_s, error, turned, rate, float(moved.min()) if moved.size else 0.0)
+    jitter = _jitter(lines, errors.rate**2, errors.step)
+    for _ in range(_ROUNDS):
+        if jitter.seconds >= SMALLEST_S:
+            jitter = _jitter(lines, _swung2(errors, jitter.seconds), errors.step)
+    return jitter
 
 
 def turned_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
@@ -100,84 +98,117 @@ def leaps(error: Floats, rate: Floats) -> Bools:
     return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP * noise)
 
 
-@dataclass(frozen=True, slots=True)
-class _Sums:
-    """By stretch [k]: how many samples, the sums of squares of yaw rate and of what is left of the headings, and
-    whether there are samples enough and no breaks."""
+def _swung2(errors: HeadingErrors, seconds: float) -> Floats:
+    """By how much stamps with this standard deviation spoil each heading: squared error over squared stamp error,
+    by the three points of Gauss and Hermite."""
+    aside_s = np.sqrt(3.0) * seconds
+    moved = [np.interp(errors.time_s + each, errors.time_s, errors.turned) - errors.turned
+             for each in (-aside_s, aside_s)]  # fmt: skip
+    return np.asarray((moved[0] ** 2 + moved[1] ** 2) / (2.0 * aside_s**2))
 
-    count: Floats
-    moved: Floats
-    squares: Floats
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """The ``stretch`` of each heading and what is ``left`` of it about the stretch's line: [n]; which stretches are
+    ``usable``, with samples enough and no breaks: [k]."""
+
+    stretch: NDArray[np.int64]
+    left: Floats
     usable: Bools
 
 
-def _sums(errors: HeadingErrors, seconds: float) -> _Sums:
+def _about_lines(errors: HeadingErrors, seconds: float) -> _Lines:
     stretch = (errors.time_s // seconds).astype(np.int64)
-    count = np.bincount(stretch).astype(float)
+    count = np.bincount(stretch)
     broken = np.bincount(stretch[1:], leaps(errors.error, errors.rate), count.size) > 0
     usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
-    ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
-    noise2 = _line_noise2(errors)
-    squares = np.zeros(count.size)
-    for each in np.flatnonzero(usable):
-        within = slice(ends[each], ends[each + 1])
-        squares[each] = _left(columns[within], errors.error[within], noise2)
-    return _Sums(count, np.bincount(stretch, errors.rate**2).astype(float), squares, usable)
+    noise2, left = _noise2(errors.error), np.zeros(stretch.size)
+    for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
+        within = slice(end - number, end)
+        left[within] = _left(columns[within], errors.error[within], noise2)
+    return _Lines(stretch, left, np.asarray(usable))
 
 
-def _line_noise2(errors: HeadingErrors) -> float:
-    """The usual variance about straight lines from one sample to the second next [rad2]."""
-    bends = errors.error[1:-1] - 0.5 * (errors.error[2:] + errors.error[:-2])
-    return float(max((1.4826 * np.median(np.abs(bends))) ** 2 / 1.5, 1e-12))
+def _noise2(error: Floats) -> float:
+    """The variance of one sample [rad2], by how it differs from its two neighbours."""
+    bends = error[1:-1] - 0.5 * (error[2:] + error[:-2])
+    return float(max((1.4826 * np.median(np.abs(bends))) ** 2 / 1.5, _FINEST_RAD**2))
 
 
-def _left(columns: Floats, error: Floats, noise2: float) -> float:
-    """The sum of squares about the line, scale and delay of a stretch, as large as if they were known."""
+def _left(columns: Floats, error: Floats, noise2: float) -> Floats:
+    """What is left about the line, scale and delay of a stretch, as large as if they were known."""
     columns = columns - np.concatenate([[0.0], columns[:, 1:].mean(axis=0)])
-    normal = columns.T @ columns + np.diag(noise2 / _PRIOR**2)
-    solution = np.linalg.solve(normal, columns.T)
+    solution = np.linalg.solve(columns.T @ columns + np.diag(noise2 / _PRIOR**2), columns.T)
     free = error.size - float(np.sum(columns * solution.T))
-    left = error - columns @ (solution @ error)
-    return float(left @ left * error.size / max(free, 1.0))
+    return np.asarray((error - columns @ (solution @ error)) * np.sqrt(error.size / max(free, 1.0)))
+
+
+def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
+    """The jitter by what is left in short, longer and long stretches, given what a second of it spoils [n]."""
+    short, half, long = (_sums(each, spoils2) for each in lines)
+    least = step**2 / 12.0
+    size = _growth(_in_the_limit(long, half)[lines[2].usable], least)
+    others = _growth(short[lines[0].usable], least)
+    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - CHANCE, each.telling))
+    judged = lines[2].usable[lines[2].stretch]
+    ratio = _ratio(spoils2[judged], lines[2].left[judged] ** 2)
+    return Jitter(
+        size.variance_s2, size.standard_error_s2, size.telling, surest.surplus, surest.telling, ratio
+    )  # fmt: skip
+
+
+def _sums(lines: _Lines, spoils2: Floats) -> Floats:
+    """By stretch [k, 5]: the number of headings, and the sums of what jitter would spoil, of its squares, of the
+    squared errors and of their products with what it would spoil."""
+    left2 = lines.left**2
+    each = np.column_stack([np.ones(left2.size), spoils2, spoils2**2, left2, spoils2 * left2])
+    return np.column_stack([np.bincount(lines.stretch, column) for column in each.T]).astype(float)
+
+
+def _in_the_limit(long: Floats, half: Floats) -> Floats:
+    """Sums of what is left of errors that outlast their stretch: it is less by as much as the stretch is short."""
+    paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(-1, 2, 5).sum(axis=1)
+    return np.hstack([long[:, :3], 2.0 * long[:, 3:] - paired[:, 3:]])
+
+
+def _ratio(spoils2: Floats, left2: Floats) -> float:
+    """How many times the variance in turns is that of the tenth in which the ship turns least."""
+    if not spoils2.any():
+        return 1.0
+    still = float(left2[spoils2 <= np.quantile(spoils2, _STILL)].mean())
+    return float(spoils2 @ left2 / spoils2.sum()) / max(still, 1e-12)
 
 
 @dataclass(frozen=True, slots=True)
 class _Growth:
-    """The variance [s2] that goes with the square of the yaw rate, its standard error, how many stretches tell it,
-    and how many times the variance without turning there is in turns."""
+    """The variance of the stamps [s2], its standard error, and how many stretches tell it."""
 
     variance_s2: float
     standard_error_s2: float
     telling: float
-    ratio: float
+
+    @property
+    def surplus(self) -> float:
+        return self.variance_s2 / max(self.standard_error_s2, 1e-12)
 
 
-def _growth(sums: _Sums, squares: Floats, least: float) -> _Growth:
-    """A straight line through the mean squares against the mean squared yaw rates, by least squares.
-
-    ``least`` is the variance of rounding: a steady heading that always reads the same seems to have none.
-    """
-    turning = (sums.moved / np.maximum(sums.count, 1.0))[sums.usable]
-    squared = (squares / np.maximum(sums.count, 1.0))[sums.usable]
-    every = np.ones(turning.size, np.bool_)
-    slope, still = _line(turning, squared, least, every)
-    without = np.array([_line(turning, squared, least, every & (np.arange(every.size) != each))[0]
-                        for each in range(every.size)])  # fmt: skip
-    error = np.sqrt((every.size - 1) / every.size * ((without - without.mean()) ** 2).sum())
-    lever = (turning - turning.mean()) ** 2
+def _growth(sums: Floats, least: float) -> _Growth:
+    """A straight line through squared errors against what jitter would spoil, by least squares."""
+    total, count = sums.sum(axis=0), len(sums)
+    without = _slopes(total - sums, least)
+    error = np.sqrt((count - 1) / count * ((without - without.mean()) ** 2).sum())
+    usual = total[1] / total[0]
+    lever = sums[:, 2] - 2.0 * usual * sums[:, 1] + usual**2 * sums[:, 0]
     telling = lever.sum() ** 2 / max(float((lever**2).sum()), 1e-300)
-    typical = float((turning**2).sum() / max(float(turning.sum()), 1e-300))
-    return _Growth(slope, float(error), float(telling), 1.0 + slope * typical / max(still, 1e-300))
+    return _Growth(float(_slopes(total[np.newaxis], least)[0]), float(error), float(telling))
 
 
-def _line(turning: Floats, squared: Floats, least: float, taken: NDArray[np.bool_]) -> tuple[float, float]:
-    """Slope and value without turning, which is ``least`` at least."""
-    x, y = turning[taken], squared[taken]
-    off = x - x.mean()
-    slope = float(off @ y / max(float(off @ off), 1e-300))
-    still = float(y.mean() - slope * x.mean())
-    if still < least:
-        still = least
-        slope = float(x @ (y - least) / max(float(x @ x), 1e-300))
-    return slope, still
+def _slopes(sums: Floats, least: float) -> Floats:
+    """The slope of each line [k]; none is less than ``least`` without turning, the variance of rounding: a steady
+    heading that always reads the same seems to have none."""
+    count, spoils2, spoils4, left2, product = sums.T
+    slope = (product - left2 * spoils2 / count) / np.maximum(spoils4 - spoils2**2 / count, 1e-300)
+    still = (left2 - slope * spoils2) / count
+    through = (product - least * spoils2) / np.maximum(spoils4, 1e-300)
+    return np.asarray(np.where(still < least, through, slope))

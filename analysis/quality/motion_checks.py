@@ -100,7 +100,7 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
         *(_delay(explanation, cause, fit, start, end) for cause in explanation.causes if cause in GROUPS),
         _arm(explanation, fit, start, end),
         _jitter(jitter, start, end),
-        _turning_jitter(heading_jitter(fit), start, end),
+        _turning_jitter(heading_jitter(table, fit), start, end),
     ]
     return tuple(each for each in found if each is not None)
 

@@ -40,6 +40,7 @@ Columns = dict[str, Floats]
 _LONGEST_HOLE_S = 10.0
 _LONGEST_HOLE_WITH_RATE_S = 60.0
 _SPEED = ("surge_mps", "sway_mps")
+_HEADING_STAYS = "heading left as it is: the yaw rate is lacking, or scatters too much to mend it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +90,8 @@ def repair(
         changed = _changed(table, columns)
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
-        if not changed and (columns or not text):
-            continue  # what is left alone for a reason is said
+        if not changed and text != _HEADING_STAYS:
+            continue
         repairs.append(Repair(finding.code, finding.channel, text, changed))
         table = with_step(
             table.assign(**columns), "repair", code=finding.code, channel=finding.channel, text=text,
@@ -291,7 +292,7 @@ def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -
     """The shape of the turns from the yaw rate: :func:`analysis.quality.rebuilt_heading.rebuilt_heading`."""
     rebuilt = rebuilt_heading(table)
     if rebuilt is None:
-        return "heading left as it is: the yaw rate is lacking, or scatters too much to mend it", {}
+        return _HEADING_STAYS, {}
     text = f"heading rebuilt from the integrated yaw rate, tied to the recorded one over {rebuilt.tie_s:.0f} s"
     return text, {"heading_deg": rebuilt.heading_deg}
 

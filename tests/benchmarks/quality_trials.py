@@ -43,6 +43,9 @@ FAULTS: dict[str, tuple[Fault, ...]] = {
     "position_time_jitter": (
         faults.position_time_jitter(0.3), faults.position_time_jitter(0.6), faults.position_time_jitter(0.6, 5.0),
     ),
+    "heading_time_jitter": (
+        faults.heading_time_jitter(0.3), faults.heading_time_jitter(0.6), faults.heading_time_jitter(0.6, 5.0),
+    ),
     "heading_wrap": tuple(faults.heading_wrap_interpolated(x) for x in (0.7, 1.3)),
     "order": (faults.order_interpolated, faults.order_interpolated),
     "clock_jump": tuple(faults.clock_jump(x) for x in (2.0, 10.0, -5.0, 60.0)),

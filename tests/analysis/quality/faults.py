@@ -76,7 +76,15 @@ def channel_delay(group: str, seconds: float) -> Fault:
 
 def position_time_jitter(seconds: float, block_s: float = 0.0) -> Fault:
     """Positions taken at times that differ from their stamps; one error for each block of ``block_s``."""
+    return _time_jitter("position", seconds, block_s)
 
+
+def heading_time_jitter(seconds: float, block_s: float = 0.0) -> Fault:
+    """Headings taken at times that differ from their stamps; one error for each block of ``block_s``."""
+    return _time_jitter("heading", seconds, block_s)
+
+
+def _time_jitter(group: str, seconds: float, block_s: float) -> Fault:
     def spoil(table: pd.DataFrame, generator: np.random.Generator) -> Spoilt:
         at_s = _seconds(table)
         if block_s:
@@ -84,8 +92,8 @@ def position_time_jitter(seconds: float, block_s: float = 0.0) -> Fault:
             error_s = generator.normal(0.0, seconds, block.max() + 1)[block]
         else:
             error_s = generator.normal(0.0, seconds, at_s.size)
-        moved = {name: _at(table, name, at_s + error_s) for name in MOTION["position"]}
-        return Spoilt(table.assign(**moved), "position_time_jitter", MOTION["position"], {"seconds": seconds})
+        moved = {name: _at(table, name, at_s + error_s) for name in MOTION[group]}
+        return Spoilt(table.assign(**moved), f"{group}_time_jitter", MOTION[group], {"seconds": seconds})
 
     return spoil
 
