@@ -18,10 +18,12 @@ from acquisition.angles import unwrap
 from analysis.quality.kinematic_jitter import Jitter
 from analysis.quality.kinematic_path import turn_model
 from analysis.quality.kinematic_series import GROUPS, Bools, Floats, samples_of
-from analysis.quality.kinematics import CHANCE, Kinematics, quantile
+from analysis.quality.kinematics import Kinematics, quantile
 
-SMALLEST_S = 0.1
+_SMALLEST_S = 0.1
 """Jitter below this is nothing to care about: a quarter of a degree in a hard turn."""
+_CHANCE = 1e-3
+"""Probability that chance exceeds its own spread so far in a sound trial; it must be as large as jitter besides."""
 _SHORT_S = 30.0
 _LONG_S = 120.0
 _FEWEST_SAMPLES = 8
@@ -69,9 +71,14 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
         return Jitter()
     jitter = _jitter(lines, errors.rate**2, errors.step)
     for _ in range(_ROUNDS):
-        if jitter.seconds >= SMALLEST_S:
+        if jitter.seconds >= _SMALLEST_S:
             jitter = _jitter(lines, _swung2(errors, jitter.seconds), errors.step)
     return jitter
+
+
+def certain(jitter: Jitter) -> bool:
+    """Whether headings jitter, and not by chance or next to nothing."""
+    return jitter.beyond(_SMALLEST_S, _CHANCE)
 
 
 def turned_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
@@ -150,7 +157,7 @@ def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
     least = step**2 / 12.0
     size = _growth(_in_the_limit(long, half)[lines[2].usable], least)
     others = _growth(short[lines[0].usable], least)
-    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - CHANCE, each.telling))
+    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.telling))
     judged = lines[2].usable[lines[2].stretch]
     ratio = _ratio(spoils2[judged], lines[2].left[judged] ** 2)
     return Jitter(

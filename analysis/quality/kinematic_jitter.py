@@ -46,9 +46,9 @@ class Jitter:
     def seconds(self) -> float:
         return float(np.sqrt(max(self.variance_s2, 0.0)))
 
-    def beyond(self, smallest_s: float) -> bool:
+    def beyond(self, smallest_s: float, chance: float = CHANCE) -> bool:
         """Whether it is larger than anyone should care about, and surely no chance."""
-        surely = self.surplus > quantile(1.0 - CHANCE, self.surplus_stretches)
+        surely = self.surplus > quantile(1.0 - chance, self.surplus_stretches)
         return surely and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
 
     def interval(self) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from acquisition.frames import Quality
 from analysis.frames import utc_index
 from analysis.quality.contradictions import contradiction, flag_displaced, jump_finding, unfitted
 from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.heading_jitter import SMALLEST_S, heading_jitter
+from analysis.quality.heading_jitter import certain, heading_jitter
 from analysis.quality.kinematic_coarse import coarse_fit
 from analysis.quality.kinematic_delays import CAUSES, OBSERVED, Explanation, explain
 from analysis.quality.kinematic_jitter import Jitter, stamp_jitter
@@ -194,7 +194,7 @@ def _jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding |
 
 
 def _turning_jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not jitter.beyond(SMALLEST_S):
+    if not certain(jitter):
         return None
     low, high = jitter.interval()
     text = (

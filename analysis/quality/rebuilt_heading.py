@@ -13,7 +13,7 @@ import pandas as pd
 from acquisition.angles import unwrap, wrap_360
 from acquisition.errors import DataShortageError, InputError
 from analysis.frames import utc_index
-from analysis.quality.heading_jitter import SMALLEST_S, HeadingErrors, jitter_of, leaps, turned_at
+from analysis.quality.heading_jitter import HeadingErrors, certain, jitter_of, leaps, turned_at
 from analysis.quality.kinematic_series import Bools, Floats
 from analysis.quality.kinematics import Kinematics, fit_kinematics
 from analysis.quality.rebuilt_path import tied
@@ -53,7 +53,7 @@ def rebuilt_heading(table: pd.DataFrame) -> RebuiltHeading | None:
     for tie_s in _TIES_S:
         slow = tied(off[:, np.newaxis], side, times, tie_s)[:, 0]
         left = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
-        if not jitter_of(left).beyond(SMALLEST_S):
+        if not certain(jitter_of(left)):
             break
     if not _worth_it(off - slow, rate):
         return None
