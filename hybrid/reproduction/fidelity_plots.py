@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from analysis.files import in_place_of
 from analysis.plots import INK, STYLE
-from hybrid.plots import title_of
+from hybrid.reproduction.degradation import OVERALL
 from hybrid.reproduction.fidelity_map import LEAST_M, FidelityMap, useful_up_to_m
 from hybrid.reproduction.fidelity_reading import with_reading
-from hybrid.reproduction.plots import COLOUR
+from hybrid.reproduction.plots import COLOUR, plain_numbers
 
 Floats = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
     """A cell for each reference and amount of data: coloured by who wins, stronger the further ahead; its error.
 
     Rows are the references of the main axis, the best at the bottom, labelled by their own error [m] and that over
-    constant velocity's. The line is where the hybrid stops to be better than the data alone.
+    constant velocity's. Above the lines the hybrid is not better than the data alone.
     """
     main = found.overall()
     errors_m = main.errors_m()
@@ -53,7 +53,9 @@ def fidelity_cells(axes: Axes, found: FidelityMap) -> list[Artist]:
             fontsize=8,
             color=_legible(colour),
         )
-    artists += axes.plot(range(len(main.windows)), _limit_rows(main), color=INK, linewidth=2.0)
+    columns = np.arange(len(main.windows))
+    limits = axes.hlines(_limit_rows(main), columns - 0.5, columns + 0.5, color=INK, linewidth=3.0, clip_on=False)
+    artists.append(limits)
     _label_cells(axes, main)
     return artists
 
@@ -66,18 +68,16 @@ def _label_cells(axes: Axes, main: FidelityMap) -> None:
     axes.set_ylim(-0.5, len(references) - 0.5)
     axes.grid(visible=False)
     axes.set_xlabel("windows to learn from")
-    axes.set_ylabel(
-        f"the reference's own error [m] (over the {main.constant_velocity_m:.2f} m of constant velocity)"
-    )
+    axes.set_ylabel("the reference's own error [m] (times constant velocity's)")
 
 
 def legend_handles(found: FidelityMap) -> list[Patch | Line2D]:
     """What the colours and the line say; the numbers in the cells are the winner's error."""
-    names = ["reference alone", *(title_of(each) for each in found.rivals[1:-1]), f"hybrid ({found.method})"]
+    names = ["reference alone", "constant velocity", "data alone", f"hybrid ({found.method})"]
     patches = [Patch(facecolor=_colour(found, number), label=name) for number, name in enumerate(names)]
     if np.isinf(useful_up_to_m(found)).all():
         return list(patches)
-    return [*patches, Line2D([], [], color=INK, linewidth=2.0, label="hybrid no better than data alone above")]
+    return [*patches, Line2D([], [], color=INK, linewidth=2.0, label="above it no better than data alone")]
 
 
 def _colour(found: FidelityMap, number: int) -> str:
@@ -86,9 +86,14 @@ def _colour(found: FidelityMap, number: int) -> str:
 
 
 def _legible(colour: tuple[float, float, float]) -> str:
-    """Ink on pale cells and white on dark ones, by the luminance of ITU-R BT.709."""
-    luminance = float(np.dot(colour, (0.2126, 0.7152, 0.0722)))
-    return "white" if luminance < 0.45 else INK
+    """Ink or white, whichever stands out more from ``colour`` by the contrast ratio of WCAG 2.1."""
+    behind = _luminance(colour) + 0.05
+    return max((INK, "white"), key=lambda text: abs(np.log((_luminance(to_rgb(text)) + 0.05) / behind)))
+
+
+def _luminance(colour: tuple[float, float, float]) -> float:
+    """The relative luminance of an sRGB colour, its gamma taken as 2.2."""
+    return float(np.dot(np.power(colour, 2.2), (0.2126, 0.7152, 0.0722)))
 
 
 def _paler(colour: str, strength: float) -> tuple[float, float, float]:
@@ -115,28 +120,50 @@ def draw_map(figure: Figure, found: FidelityMap) -> None:
 def draw_axes(figure: Figure, found: FidelityMap) -> None:
     """The hybrid's error against the reference's own, whatever was degraded, for few and many windows."""
     axes = figure.subplots()
-    kinds = list(dict.fromkeys(found.axis))
-    columns = sorted({0, len(found.windows) // 2, len(found.windows) - 1})
-    for column, shade in zip(columns, (0.35, 0.65, 1.0), strict=False):
-        colour = _paler(COLOUR["hybrid"], shade)
-        axes.axhline(found.data_driven_m[column], color=_paler(COLOUR["data_driven"], shade), linewidth=1.0)
-        for kind, marker in zip(kinds, "osD^", strict=False):
-            rows = [number for number, axis in enumerate(found.axis) if axis == kind]
-            axes.plot(found.reference_m[rows], found.hybrid_m[rows, column], marker, color=colour, markersize=5)
     axes.set_xscale("log")
     axes.set_yscale("log")
+    ends = [found.reference_m.min(), found.reference_m.max()]
+    axes.plot(ends, ends, ":", color=INK, linewidth=1.0)
+    for column, shade in _shades(found).items():
+        axes.axhline(found.data_driven_m[column], color=_paler(COLOUR["data_driven"], shade), linewidth=1.0)
+        for kind, marker in _markers(found).items():
+            rows = [number for number, axis in enumerate(found.axis) if axis == kind]
+            colour = _paler(COLOUR["hybrid"], shade)
+            axes.plot(found.reference_m[rows], found.hybrid_m[rows, column], marker, color=colour, markersize=5)
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_numbers(axis)
+    axes.set_title("What the hybrid leaves, whatever is wrong with its reference", loc="left")
     axes.set_xlabel("the reference's own error [m]")
     axes.set_ylabel("the hybrid's error [m]")
-    marks = [
-        Line2D([], [], color=INK, marker=marker, linestyle="none", label=kind)
-        for kind, marker in zip(kinds, "osD^", strict=False)
+    figure.legend(handles=_axes_handles(found), loc="outside lower center", ncols=3)
+
+
+def _axes_handles(found: FidelityMap) -> list[Line2D]:
+    called = {OVERALL: "all, step by step"}
+    return [
+        *(
+            Line2D([], [], color=INK, marker=marker, linestyle="none", label=called.get(kind, kind))
+            for kind, marker in _markers(found).items()
+        ),
+        *(
+            Line2D(
+                [], [], color=_paler(COLOUR["hybrid"], shade), linewidth=4, label=f"{found.windows[column]} windows"
+            )
+            for column, shade in _shades(found).items()
+        ),
+        Line2D([], [], color=COLOUR["data_driven"], linewidth=1.0, label="data alone, as many windows"),
+        Line2D([], [], color=INK, linewidth=1.0, linestyle=":", label="the reference alone"),
     ]
-    shades = [
-        Line2D([], [], color=_paler(COLOUR["hybrid"], shade), linewidth=4, label=f"{found.windows[column]} windows")
-        for column, shade in zip(columns, (0.35, 0.65, 1.0), strict=False)
-    ]
-    data = Line2D([], [], color=COLOUR["data_driven"], linewidth=1.0, label="data alone, as many")
-    figure.legend(handles=[*marks, *shades, data], loc="outside lower center", ncols=4)
+
+
+def _markers(found: FidelityMap) -> dict[str, str]:
+    return dict(zip(dict.fromkeys(found.axis), "osD^", strict=False))
+
+
+def _shades(found: FidelityMap) -> dict[int, float]:
+    """The columns shown, few windows, some and many, and how much of its colour each has."""
+    columns = sorted({0, len(found.windows) // 2, len(found.windows) - 1})
+    return dict(zip(columns, (0.35, 0.65, 1.0), strict=False))
 
 
 def write_map(found: FidelityMap, folder: Path) -> list[Path]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.plots import title_of
 from hybrid.reproduction.fidelity_map import SAME, FidelityMap, edge, enough_alone_m, hybrid_wins, useful_up_to_m
 
-Flags = NDArray[np.bool_]
+Floats = NDArray[np.float64]
+
+_NAMED = {"reference": "the reference", "constant_velocity": "constant velocity", "data_driven": "the data alone"}
 
 
 def with_reading(found: FidelityMap) -> dict[str, Any]:
@@ -27,68 +30,54 @@ def reading(found: FidelityMap) -> tuple[str, str, str]:
 
 def _how_bad(main: FidelityMap) -> str:
     """Up to which error of the reference the hybrid beats the data, for each amount of data."""
-    limits, still, worst = useful_up_to_m(main), main.constant_velocity_m, main.reference_m[-1]
-    always, never = (_amounts(main, chosen) for chosen in (np.isinf(limits), limits == 0.0))
-    parts = [f"from {always} windows on every reference tried, up to {worst:.2f} m off"] if always else []
-    parts += [
-        f"from {amount} windows where the reference is less than {limit:.2f} m off"
-        for limit, amount in zip(limits, main.windows, strict=True)
-        if 0.0 < limit < np.inf
+    said = {
+        0.0: f"even the best reference, {main.reference_m[0]:.2f} m off, is not good enough",
+        np.inf: f"even the worst tried, {main.reference_m[-1]:.2f} m off, is good enough",
+    }
+    parts = [
+        f"with {amounts} windows {said.get(limit_m, f'one less than {limit_m:.2f} m off is good enough')}"
+        for limit_m, amounts in _by_amount(main, useful_up_to_m(main))
     ]
-    parts += [f"from {never} windows not even on the best reference"] if never else []
     return (
-        f"A hybrid ({main.method}) beats the data alone by more than {SAME:.0%} when it learns "
-        f"{'; '.join(parts)} (constant velocity is {still:.2f} m off)."
+        f"For a hybrid ({main.method}) to beat the data alone by more than {100.0 * SAME:.0f} % after learning from "
+        f"as much: {'; '.join(parts)} (constant velocity is {main.constant_velocity_m:.2f} m off)."
     )
 
 
 def _best_choice(main: FidelityMap) -> str:
-    """On which references the hybrid beats all others, and which need no calibrator, with few and many windows."""
-    wins, alone, count = hybrid_wins(main), enough_alone_m(main), len(main.reference_m)
-    ends = [(place, main.windows[place]) for place in (0, -1)]
+    """On how many references the hybrid beats all others, and which need no calibrator, by amount of data."""
     won = [
-        f"{_where_won(main, wins[:, place])} of {count} references from {amount} windows" for place, amount in ends
+        f"{int(count) or 'none'} with {amounts}"
+        for count, amounts in _by_amount(main, hybrid_wins(main).sum(axis=0).astype(float))
     ]
-    enough = [_enough(alone[place], amount) for place, amount in ends]
+    enough = [
+        f"{f'up to {limit_m:.2f} m off' if limit_m else 'nowhere'} with {amounts}"
+        for limit_m, amounts in _by_amount(main, enough_alone_m(main))
+    ]
     return (
-        f"It beats every other method, constant velocity and the reference itself included, on {_listed(won)}; the "
-        f"reference alone is as good as any {_listed(enough)}."
+        f"It beats all other methods, constant velocity and the reference alone included, on so many of the "
+        f"{len(main.reference_m)} references: {', '.join(won)} windows; the reference needs no calibrator {', '.join(enough)}."
     )
-
-
-def _where_won(main: FidelityMap, won: Flags) -> str:
-    errors_m = [f"{each:.2f}" for each in main.reference_m[won]]
-    between = f" ({' to '.join(dict.fromkeys([errors_m[0], errors_m[-1]]))} m off)" if errors_m else ""
-    return f"{len(errors_m)}{between}"
-
-
-def _enough(limit_m: float, amount: int) -> str:
-    if limit_m == 0.0:
-        return f"nowhere beside one that learned from {amount} windows"
-    return f"up to {limit_m:.2f} m off beside one that learned from {amount} windows"
 
 
 def _gain(main: FidelityMap) -> str:
-    """Where the hybrid gains most on the best of the others, and what it makes of the worst reference."""
+    """Where the hybrid gains most on the best of the others, and what a better reference is worth to it."""
     row, column = np.unravel_index(int(np.argmin(edge(main))), main.hybrid_m.shape)
     others_m = main.errors_m()[:-1, row, column]
-    next_best = main.rivals[int(others_m.argmin())]
-    gains = "gains most" if hybrid_wins(main).any() else "gains nowhere, and comes nearest to the best"
-    worst = len(main.reference_m) - 1
+    gains = "gains most" if hybrid_wins(main).any() else "gains nowhere, and comes nearest to the others,"
     return (
-        f"It {gains} on the reference that is {main.reference_m[row]:.2f} m off, from {main.windows[column]} "
-        f"windows: {main.hybrid_m[row, column]:.2f} m against {others_m.min():.2f} m of {_named(next_best)}; on the "
-        f"worst, {main.reference_m[worst]:.2f} m off, it leaves {main.hybrid_m[worst, -1]:.2f} m from {main.windows[-1]} "
-        f"windows, the data alone {main.data_driven_m[-1]:.2f} m."
+        f"It {gains} with {main.windows[column]} windows on the reference that is {main.reference_m[row]:.2f} m "
+        f"off: {main.hybrid_m[row, column]:.2f} m against {others_m.min():.2f} m of "
+        f"{_NAMED[main.rivals[int(others_m.argmin())]]}; with {main.windows[-1]} it leaves "
+        f"{main.hybrid_m[0, -1]:.2f} m on the best reference and {main.hybrid_m[-1, -1]:.2f} m on the worst, the "
+        f"data alone {main.data_driven_m[-1]:.2f} m."
     )
 
 
-def _named(rival: str) -> str:
-    return {"reference": "the reference", "data_driven": "the data alone"}.get(rival, title_of(rival))
-
-
-def _amounts(main: FidelityMap, chosen: Flags) -> str:
-    return _listed([str(amount) for amount, mine in zip(main.windows, chosen, strict=True) if mine])
+def _by_amount(main: FidelityMap, values: Floats) -> Iterator[tuple[float, str]]:
+    """Each of ``values`` [W] with the amounts of data that it is said of, neighbours of one value together."""
+    for value, group in groupby(zip(values, main.windows, strict=True), key=itemgetter(0)):
+        yield float(value), _listed([str(amount) for _, amount in group])
 
 
 def _listed(parts: Sequence[str]) -> str:

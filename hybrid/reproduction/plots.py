@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
@@ -132,6 +133,13 @@ def _bow_up(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
     axes.set_ylabel("ahead [m]")
 
 
+def plain_numbers(axis: Axis) -> None:
+    """Ticks of a logarithmic axis as people write them: 0.5, 1, 2, 5."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
 SPLIT_LOOK = {"sequence": (-0.19, 0.85, "sequences never seen"), "random": (0.19, 0.25, "the random split")}
 
 
@@ -152,9 +160,7 @@ def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods
             )  # fmt: skip
             artists += drawn["boxes"]
     axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(axes.yaxis)
     axes.set_xticks(range(len(methods)), [title_of(each).replace(" ", "\n") for each in methods], fontsize=7.5)
     axes.grid(visible=False, axis="x")
     return artists

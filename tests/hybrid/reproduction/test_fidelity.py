@@ -131,8 +131,8 @@ def test_thresholds_beyond_the_ends() -> None:
 def test_the_hybrid_is_best_only_where_nothing_else_is() -> None:
     found = by_hand([0.1, 1.0, 3.0, 10.0], [[0.3], [0.5], [0.9], [1.6]], [2.0])
     assert hybrid_wins(found).ravel().tolist() == [False, True, True, False]
-    assert "up to 10.00 m" in reading(found)[0]
-    assert "on 2 (1.00 to 3.00 m off) of 4 references" in reading(found)[1]
+    assert "with 10 windows even the worst tried, 10.00 m off, is good enough" in reading(found)[0]
+    assert "on so many of the 4 references: 2 with 10 windows" in reading(found)[1]
 
 
 def test_a_reference_is_enough_alone_until_something_beats_it() -> None:
@@ -151,18 +151,29 @@ def test_the_reading_says_where_there_is_nothing_to_gain() -> None:
     """Data alone better everywhere: no threshold, no win, and the nearest miss is named."""
     found = by_hand([0.5, 4.0], [[1.0, 0.4], [2.0, 0.6]], [0.9, 0.3])
     how_bad, choice, gain = reading(found)
-    assert "from 10 and 20 windows not even on the best reference" in how_bad
-    assert "on 0 of 2 references from 10 windows and 0 of 2 references from 20 windows" in choice
-    assert "up to 0.50 m off beside one that learned from 10 windows and nowhere beside one" in choice
+    assert "with 10 and 20 windows even the best reference, 0.50 m off, is not good enough" in how_bad
+    assert "of the 2 references: none with 10 and 20 windows" in choice
+    assert "no calibrator up to 0.50 m off with 10, nowhere with 20" in choice
     assert "gains nowhere" in gain
-    assert "0.50 m off, from 20 windows: 0.40 m against 0.30 m of the data alone" in gain
+    assert "20 windows on the reference that is 0.50 m off: 0.40 m against 0.30 m of the data alone" in gain
+
+
+def test_amounts_of_which_the_same_is_said_are_named_together() -> None:
+    found = by_hand([0.2, 2.0], [[0.5, 0.3, 0.1], [0.9, 0.3, 0.1]], [0.9, 0.9, 0.9])
+    assert ": none with 10, 1 with 20, 2 with 40 windows" in reading(found)[1]
+    assert "up to 0.20 m off with 10 and 20, nowhere with 40" in reading(found)[1]
+    assert "with 10 windows one less than" in reading(found)[0]
+    assert "with 20 and 40 windows even the worst" in reading(found)[0]
 
 
 def test_the_gain_is_on_the_best_of_the_others_whichever_it_is() -> None:
     """The reference where that is better than the data, constant velocity where that is."""
     beside_reference = by_hand([1.0, 9.0], [[0.4], [1.9]], [2.0])
     beside_constant_velocity = by_hand([1.0, 9.0], [[0.9], [0.5]], [2.0])
-    assert "0.40 m against 1.00 m of the reference;" in reading(beside_reference)[2]
+    assert (
+        "0.40 m against 1.00 m of the reference; with 10 it leaves 0.40 m on the best reference and 1.90 m"
+        in reading(beside_reference)[2]
+    )
     assert "0.50 m against 1.50 m of constant velocity;" in reading(beside_constant_velocity)[2]
 
 
@@ -177,7 +188,7 @@ def test_three_sentences_with_numbers_of_the_map(small: FidelityMap) -> None:
     known |= {f"{main.constant_velocity_m:.2f}", "0.00"} | {f"{each:.2f}" for each in useful_up_to_m(main)}
     assert set(re.findall(r"\d+\.\d\d", " ".join(sentences))) <= known
     for amount in AMOUNTS:
-        assert re.search(rf"from (\d+(, | and ))*{amount}\b.* windows", sentences[0])
+        assert re.search(rf"with (\d+(, | and ))*{amount}\b", sentences[0])
 
 
 def test_too_few_windows_is_said(small: FidelityMap) -> None:
