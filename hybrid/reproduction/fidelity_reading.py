@@ -39,8 +39,8 @@ def _how_bad(main: FidelityMap) -> str:
         for limit_m, amounts in _by_amount(main, useful_up_to_m(main))
     ]
     return (
-        f"For a hybrid ({main.method}) to beat the data alone by more than {100.0 * SAME:.0f} % after learning from "
-        f"as much: {'; '.join(parts)} (constant velocity is {main.constant_velocity_m:.2f} m off)."
+        f"For a hybrid ({main.method}) to beat the data alone by more than {100.0 * SAME:.0f} % after learning "
+        f"from as much: {'; '.join(parts)} (constant velocity is {main.constant_velocity_m:.2f} m off)."
     )
 
 
@@ -56,7 +56,8 @@ def _best_choice(main: FidelityMap) -> str:
     ]
     return (
         f"It beats all other methods, constant velocity and the reference alone included, on so many of the "
-        f"{len(main.reference_m)} references: {', '.join(won)} windows; the reference needs no calibrator {', '.join(enough)}."
+        f"{len(main.reference_m)} references: {', '.join(won)} windows; the reference needs no calibrator "
+        f"{', '.join(enough)}."
     )
 
 
