@@ -15,7 +15,8 @@ RebuildPositions = Annotated[
     bool,
     typer.Option(
         "--rebuild-positions",
-        help="With the repairs: take the path that speeds and heading give for positions whose stamps jitter.",
+        help="With the repairs: take the path that speeds and heading give for positions whose stamps jitter, and"
+        " the turns that the yaw rate gives for a heading whose stamps do.",
     ),
 ]
 

@@ -104,8 +104,8 @@ def rebuilding_positions(findings: Iterable[Finding], table: pd.DataFrame) -> tu
     """The findings with the order to rebuild the positions and, where it was found to jitter, the heading that
     their path leans on, for :func:`repair`.
 
-    It is never certain by itself: positions that jitter in time are found, but whether the path that speeds and
-    heading give is the better truth is for the analyst to say. It is where windows of predicted position are to
+    It is never certain by itself: what jitters in time is found, but whether the motion that speeds and yaw rate
+    give is the better truth is for the analyst to say. It is where windows of predicted position are to
     be judged, whose errors would else be the stamps' own.
     """
     others = [

@@ -151,4 +151,13 @@ def test_trials_of_2022_read_two_percent_low_and_jitter(shared_data: Path, tmp_p
     assert found["speed_scale"].estimate["factor"] == pytest.approx(1.020, abs=0.002)
     assert found["speed_scale"].certain
     assert 0.3 < found["position_time_jitter"].estimate["seconds"] < 2.0
+    assert 0.2 < found["heading_time_jitter"].estimate["seconds"] < 2.0
     assert found["yaw_rate_scale"].estimate["factor"] == pytest.approx(1.0 / 1.036, abs=0.01)
+
+
+@pytest.mark.shared
+def test_the_docking_of_2019_does_not_jitter(shared_data: Path, tmp_path: Path) -> None:
+    name, file = "gunnerus_2019_docking", "docking_2019-11-09_part1.csv"
+    import_table(shared_data / name / file, tmp_path / "docking.mcap", MAPS / f"{name}.toml")
+    found = {each.code for each in motion(read_table(tmp_path / "docking.mcap")).findings}
+    assert not found & {"position_time_jitter", "heading_time_jitter"}
