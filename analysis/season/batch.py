@@ -1,7 +1,7 @@
 """A season of recordings at once, on worker processes: one result a recording, whatever happens to the others.
 
 Workers are those of dask.distributed, in a cluster of our own on this machine or behind a scheduler that is
-already there; those share the file system with us. This is the only module with processes of its own.
+already there; those share the file system with us.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Many long calls in several processes, the results in the order asked for."""
+"""Many long calls in several processes, the results in the order asked for.
+
+The workers of :mod:`analysis.season.batch` make files of recordings and say in a row how it went; here values come
+back, nothing is on the disk, and an error is to end it all.
+"""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ class SeaState:
     Significant wave height and peak period describe a JONSWAP spectrum. ``drift_n_per_m2`` is the mean
     second-order force in beam sea over the square of the wave height; slow drift follows the wave groups with
     ``group_s``. Gusts have a standard deviation of ``gust_intensity`` of the mean wind, along and across it,
-    and a length scale.
+    and a length scale. Numbers that have a value here are assumptions: the paper's Table II states none of them.
     """
 
     wind_mps: float
