@@ -82,9 +82,9 @@ def _add_split(page: Page, split: SplitSummary) -> None:
     page.heading(f"{split.kind.capitalize()}: {MEANING[split.kind]}; {counts_of(split.whole)}")
     names = list(split.whole.methods)
     rows = [
-        [_whole(title_of(name)), _whole(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
-         _whole(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
-         f"{each.heading_error_deg.value:.1f}", _whole(spread(each.ratio)), _percent(each.coverage_95)]
+        [unbroken(title_of(name)), unbroken(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
+         unbroken(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
+         f"{each.heading_error_deg.value:.1f}", unbroken(spread(each.ratio)), _percent(each.coverage_95)]
         for name, each in split.whole.methods.items()
     ]  # fmt: skip
     page.table(_HEADER, rows, best=names.index(split.whole.best))
@@ -113,7 +113,7 @@ def _add_leak(page: Page, evaluation: Evaluation) -> None:
         "Windows drawn at random overlap those trained on. The error on legs that were never seen is the one that "
         "is met at sea.",
     )
-    rows = [[_whole(title_of(name)), _whole(spread(factor))] for name, factor in evaluation.leak.items()]
+    rows = [[unbroken(title_of(name)), unbroken(spread(factor))] for name, factor in evaluation.leak.items()]
     page.table(["method", "error on legs never seen over the error shown, on the same windows"], rows)
 
 
@@ -136,9 +136,9 @@ def _drawn(artists: object) -> None:
 
 def _percent(interval: Interval) -> str:
     bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
-    return _whole(f"{interval.value:.1%}{bounds}")
+    return unbroken(f"{interval.value:.1%}{bounds}")
 
 
-def _whole(text: str) -> str:
+def unbroken(text: str) -> str:
     """A text that is not broken over two lines."""
     return text.replace(" ", "\u00a0").replace("-", "\u2011")

@@ -53,12 +53,16 @@ class Parts:
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Predicted minus measured north and east [n, H, 2] of the n sequences with test rows, NaN beside these."""
+    """Predicted minus measured north and east [n, H, 2] of the n sequences with test rows, NaN beside these.
+
+    ``radius_m`` [n, H] is that of the method's 95 % regions, NaN for those that have none.
+    """
 
     job: Job
     method: str
     split: str
     gap_m: Floats
+    radius_m: Floats
 
 
 def judged_by(job: Job) -> tuple[Campaign, Floats]:
@@ -108,12 +112,14 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
     }
     training = _examples(horizons, tracks, parts.training)
     stopping = _examples(horizons, tracks, parts.stopping)
+    radius_m = {method: np.full((len(judged), judged.horizon_s), np.nan) for method in predicted}
     for method, calibrator in LEARNED.items():
         learned = make_calibrator(calibrator, job.seed, plant).fit(training, stopping)
-        predicted[method] = learned.predict(judged, tracks[tested])
+        predicted[method], spread = learned.predict_with_spread(judged, tracks[tested])
+        radius_m[method] = spread * learned.region(stopping)
     measured = _masked(judged.track, parts.test[tested])
     return [
-        Errors(job, method, split, (track[..., :2] - measured[..., :2])[:, 1:])
+        Errors(job, method, split, (track[..., :2] - measured[..., :2])[:, 1:], radius_m[method])
         for method, track in predicted.items()
     ]
 

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from acquisition.angles import unwrap
 from analysis.files import in_place_of
 from analysis.plots import FAINT, INK, STYLE
-from hybrid.certainty import band_radius
 from hybrid.horizon import PAST_S
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
@@ -178,11 +177,11 @@ def draw_predictions(figure: Figure, shown: Shown) -> None:
 
 
 def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
-    """One unseen sequence; the band about its end is sized by all other unseen sequences."""
-    judged, others = sea.judged, np.arange(len(sea.unseen)) != number
+    """One unseen sequence, and the hybrid's own region about its end."""
+    judged = sea.judged
     start = judged.start[number]
     tracks = {method: plots.start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
-    band_m = float(band_radius(sea.predicted("hybrid")[others], judged.track[others])[-1])
+    band_m = float(sea.radius_m("hybrid")[number, -1])
     off_m = {method: float(np.linalg.norm(sea.gap_m(method)[number, -1])) for method in tracks}
     around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + band_m)))
     measured = plots.start_frame(judged.track[number], start)
@@ -225,7 +224,8 @@ FIGURES: dict[str, FigureOf] = {
     "figure_06_reference": FigureOf(
         draw_fans,
         (10.5, 4.6),
-        "Measured against the reference model's tracks, all sequences from one start with the bow up.",
+        "Measured against the reference model's tracks, as many sequences of each azimuth, all from one start with "
+        "the bow up; above, its mean error on sequences never seen.",
     ),
     "figure_07_errors": FigureOf(
         draw_errors,

@@ -46,6 +46,10 @@ class Sea:
         """Predicted minus measured north and east [n, H, 2]."""
         return next(each.gap_m for each in self.errors if (each.method, each.split) == (method, split))
 
+    def radius_m(self, method: str) -> Floats:
+        """The radius of the method's 95 % regions on the unseen sequences [n, H]."""
+        return next(each.radius_m for each in self.errors if (each.method, each.split) == (method, "sequence"))
+
     def predicted(self, method: str) -> Floats:
         """North and east that ``method`` predicts on the unseen sequences [n, H+1, 2]."""
         begin = self.judged.start[:, None, :2]

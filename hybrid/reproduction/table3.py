@@ -32,8 +32,9 @@ QUANTITIES = ("reduction_x", "reduction_y", "reduction")
 class Row:
     """One method in one sea state under one split; x is north and y east.
 
-    ``removable_gap_closed`` is (reference - method) / (reference - floor) of the mean distance. ``sequences``
-    counts the ones judged, of all seeds together.
+    ``removable_gap_closed`` is (reference - method) / (reference - floor) of the mean distance; ``coverage_95`` the
+    share of positions inside the 95 % regions, NaN without any. ``sequences`` counts the ones judged, of all seeds
+    together.
     """
 
     sea_state: str
@@ -46,6 +47,7 @@ class Row:
     reduction_x: Interval
     reduction_y: Interval
     removable_gap_closed: Interval
+    coverage_95: Interval
     sequences: int
     seeds: int
 
@@ -58,7 +60,8 @@ class Row:
                 flat[name] = each
                 continue
             prefix = "" if name == "mean_distance_m" else f"{name}_"
-            flat |= {name: each.value, f"{prefix}low": each.low, f"{prefix}high": each.high}
+            value, low, high = each.as_dict().values()
+            flat |= {name: value, f"{prefix}low": low, f"{prefix}high": high}
         return flat
 
 
@@ -117,32 +120,40 @@ def papers_jobs(seed: int = 0, seeds: int = SEEDS) -> list[Job]:
 
 def rows_of(errors: Sequence[Errors]) -> list[Row]:
     """The rows of one sea state and split, from the errors of every method and seed."""
-    drawn = {method: bootstrap_means([each.gap_m for each in errors if each.method == method]) for method in ORDER}
+    drawn = {
+        method: bootstrap_means([figures_of(each) for each in errors if each.method == method]) for method in ORDER
+    }
     return [_row(errors, method, drawn) for method in ORDER]
 
 
-def bootstrap_means(gaps_m: Sequence[Floats], draws: int = DRAWS) -> Floats:
-    """Mean |north|, |east| and distance of errors by seed [n, H, 2], NaN left out: [1 + draws, 3].
+def figures_of(errors: Errors) -> Floats:
+    """|north|, |east|, distance [m], and 1 inside the 95 % region or 0 outside [n, H, 4]; NaN where not judged."""
+    distance = np.hypot(errors.gap_m[..., 0], errors.gap_m[..., 1])
+    inside = np.where(np.isfinite(errors.radius_m), distance <= errors.radius_m, np.nan)
+    return np.concatenate([np.abs(errors.gap_m), distance[..., None], inside[..., None]], axis=-1)
+
+
+def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:
+    """Means of the ``figures`` of each seed [n, H, K], over the seconds at which the first is known [1 + draws, K].
 
     Row 0 is the mean over seeds as measured; each row after it of a draw of whole sequences, with replacement
     and within each seed: :class:`~hybrid.evaluation.bootstrap.LegBootstrap`, stratified.
     """
-    by_seed = [_means(gap_m, draws, seed) for seed, gap_m in enumerate(gaps_m)]
+    by_seed = [_means(each, draws, seed) for seed, each in enumerate(figures)]
     return np.asarray(np.mean(by_seed, axis=0))
 
 
-def _means(gap_m: Floats, draws: int, seed: int) -> Floats:
-    """Row 0 the means of one seed's errors, then those of each draw [1 + draws, 3]."""
-    sequence, second = np.nonzero(np.isfinite(gap_m[..., 0]))
-    north, east = gap_m[sequence, second].T
-    size = np.abs(np.column_stack([north, east, np.hypot(north, east)]))
-    return np.vstack([size.mean(axis=0), LegBootstrap.of(sequence, seed, draws).means(size)])
+def _means(figures: Floats, draws: int, seed: int) -> Floats:
+    """Row 0 the means of one seed's figures, then those of each draw [1 + draws, K]."""
+    sequence, second = np.nonzero(np.isfinite(figures[..., 0]))
+    judged = figures[sequence, second]
+    return np.vstack([judged.mean(axis=0), LegBootstrap.of(sequence, seed, draws).means(judged)])
 
 
 def _row(errors: Sequence[Errors], method: str, drawn: dict[str, Floats]) -> Row:
     mine = [each for each in errors if each.method == method]
     means, reference, floor = drawn[method], drawn["reference"], drawn["floor"]
-    less = 1.0 - means / reference
+    less = 1.0 - means[:, :3] / reference[:, :3]
     return Row(
         sea_state=mine[0].job.sea_state,
         method=method,
@@ -154,6 +165,7 @@ def _row(errors: Sequence[Errors], method: str, drawn: dict[str, Floats]) -> Row
         reduction_x=_interval(less[:, 0]),
         reduction_y=_interval(less[:, 1]),
         removable_gap_closed=_interval((reference - means)[:, 2] / (reference - floor)[:, 2]),
+        coverage_95=_interval(means[:, 3]),
         sequences=sum(len(each.gap_m) for each in mine),
         seeds=len(mine),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,11 +12,21 @@ from rich.table import Table
 
 from analysis.files import in_place_of
 from hybrid.evaluation.bootstrap import Interval
+from hybrid.evaluation.tables import spread
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Row, Table3
 
-_COLUMNS = ("x m", "y m", "distance m", "less\nerror", "gap\nclosed", "random\nsplit m", "less\nerror")
-_WHAT = {"reduction_x": "x", "reduction_y": "y", "reduction": "distance"}
+_COLUMNS = (
+    "north\nm",
+    "east\nm",
+    "distance m",
+    "less\nerror",
+    "gap\nclosed",
+    "in\n95 %",
+    "random\nsplit m",
+    "less\nerror",
+)
+QUANTITY = {"reduction_x": "north", "reduction_y": "east", "reduction": "distance"}
 
 
 def terminal_tables(table: Table3) -> Iterator[Table]:
@@ -30,13 +41,12 @@ def methods_table(sea_state: str, rows: list[Row]) -> Table:
     unseen = {row.method: row for row in rows if row.split == "sequence"}
     mixed = {row.method: row for row in rows if row.split == "random"}
     some = next(iter(unseen.values()))
-    seeds = "1 seed" if some.seeds == 1 else f"{some.seeds} seeds"
-    table = _table(f"{sea_state}: {some.sequences} sequences never seen, {seeds}", *_COLUMNS)
+    table = _table(f"{sea_state}: {counts_of(some)}", *_COLUMNS)
     for method, row in unseen.items():
         leak = mixed[method]
         table.add_row(
             method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
-            f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}",
+            f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95),
             f"{leak.mean_distance_m.value:.2f}", f"{leak.reduction.value:.1%}",
             style="bold" if method == "hybrid" else "",
         )  # fmt: skip
@@ -54,16 +64,21 @@ def cells_table(table: Table3) -> Table:
     shown = _table(title, "published", "hybrid", "95 %", "above", "floor", "waves only")
     for cell in table.cells:
         shown.add_row(
-            f"{cell.sea_state} {_WHAT[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
+            f"{cell.sea_state} {QUANTITY[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
             f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", "yes" if cell.above else "no",
             f"{cell.floor:.1%}", f"{cell.waves_only:.1%}",
         )  # fmt: skip
     return shown
 
 
-def spread(interval: Interval) -> str:
-    """A figure with its interval."""
-    return f"{interval.value:.2f} [{interval.low:.2f}, {interval.high:.2f}]"
+def counts_of(row: Row) -> str:
+    """How many sequences of how many seeds a row is of, for people."""
+    return f"{row.sequences} sequences never seen, {row.seeds} seed{'' if row.seeds == 1 else 's'}"
+
+
+def share(interval: Interval) -> str:
+    """A share in whole percent; nothing where it is not known."""
+    return "" if math.isnan(interval.value) else f"{interval.value:.0%}"
 
 
 def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
