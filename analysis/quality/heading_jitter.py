@@ -77,8 +77,8 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
 
 
 def certain(jitter: Jitter) -> bool:
-    """Whether headings jitter, and not by chance or next to nothing."""
-    return jitter.beyond(_SMALLEST_S, _CHANCE)
+    """Whether headings jitter: not by chance, not next to nothing, nor by more than stamps do."""
+    return jitter.beyond(_SMALLEST_S, _CHANCE) and jitter.seconds <= _LARGEST_STAMP_ERROR_S
 
 
 def turned_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
