@@ -18,7 +18,7 @@ from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, Floats
-from hybrid.certainty import Predicted, guarded
+from hybrid.certainty import Predicted, Reserve, guarded
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import Source
 from hybrid.horizon import PAST_S, Horizons
@@ -27,6 +27,7 @@ from hybrid.sidecar import (
     SIDECAR,
     Model,
     Sidecar,
+    Substitutes,
     damaged,
     model_of,
     read_bytes,
@@ -55,8 +56,8 @@ class Trained:
 
     ``calibrator`` corrects the reference; ``data_driven`` is its twin without a model; ``vessel`` names the
     reference model and ``plant`` is it; ``band_m`` [H] is the radius that held 95 % of the positions on legs
-    kept out of the training, second by second, for a spread of one; ``fallback_band`` [H] that of the tracks that
-    speak where the calibrator has no ground, per metre of their own spread.
+    kept out of the training, second by second, for a spread of one; ``reserve`` is what is known of those
+    that speak where the calibrator has no ground.
     """
 
     calibrator: Calibrator
@@ -65,7 +66,7 @@ class Trained:
     vessel: str
     plant: Plant
     band_m: Floats
-    fallback_band: Floats
+    reserve: Reserve
     sources: tuple[Source, ...]
     metrics: dict[str, Any]
     trained_at: datetime = field(default_factory=now)
@@ -74,8 +75,7 @@ class Trained:
 
 def speak(trained: Trained, horizons: Horizons, reference: Floats) -> Predicted:
     """What a trained calibrator says of windows, or who speaks in its place: :func:`hybrid.certainty.guarded`."""
-    bands = trained.band_m, trained.fallback_band
-    return guarded(trained.calibrator, trained.plant, *bands, horizons, reference)
+    return guarded(trained.calibrator, trained.plant, trained.band_m, trained.reserve, horizons, reference)
 
 
 def save(trained: Trained, folder: Path) -> Path:
@@ -125,7 +125,11 @@ def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, s
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),
         files=digests,
         band_m=tuple(map(float, trained.band_m)),
-        fallback_band=tuple(map(float, trained.fallback_band)),
+        reserve=Substitutes(
+            reference_m=(float(trained.reserve.usual_m[0]), float(trained.reserve.before_m[0])),
+            constant_velocity_m=(float(trained.reserve.usual_m[1]), float(trained.reserve.before_m[1])),
+            band=tuple(map(float, trained.reserve.band)),
+        ),
         data=trained.sources,
         metrics=trained.metrics,
     )
@@ -150,12 +154,17 @@ def load(folder: Path) -> Trained:
         vessel=sidecar.vessel.name,
         plant=plant,
         band_m=np.array(sidecar.band_m),
-        fallback_band=np.array(sidecar.fallback_band),
+        reserve=_reserve(sidecar.reserve),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,
         versions=sidecar.versions,
     )
+
+
+def _reserve(stored: Substitutes) -> Reserve:
+    usual_m, before_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
+    return Reserve(usual_m, before_m, np.array(stored.band))
 
 
 def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Calibrator:

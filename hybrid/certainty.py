@@ -2,8 +2,9 @@
 
 A 95 % region is a circle about each predicted position. Its radius is a quantile of errors on legs that took no
 part in the training (split conformal prediction, Lei et al. 2018), relative to how uncertain the method says that
-each window is. Where a method has no ground, the better of the reference and of constant velocity speaks instead:
-the one that would have predicted the last seconds better, which needs nothing but what was measured by then.
+each window is. Where a method has no ground, reference and constant velocity speak instead, the better of them the
+louder: by how far off each was in the training, and by how much better or worse than that it would have predicted
+the last seconds, which needs nothing but what was measured by then.
 """
 
 from __future__ import annotations
@@ -29,13 +30,29 @@ COVERAGE = 0.95
 HINDCAST_S = 15
 _UNSURE_M = 0.5  # no hindcast is believed to better than this
 _UNKNOWN_M = 2.0  # where there is none; the same whatever other windows are asked about
+_BELIEVED = 0.5  # an error over the last seconds four times the usual one announces one of twice the usual size
+_PERFECT = 0.01  # of the usual error: nothing is believed to be perfect
+_LOUDNESS = 4.0  # nearly the better one alone, unless they are as good as each other
 FALLBACKS = ("reference", "constant_velocity")
+
+
+@dataclass(frozen=True, slots=True)
+class Reserve:
+    """What the training says of those who speak where a calibrator has no ground.
+
+    By :data:`FALLBACKS`: mean errors over the horizon ``usual_m`` [2] and over the seconds before ``before_m`` [2].
+    ``band`` [H] is the radius that holds 95 % of the positions about what they say together, per metre of spread.
+    """
+
+    usual_m: Floats
+    before_m: Floats
+    band: Floats
 
 
 @dataclass(frozen=True, slots=True)
 class Fallback:
     """What speaks where a calibrator has no ground: ``tracks`` [N, H+1, 3], ``chosen`` [N] of :data:`FALLBACKS`,
-    and ``spread_m`` [N], the error over the last seconds that its region grows with.
+    the louder one, and ``spread_m`` [N], the error over the last seconds that its region grows with.
     """
 
     tracks: Floats
@@ -73,13 +90,13 @@ def guarded(
     calibrator: Calibrator,
     plant: Plant,
     band_m: Floats,
-    fallback_band: Floats,
+    reserve: Reserve,
     horizons: Horizons,
     reference: Floats,
 ) -> Predicted:
-    """The calibrator where it has ground, the better of reference and constant velocity where not.
+    """The calibrator where it has ground, reference and constant velocity where not.
 
-    ``band_m`` [H] is :meth:`Calibrator.region`, ``fallback_band`` [H] is :func:`fallback_region`.
+    ``band_m`` [H] is :meth:`Calibrator.region`, ``reserve`` is :func:`reserve_of` the training.
     """
     untrained = calibrator.outside(horizons, reference)
     tracks, spread = calibrator.predict_with_spread(horizons, reference)
@@ -87,16 +104,23 @@ def guarded(
     lost = untrained | ~np.isfinite(tracks).all(axis=(1, 2))
     method = np.where(lost, "", "hybrid").astype("<U20")
     if lost.any():
-        instead = fallback(horizons.subset(lost), reference[lost], plant)
+        instead = fallback(horizons.subset(lost), reference[lost], plant, reserve)
         tracks[lost], method[lost] = instead.tracks, instead.chosen
-        radius_m[lost] = instead.spread_m[:, None] * fallback_band
+        radius_m[lost] = instead.spread_m[:, None] * reserve.band
     return Predicted(tracks, radius_m, lost, method)
 
 
-def fallback_region(horizons: Horizons, reference: Floats, plant: Plant) -> Floats:
-    """The radius that holds 95 % of positions about :func:`fallback`, per metre of its spread, by second [H]."""
-    instead = fallback(horizons, reference, plant)
-    return band_radius(instead.tracks, horizons.track, instead.spread_m[:, None])
+def reserve_of(horizons: Horizons, reference: Floats, plant: Plant) -> Reserve:
+    """What windows of the training, of which ``reference`` are the model's tracks, say of reference and constant
+    velocity.
+    """
+    both, before = _baselines(horizons, reference, plant)
+    usual_m, before_m = (
+        np.nanmean(each, axis=1) for each in ([off_m(track, horizons.track) for track in both], before)
+    )
+    alone = Reserve(usual_m, np.where(np.isfinite(before_m), before_m, 1.0), np.ones(horizons.horizon_s))
+    said = fallback(horizons, reference, plant, alone)
+    return replace(alone, band=band_radius(said.tracks, horizons.track, said.spread_m[:, None]))
 
 
 def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
@@ -125,19 +149,28 @@ def off_m(predicted: Floats, measured: Floats) -> Floats:
     return np.asarray(distances(predicted, measured).mean(axis=1))
 
 
-def fallback(horizons: Horizons, reference: Floats, plant: Plant) -> Fallback:
-    """The better of the reference's tracks and of constant velocity by the last :data:`HINDCAST_S` seconds.
-
-    Where these are not known it is the reference.
+def fallback(horizons: Horizons, reference: Floats, plant: Plant, reserve: Reserve) -> Fallback:
+    """What reference and constant velocity say together of windows, each with the fourth power of how small an
+    error is expected of it: that of the training, and more or less as it was off over the last
+    :data:`HINDCAST_S` seconds, where these are known.
     """
+    both, before_m = _baselines(horizons, reference, plant)
+    known = np.isfinite(before_m)
+    with np.errstate(invalid="ignore"):
+        surprise = (before_m / reserve.before_m[:, None] + _PERFECT) ** _BELIEVED
+    expected_m = reserve.usual_m[:, None] * np.where(known, surprise, np.where(known.any(axis=0), np.inf, 1.0))
+    weight = expected_m**-_LOUDNESS / (expected_m**-_LOUDNESS).sum(axis=0)
+    heard = weight[..., None, None] > 0.0
+    return Fallback(
+        tracks=np.sum(weight[..., None, None] * np.where(heard, both, 0.0), axis=0),
+        chosen=np.array(FALLBACKS)[weight.argmax(axis=0)],
+        spread_m=_UNSURE_M + (weight * np.where(known, before_m, _UNKNOWN_M)).sum(axis=0),
+    )
+
+
+def _baselines(horizons: Horizons, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
+    """The tracks [2, N, H+1, 3] of :data:`FALLBACKS`, and how far off they were over the seconds before [2, N]."""
     before, acted = earlier(horizons, HINDCAST_S)
     model = modelled(plant, before.start, acted, before.wind)
-    errors = np.stack([off_m(model, before.track), off_m(constant_velocity(before), before.track)])
-    errors = np.where(np.isfinite(errors), errors, np.inf)
-    best, least_m = np.argmin(errors, axis=0), errors.min(axis=0)
-    both = np.stack([reference, constant_velocity(horizons)])
-    return Fallback(
-        tracks=both[best, np.arange(len(horizons))],
-        chosen=np.array(FALLBACKS)[best],
-        spread_m=_UNSURE_M + np.where(np.isfinite(least_m), least_m, _UNKNOWN_M),
-    )
+    errors_m = np.stack([off_m(model, before.track), off_m(constant_velocity(before), before.track)])
+    return np.stack([reference, constant_velocity(horizons)]), errors_m

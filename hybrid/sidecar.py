@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 SIDECAR = "calibrator.json"
-FORMAT = 3
+FORMAT = 4
 UNITS = {
     "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
     "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
@@ -40,6 +40,7 @@ UNITS = {
 
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Radius = Annotated[FiniteFloat, Field(ge=0.0)]
+Error = Annotated[FiniteFloat, Field(gt=0.0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,17 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True)
+class Substitutes:
+    """What speaks where the calibrator has no ground: mean errors in the training, over the horizon and over the
+    seconds before [m], and the radius of its 95 % region by second, per metre of spread.
+    """
+
+    reference_m: tuple[Error, Error]
+    constant_velocity_m: tuple[Error, Error]
+    band: tuple[Radius, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Sidecar:
     """Everything about an artefact but the weights; ``files`` has their hashes."""
 
@@ -88,7 +100,7 @@ class Sidecar:
     data_driven: Model
     files: dict[str, Digest]
     band_m: tuple[Radius, ...]
-    fallback_band: tuple[Radius, ...]
+    reserve: Substitutes
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
 
@@ -200,9 +212,9 @@ def _check(sidecar: Sidecar, path: Path) -> None:
     if sidecar.past_s != PAST_S:
         raise InputError(f"was trained on windows that know {sidecar.past_s} s before their start, not {PAST_S} s",
                          where=str(path), fix="train anew")  # fmt: skip
-    for name in ("band_m", "fallback_band"):
-        if len(getattr(sidecar, name)) != sidecar.horizon_s:
-            raise damaged(path, f"{name} has {len(getattr(sidecar, name))} values for {sidecar.horizon_s} s")
+    for name, band in (("band_m", sidecar.band_m), ("reserve.band", sidecar.reserve.band)):
+        if len(band) != sidecar.horizon_s:
+            raise damaged(path, f"{name} has {len(band)} values for {sidecar.horizon_s} s")
     if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
         raise damaged(path, "a part of a recording's time is not within 0..100 percent")
     for model in (sidecar.calibrator, sidecar.data_driven):

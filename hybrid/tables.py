@@ -40,7 +40,7 @@ def _caption(validation: Validation) -> str:
     if validation.untrained is not None and validation.untrained.any():
         parts.append(
             f"{validation.untrained.sum()} windows start beyond what the calibrator was trained on: there the "
-            "better of reference and constant velocity speaks in its place"
+            "better of reference and constant velocity speaks in its place, or both"
         )
     if validation.outside:
         parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")

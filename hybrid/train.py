@@ -14,7 +14,7 @@ from acquisition.progress import part_of
 from hybrid.artefact import Trained
 from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
-from hybrid.certainty import fallback_region
+from hybrid.certainty import reserve_of
 from hybrid.gather import Gathered
 from hybrid.horizon import Horizons, split_by_group
 from hybrid.scores import score
@@ -66,7 +66,7 @@ def train(
         vessel=vessel,
         plant=plant,
         band_m=calibrator.region(stopping),
-        fallback_band=fallback_region(horizons, tracks, plant),
+        reserve=reserve_of(horizons, tracks, plant),
         sources=tuple(replace(each, path=each.path.resolve()) for each in gathered.sources),
         metrics=_metrics(horizons, training, stopping, calibrator.unseen(stopping)),
     )

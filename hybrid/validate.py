@@ -27,8 +27,8 @@ class Validation:
 
     ``outside`` counts the windows left out because the reference model left its range in them;
     ``untrained`` [N] marks those whose start lies beyond what the calibrator was trained on: there the hybrid
-    is the better of reference and constant velocity, as ``spoken_by`` [N] says. ``radius_m`` [N, H] are its 95 %
-    regions, ``band_m`` [H] their median.
+    is reference and constant velocity, the better of them the louder, as ``spoken_by`` [N] says. ``radius_m``
+    [N, H] are its 95 % regions, ``band_m`` [H] their median.
     """
 
     horizons: Horizons

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from acquisition.progress import part_of
 from hybrid.baselines import constant_velocity
 from hybrid.calibrators import make_calibrator
-from hybrid.certainty import band_radius, fallback_region, guarded
+from hybrid.certainty import band_radius, guarded, reserve_of
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.horizon import Horizons, difference_rad
 from hybrid.scores import distances
@@ -119,7 +119,7 @@ def _judged(
     errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
     for number, method in enumerate(methods):
         calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
-        regions = calibrator.region(stopping), fallback_region(*fitting, plant)
+        regions = calibrator.region(stopping), reserve_of(*fitting, plant)
         spoken = guarded(calibrator, plant, *regions, *held_out)
         errors[method] = errors_of(spoken.tracks, held_out[0], spoken.radius_m, spoken.untrained)
         progress(number + 1.0)

@@ -32,7 +32,7 @@ from hybrid.calibrators.adaptive.adaptation import (
 from hybrid.calibrators.adaptive.calibrator import Adaptive, _folds
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.adaptive.gains import WAVE_DAMPING, kalman_gains, wave_step
-from hybrid.certainty import fallback_region
+from hybrid.certainty import reserve_of
 from hybrid.horizon import PAST_S, Horizons
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant, pack
@@ -421,11 +421,12 @@ def test_it_comes_back_to_the_bit(
     twin = make_calibrator("data_driven", 0, plant)
     vars(twin).update(epochs=2, batch=32)
     twin.fit(examples, examples)
-    bands = learned.region(examples), fallback_region(*examples, plant)
+    bands = learned.region(examples), reserve_of(*examples, plant)
     trained = Trained(learned, twin, SECONDS, "gunnerus_short", plant, *bands, (), {})
     loaded = load(save(trained, tmp_path).parent)
     assert np.array_equal(loaded.band_m, trained.band_m)
-    assert np.array_equal(loaded.fallback_band, trained.fallback_band)
+    for name in ("usual_m", "before_m", "band"):
+        assert np.array_equal(getattr(loaded.reserve, name), getattr(trained.reserve, name))
     restored = Adaptive(learned.seed, plant).restore(learned.state())
     for other in (restored, loaded.calibrator):
         for name in ("predict", "spread", "outside"):

@@ -28,6 +28,7 @@ from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.data_driven import DataDriven
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS
+from hybrid.certainty import Reserve
 from hybrid.sidecar import FORMAT, SIDECAR
 from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
@@ -52,7 +53,8 @@ def tiny(plant: Plant) -> Callable[..., Trained]:
                 patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
                 calibrator.fit((training, training.track), (stopping, stopping.track))
         band_m = np.linspace(0.5, 3.0, SECONDS)
-        return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, band_m, (), {"windows": 16})
+        reserve = Reserve(np.array([1.5, 0.5]), np.array([1.0, 0.3]), band_m)
+        return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, reserve, (), {"windows": 16})
 
     return trained
 
@@ -217,6 +219,15 @@ DAMAGES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a band of words": (_edit("band_m", 3, to="wide"), "band_m.3"),
     "a band below nothing": (_edit("band_m", 3, to=-1.0), "band_m.3"),
     "an endless band": (_edit("band_m", 3, to=float("inf")), "band_m.3"),
+    "no reserve": (_edit("reserve", to=None), "reserve"),
+    "a reserve that never errs": (
+        _edit("reserve", to={"reference_m": [0.0, 1.0], "constant_velocity_m": [1.0, 1.0], "band": [1.0] * 6}),
+        "reserve.reference_m.0",
+    ),
+    "a short reserve": (
+        _edit("reserve", to={"reference_m": [1.0, 1.0], "constant_velocity_m": [1.0, 1.0], "band": [1.0]}),
+        "reserve.band has 1 values for 6 s",
+    ),
     "another horizon": (_edit("horizon_s", to=7), "band_m has 6 values for 7 s"),
     "half a second": (_edit("horizon_s", to=6.5), "horizon_s"),
     "a horizon as text": (_edit("horizon_s", to="6"), "horizon_s"),

@@ -173,7 +173,7 @@ def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
         [kalman_gains(speed, force, noise, left, _FOLLOWED_S, wave, wave_radps) for noise in axis_noises]
         for (speed, force, _), axis_noises, left, wave in zip(levels, noises, kept, wave_walks, strict=True)
     ]
-    return np.ascontiguousarray(np.moveaxis(gains, 0, 2)), kept, wave_step(wave_radps)
+    return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), kept, wave_step(wave_radps)
 
 
 def followed(vector: Floats, plant: Plant, windows: Seen) -> tuple[Floats, Floats]:
