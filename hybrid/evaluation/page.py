@@ -68,8 +68,8 @@ def _add_overview(page: Page, evaluation: Evaluation) -> None:
     page.figure(
         lambda figure: _drawn(plots.forest(figure.subplots(), evaluation.splits)),
         (8, 1.0 + 0.28 * rows),
-        "Left of 1 is better than the better of constant velocity and reference; bars are 95 % intervals, from "
-        "drawing legs anew.",
+        "Left of 1 a method errs less than the best baseline, the better of constant velocity and reference; bars "
+        "are 95 % intervals, from drawing legs anew.",
     )
     page.text(
         "Constant velocity, the reference and all networks start from a state smoothed over seconds on either "
@@ -110,8 +110,8 @@ def _add_leak(page: Page, evaluation: Evaluation) -> None:
     page.figure(
         lambda figure: _drawn(plots.leak(figure.subplots(), evaluation.splits)),
         (8, 1.2 + 0.5 * len(evaluation.leak)),
-        "Windows drawn at random overlap those trained on. The error on legs that were never seen is the one that "
-        "is met at sea.",
+        "Windows drawn at random are of legs that were trained on, and may overlap what was seen of them. The "
+        "error on legs that were never seen is the one that is met at sea.",
     )
     rows = [[unbroken(title_of(name)), unbroken(spread(factor))] for name, factor in evaluation.leak.items()]
     page.table(["method", "error on legs never seen over the error shown, on the same windows"], rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ Floats = NDArray[np.float64]
 _BASELINE_COLOURS = (INK, PALETTE[4])
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
+_LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 _METHOD_COLOURS = tuple(colour for colour in PALETTE if colour != PALETTE[4])
 
 
@@ -119,7 +121,9 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
             color=colours[method], capsize=2.5, label=title_of(method),
         )  # fmt: skip
         artists.append(drawn.lines[0])
-    axes.set_xticks(range(len(classes)), [f"{name}\n{counts_of(each)}" for name, each in classes.items()])
+    wide = max(_LABELS // len(classes), _SHORTEST)
+    labels = [f"{fill(name, wide)}\n{fill(counts_of(each), wide)}" for name, each in classes.items()]
+    axes.set_xticks(range(len(classes)), labels)
     axes.set_xlim(-0.5, len(classes) - 0.5)
     _logarithmic(axes, "y", [one.mean_distance_m for each in classes.values() for one in each.methods.values()])
     axes.set_ylabel("mean distance [m]")

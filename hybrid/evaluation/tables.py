@@ -13,7 +13,7 @@ MEANING = {
     "leg": "whole legs never seen",
     "time": "the last 30 % of the time",
     "recording": "recordings never seen",
-    "random": "windows at random, which overlap those trained on: flatters",
+    "random": "windows at random, of legs trained on: flatters",
 }
 FEW_LEGS = 10
 """With fewer legs than this a bootstrap's intervals are too narrow."""
@@ -50,7 +50,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
-    methods = [name.replace("_", " ") for name in split.whole.methods]
+    methods = [name.replace("_", "\n") for name in split.whole.methods]
     table = _table(f"{split.kind}: mean distance m by class, with windows/legs", None, "", *methods)
     for classes in split.shown.values():
         for name, summary in classes.items():
@@ -65,7 +65,7 @@ def caption_of(split: SplitSummary) -> str:
     fitted = sorted({min(split.fitted), max(split.fitted)})
     draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
     parts = [f"{draws}, {' to '.join(map(str, fitted))} windows to learn from",
-             f"best baseline: {split.whole.best_baseline}"]  # fmt: skip
+             f"best baseline: {split.whole.best_baseline.replace('_', ' ')}"]  # fmt: skip
     if split.leaked:
         parts.append(f"{split.leaked:.0%} of the seconds judged were learned from")
     beyond = [
@@ -89,7 +89,7 @@ def spread(interval: Interval) -> str:
 
 
 def _leak_table(evaluation: Evaluation) -> Table:
-    table = _table("random hides: error on unseen legs over it", None, "times")
+    table = _table("error on unseen legs over random's", None, "times")
     for name, factor in evaluation.leak.items():
         table.add_row(name, spread(factor))
     return table
@@ -98,7 +98,7 @@ def _leak_table(evaluation: Evaluation) -> Table:
 def _table(title: str, caption: str | None, *columns: str) -> Table:
     table = Table(title=title, title_justify="left", box=None, header_style="dim", caption=caption,
                   caption_justify="left")  # fmt: skip
-    table.add_column("", no_wrap=True)
+    table.add_column("", overflow="fold")
     for column in columns:
-        table.add_column(column, justify="right")
+        table.add_column(column, justify="right", no_wrap=True)
     return table

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from rich.console import Console
 from typer.testing import CliRunner
 
 from hybrid.baselines import constant_velocity, reference
 from hybrid.calibrators.calibrator import Calibrator
+from hybrid.evaluation.plots import breakdown
 from hybrid.evaluation.study import Study, study
 from hybrid.evaluation.summary import Evaluation, evaluation_of
 from hybrid.evaluation.tables import evaluation_tables
@@ -129,6 +133,38 @@ def test_tables_name_every_method_and_split(evaluation: Evaluation) -> None:
         console.print(table)
     shown = console.export_text()
     assert all(name in shown for name in (*FAKES, *SPLITS))
+
+
+@pytest.fixture
+def long_names(evaluation: Evaluation) -> Evaluation:
+    """Recordings with names as a season gives them."""
+    split = evaluation.splits["recording"]
+    named = {f"research_vessel-2026-06-01-{name}": each for name, each in split.breakdown["recording"].items()}
+    return replace(evaluation, splits={"recording": replace(split, breakdown={"recording": named})})
+
+
+def test_tables_fit_a_terminal_of_80_columns(evaluation: Evaluation, long_names: Evaluation) -> None:
+    """Nothing is cut off, however long the names of recordings are: they go on in the next line."""
+    for each in (evaluation, long_names):
+        console = Console(width=80, record=True, file=StringIO())
+        console.print(*evaluation_tables(each))
+        shown = console.export_text()
+        assert "\u2026" not in shown
+        for split in each.splits.values():
+            for classes in split.shown.values():
+                assert all(f"{summary.windows}/{summary.legs}" in shown for summary in classes.values())
+
+
+def test_long_names_do_not_run_into_each_other_below_a_figure(long_names: Evaluation) -> None:
+    axes = Figure(figsize=(8.5, 3.2)).subplots()
+    classes = long_names.splits["recording"].breakdown["recording"]
+    breakdown(axes, {f"{number}-{name}": each for number in range(3) for name, each in classes.items()})
+    figure = axes.get_figure()
+    assert figure is not None
+    figure.canvas.draw()
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels()]
+    assert len(boxes) == 3 * len(classes)
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
 
 
 def test_evaluate_from_recording_to_page(

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rich.console import Console
 from typer.testing import CliRunner
 
 import seatrial
@@ -25,7 +27,7 @@ from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.seas import seas_of
 from hybrid.reproduction.table3 import ORDER, Row, Table3, bootstrap_means, cells_of, figures_of, rows_of, table3
-from hybrid.reproduction.tables import write_table3
+from hybrid.reproduction.tables import terminal_tables, write_table3
 from hybrid.scores import score
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
@@ -168,6 +170,24 @@ def test_reductions_are_paired() -> None:
         assert (reduction.low, reduction.value, reduction.high) == pytest.approx((0.5, 0.5, 0.5))
     assert row.removable_gap_closed.value == pytest.approx(2.0 / 3.0)
     assert row.mean_distance_m.low < row.mean_distance_m.value < row.mean_distance_m.high
+
+
+def test_tables_fit_a_terminal_of_80_columns() -> None:
+    """Errors of metres, one method worse than the reference: nothing is cut off."""
+    gap_m = np.random.default_rng(4).normal(0.0, 3.0, (14, 30, 2))
+    factor = dict.fromkeys(ORDER, 1.0) | {"data_driven": 1.4, "hybrid": 0.5, "floor": 0.25}
+    rows = [
+        row
+        for split in ("sequence", "random")
+        for row in rows_of(
+            [Errors(Job("calm", 0), method, split, gap_m * factor[method], np.ones((14, 30))) for method in ORDER]
+        )
+    ]
+    console = Console(width=80, record=True, file=StringIO())
+    console.print(*terminal_tables(Table3(tuple(rows), tuple(cells_of(rows)))))
+    shown = console.export_text()
+    assert "\u2026" not in shown
+    assert all(method in shown for method in ORDER)
 
 
 def _row(table: Table3, method: str, split: str, sea_state: str = "calm") -> Row:
