@@ -172,7 +172,7 @@ def draw_predictions(figure: Figure, shown: Shown) -> None:
             _one_prediction(axes, sea, int(numbers[0]))
             axes.set_title(f"{sea.campaign.sea_state}, {angle:g}°", loc="left")
     handles = grid[0, 0].get_legend_handles_labels()[0]
-    band = Patch(facecolor=plots.COLOUR["hybrid"], alpha=0.25, label="95 % region at 30 s")
+    band = Patch(facecolor=plots.COLOUR["hybrid"], alpha=0.25, label="95 % region at the end")
     figure.legend(handles=[*handles, band], loc="outside lower center", ncols=4)
 
 
