@@ -116,11 +116,18 @@ def reserve_of(horizons: Horizons, reference: Floats, plant: Plant) -> Reserve:
     """
     both, before = _baselines(horizons, reference, plant)
     usual_m, before_m = (
-        np.nanmean(each, axis=1) for each in ([off_m(track, horizons.track) for track in both], before)
+        np.array([_mean_known(each) for each in errors_m])
+        for errors_m in ([off_m(track, horizons.track) for track in both], before)
     )
     alone = Reserve(usual_m, np.where(np.isfinite(before_m), before_m, 1.0), np.ones(horizons.horizon_s))
     said = fallback(horizons, reference, plant, alone)
     return replace(alone, band=band_radius(said.tracks, horizons.track, said.spread_m[:, None]))
+
+
+def _mean_known(errors_m: Floats) -> float:
+    """The mean of those that are known; NaN where none is, as of windows before which nothing was recorded."""
+    known = errors_m[np.isfinite(errors_m)]
+    return float(known.mean()) if known.size else float("nan")
 
 
 def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
