@@ -52,7 +52,8 @@ class Reserve:
 @dataclass(frozen=True, slots=True)
 class Fallback:
     """What speaks where a calibrator has no ground: ``tracks`` [N, H+1, 3], ``chosen`` [N] of :data:`FALLBACKS`,
-    the louder one, and ``spread_m`` [N], the error over the last seconds that its region grows with.
+    the louder one, and ``spread_m`` [N], which its region grows with: the error over the last seconds, and no less
+    than the usual one.
     """
 
     tracks: Floats
@@ -114,20 +115,18 @@ def reserve_of(horizons: Horizons, reference: Floats, plant: Plant) -> Reserve:
     """What windows of the training, of which ``reference`` are the model's tracks, say of reference and constant
     velocity.
     """
-    both, before = _baselines(horizons, reference, plant)
-    usual_m, before_m = (
-        np.array([_mean_known(each) for each in errors_m])
-        for errors_m in ([off_m(track, horizons.track) for track in both], before)
-    )
-    alone = Reserve(usual_m, np.where(np.isfinite(before_m), before_m, 1.0), np.ones(horizons.horizon_s))
+    both, before_m = _baselines(horizons, reference, plant)
+    usual_m = [_mean_known(off_m(track, horizons.track)) for track in both]
+    usual_before_m = [_mean_known(each) for each in before_m]
+    alone = Reserve(np.array(usual_m), np.array(usual_before_m), np.ones(horizons.horizon_s))
     said = fallback(horizons, reference, plant, alone)
     return replace(alone, band=band_radius(said.tracks, horizons.track, said.spread_m[:, None]))
 
 
 def _mean_known(errors_m: Floats) -> float:
-    """The mean of those that are known; NaN where none is, as of windows before which nothing was recorded."""
+    """The mean of those that are known; :data:`_UNKNOWN_M` where none is, as where nothing was recorded before."""
     known = errors_m[np.isfinite(errors_m)]
-    return float(known.mean()) if known.size else float("nan")
+    return float(known.mean()) if known.size else _UNKNOWN_M
 
 
 def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
@@ -168,10 +167,11 @@ def fallback(horizons: Horizons, reference: Floats, plant: Plant, reserve: Reser
     expected_m = reserve.usual_m[:, None] * np.where(known, surprise, np.where(known.any(axis=0), np.inf, 1.0))
     weight = expected_m**-_LOUDNESS / (expected_m**-_LOUDNESS).sum(axis=0)
     heard = weight[..., None, None] > 0.0
+    seen_m = np.where(known, before_m, _UNKNOWN_M)
     return Fallback(
         tracks=np.sum(weight[..., None, None] * np.where(heard, both, 0.0), axis=0),
         chosen=np.array(FALLBACKS)[weight.argmax(axis=0)],
-        spread_m=_UNSURE_M + (weight * np.where(known, before_m, _UNKNOWN_M)).sum(axis=0),
+        spread_m=_UNSURE_M + (weight * np.maximum(seen_m, reserve.before_m[:, None])).sum(axis=0),
     )
 
 

@@ -115,7 +115,7 @@ def train(
     plant = vessel_plant(load_vessel(name))
     make_folder(output)
     with bar("reading") as progress:
-        gathered = gather(files, horizon, stride, percent_of(part), progress)
+        gathered = gather(files, horizon, stride, percent_of(part), progress, shorter=True)
     with bar("training") as progress:
         trained = run(gathered, name, plant, method, seed, progress)
     path = save(trained, output)
@@ -123,9 +123,10 @@ def train(
         typer.echo(json.dumps({"calibrator": str(path.parent), **trained.metrics}))
         return
     metrics = trained.metrics
+    more = f" and {metrics['shorter_windows']} shorter ones" if metrics["shorter_windows"] else ""
     typer.echo(
-        f"trained on {metrics['training_windows']} windows; on {metrics['held_out_windows']} windows of legs kept "
-        f"out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m",
+        f"trained on {metrics['training_windows']} windows{more}; on {metrics['held_out_windows']} windows of legs "
+        f"kept out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m",
         err=True,
     )
     if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:

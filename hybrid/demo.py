@@ -180,7 +180,7 @@ def train_on_earlier(folder: Path, seed: int, progress: Progress) -> Trained:
         for number in range(TRAINING_VOYAGES)
     ]
     plant = vessel_plant(load_vessel(MODEL))
-    trained = train(gather(paths, HORIZON_S, STRIDE_S), MODEL, plant, seed=seed, progress=progress)
+    trained = train(gather(paths, HORIZON_S, STRIDE_S, shorter=True), MODEL, plant, seed=seed, progress=progress)
     save(trained, folder / "calibrator")
     return trained
 

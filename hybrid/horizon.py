@@ -38,6 +38,8 @@ class Horizons:
     ``past`` [N, P+1, 13] is what was measured at second 0 and at each of the P seconds before, newest first, as it
     was measured: the six columns of ``start``, the two of ``wind``, the five of ``control``; NaN where nothing was
     recorded. The heading has no jumps and meets that of ``track`` at second 0.
+
+    A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
     """
 
     start: Floats
@@ -56,6 +58,11 @@ class Horizons:
     def horizon_s(self) -> int:
         """The length of the windows [s]."""
         return int(self.track.shape[1]) - 1
+
+    @property
+    def whole(self) -> NDArray[np.bool_]:
+        """The windows [N] whose track is known to the end."""
+        return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Horizons:
         """The windows that a mask or index chooses."""
@@ -178,3 +185,10 @@ def split_by_group(
             taken += int(counts[group])
     second = np.isin(groups, names[held_out or [int(np.argmin(counts))]])
     return ~second, second
+
+
+def drawn_legs(horizons: Horizons, share: float, seed: int) -> NDArray[np.bool_]:
+    """The windows [N] of legs drawn by :func:`split_by_group` until they hold that share of the whole ones."""
+    whole = horizons.whole
+    chosen = split_by_group(horizons.leg[whole], share, seed)[1]
+    return np.isin(horizons.leg, horizons.leg[whole][chosen])

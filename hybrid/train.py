@@ -16,7 +16,7 @@ from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
 from hybrid.certainty import reserve_of
 from hybrid.gather import Gathered
-from hybrid.horizon import Horizons, split_by_group
+from hybrid.horizon import Horizons, drawn_legs
 from hybrid.scores import score
 from hybrid.vessel.plant import Plant
 
@@ -54,7 +54,8 @@ def train(
 ) -> Trained:
     """Fit the calibrator and its twin without a model; legs kept out stop networks and size their regions."""
     horizons, tracks = inside_range(gathered.horizons, plant)
-    fitting, held_out = split_by_group(horizons.leg, HELD_OUT_SHARE, seed)
+    held_out = drawn_legs(horizons, HELD_OUT_SHARE, seed)
+    fitting = ~held_out
     training = (horizons.subset(fitting), tracks[fitting])
     stopping = (horizons.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
@@ -78,13 +79,14 @@ def _metrics(
     stopping: tuple[Horizons, Floats],
     predicted: Floats,
 ) -> dict[str, Any]:
-    reference_m = score(stopping[1], stopping[0].track).mean_distance_m
-    hybrid_m = score(predicted, stopping[0].track).mean_distance_m
+    judged = stopping[0].whole
+    measured = stopping[0].track[judged]
     return {
-        "windows": len(horizons),
+        "windows": int(horizons.whole.sum()),
+        "shorter_windows": int((~horizons.whole).sum()),
         "legs": int(np.unique(horizons.leg).size),
-        "training_windows": len(training[0]),
-        "held_out_windows": len(stopping[0]),
-        "held_out_reference_m": reference_m,
-        "held_out_hybrid_m": hybrid_m,
+        "training_windows": int(training[0].whole.sum()),
+        "held_out_windows": int(judged.sum()),
+        "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,
+        "held_out_hybrid_m": score(predicted[judged], measured).mean_distance_m,
     }

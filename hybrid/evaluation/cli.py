@@ -66,7 +66,7 @@ def evaluate(
         make_folder(output)
     with bar("reading") as progress:
         gathered = gather(
-            files, horizon, stride, progress=progress,
+            files, horizon, stride, progress=progress, shorter=True,
             repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip
     with bar("fitting") as progress:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acquisition.errors import ConfigurationError, DataShortageError
 from analysis.frames import NANO
-from hybrid.horizon import Horizons, split_by_group
+from hybrid.horizon import Horizons, drawn_legs
 from hybrid.train import HELD_OUT_SHARE
 
 Flags = NDArray[np.bool_]
@@ -29,7 +29,8 @@ TEST_SHARE = 0.3
 class Draw:
     """One way to part N windows, as masks [N] that exclude each other.
 
-    ``fitting`` is learned from, ``stopping`` ends the learning and sizes the regions, ``held_out`` is judged on.
+    ``fitting`` is learned from, ``stopping`` ends the learning and sizes the regions, ``held_out`` is judged on and
+    holds whole windows only.
     Windows in none of them share seconds with both sides.
     """
 
@@ -55,8 +56,8 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
 
 def by_leg(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
-    parts = [split_by_group(horizons.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
-    return [_with_stopping(horizons, known, unseen, seed + draw) for draw, (known, unseen) in enumerate(parts)]
+    parts = [drawn_legs(horizons, TEST_SHARE, seed + draw) for draw in range(draws)]
+    return [_with_stopping(horizons, ~unseen, unseen, seed + draw) for draw, unseen in enumerate(parts)]
 
 
 def by_time(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
@@ -88,7 +89,7 @@ def at_random(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
         rank = np.random.default_rng(seed + draw).permutation(len(horizons)) / len(horizons)
         stopping = (rank >= TEST_SHARE) & (rank < TEST_SHARE + HELD_OUT_SHARE * (1.0 - TEST_SHARE))
         held_out = rank < TEST_SHARE
-        result.append(Draw(~held_out & ~stopping, stopping, held_out))
+        result.append(Draw(~held_out & ~stopping, stopping, held_out & horizons.whole))
     return result
 
 
@@ -105,8 +106,10 @@ def shared_seconds(horizons: Horizons, known: Flags, unseen: Flags) -> int:
     """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
     first, _ = _seconds_of(horizons)
     seconds = first[:, None] + np.arange(horizons.horizon_s + 1)
+    there = np.isfinite(horizons.track[..., 0])
     mine = [horizons.trial == trial for trial in np.unique(horizons.trial)]
-    return sum(np.intersect1d(seconds[known & each], seconds[unseen & each]).size for each in mine)
+    sides = [[seconds[some & each][there[some & each]] for some in (known, unseen)] for each in mine]
+    return sum(np.intersect1d(*both).size for both in sides)
 
 
 def leaked_share(horizons: Horizons, draw: Draw) -> float:
@@ -117,18 +120,12 @@ def leaked_share(horizons: Horizons, draw: Draw) -> float:
 
 def _with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -> Draw:
     """The draw in which whole legs of what is known are left out of the fit, to stop by."""
-    inner, stopping = split_by_group(horizons.leg[known], HELD_OUT_SHARE, seed)
-    rows = np.flatnonzero(known)
-    return Draw(_mask(rows[inner], len(horizons)), _mask(rows[stopping], len(horizons)), unseen)
-
-
-def _mask(rows: NDArray[np.int64], count: int) -> Flags:
-    mask = np.zeros(count, dtype=bool)
-    mask[rows] = True
-    return mask
+    stopping = np.zeros(len(horizons), dtype=bool)
+    stopping[known] = drawn_legs(horizons.subset(known), HELD_OUT_SHARE, seed)
+    return Draw(known & ~stopping, stopping, unseen & horizons.whole)
 
 
 def _seconds_of(horizons: Horizons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first and the last second of each window [N], in seconds since 1970."""
+    """The first and the last known second of each window [N], in seconds since 1970."""
     first = horizons.start_time.as_unit("ns").asi8 // NANO
-    return first, first + horizons.horizon_s
+    return first, first + np.isfinite(horizons.track[:, 1:, 0]).sum(axis=1)

@@ -113,8 +113,8 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
     return Evaluation(
         horizon_s=study.horizons.horizon_s,
-        windows=len(study.horizons),
-        legs=len(set(study.horizons.leg)),
+        windows=int(study.horizons.whole.sum()),
+        legs=len(set(study.horizons.leg[study.horizons.whole])),
         outside=study.outside,
         splits={
             each.kind: _split_summary(each, study.horizons.subset(each.held_out), length_m, seed)

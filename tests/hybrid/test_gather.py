@@ -1,4 +1,4 @@
-"""Windows of recordings in which something is certainly wrong."""
+"""Windows of recordings: repaired on request, and with shorter ones to learn from."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import pytest
 
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.gather import gather
+from hybrid.horizon import Horizons
 from hybrid.truth.trial import simulate_trial
 
 KNOT_MPS = 1852.0 / 3600.0
@@ -28,3 +30,46 @@ def test_speeds_in_knots_are_put_right_on_request(tmp_path: Path) -> None:
     surge = [np.median(each.start[:, 3]) for each in (as_it_is, right, repaired)]
     assert surge[0] == pytest.approx(surge[1] / KNOT_MPS, rel=0.01)
     assert surge[2] == pytest.approx(surge[1], rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Horizons, Horizons]:
+    """The whole windows of 30 s of a simulated voyage, and the same with shorter ones behind."""
+    table, _ = simulate_trial("gunnerus_short", "gentle", "voyage", 1800.0, 2.0, 3)
+    path = tmp_path_factory.mktemp("voyage") / "voyage.mcap"
+    write_table(table, path, Trial(name="voyage"), source="simulated")
+    alone, longer = (gather([path], 30, 5, shorter=shorter).horizons for shorter in (False, True))
+    return alone, longer
+
+
+def test_shorter_windows_come_behind_the_whole_ones(both: tuple[Horizons, Horizons]) -> None:
+    """They know half of the horizon and nothing after it, and none of them is the beginning of a whole one."""
+    alone, longer = both
+    added = np.arange(len(longer)) >= len(alone)
+    assert added.sum() > 5
+    assert np.array_equal(longer.whole, ~added)
+    for name in ("start", "track", "wind", "control", "past"):
+        assert np.array_equal(getattr(longer, name)[~added], getattr(alone, name), equal_nan=True)
+    assert np.isfinite(longer.track[added, :16]).all()
+    assert np.isnan(longer.track[added, 16:]).all()
+    assert not longer.start_time[added].isin(alone.start_time).any()
+
+
+def test_legs_reach_over_whole_and_shorter_windows(both: tuple[Horizons, Horizons]) -> None:
+    """Windows of one leg stay together, and no second is in two legs."""
+    alone, longer = both
+    for leg in np.unique(alone.leg):
+        assert len(np.unique(longer.leg[: len(alone)][alone.leg == leg])) == 1
+    for leg in np.unique(longer.leg):
+        mine = longer.leg == leg
+        assert shared_seconds(longer, mine, ~mine) == 0
+
+
+@pytest.mark.parametrize("kind", ["leg", "time"])
+def test_only_whole_windows_are_judged(both: tuple[Horizons, Horizons], kind: str) -> None:
+    """And nothing that is learned from shares a second with them; shorter ones are learned from."""
+    _, longer = both
+    for draw in draws_of(kind, longer, 3, 0):
+        assert longer.whole[draw.held_out].all()
+        assert (~longer.whole)[draw.fitting].any()
+        assert shared_seconds(longer, draw.fitting | draw.stopping, draw.held_out) == 0
