@@ -42,12 +42,13 @@ class Campaign:
     """The sequences of one sea state as N windows, and the plant that made them.
 
     ``azimuth_deg`` [N] is the order of each sequence, positive turning the ship to port. ``truth`` is the
-    ship in the mean current and drift of the sea state, ``ship_track`` [N, H+1, 3] where she was, without the
-    first-order motion in waves and without sensors.
+    ship in the mean current and drift of the sea state, ``ship_start`` [N, 6] how she was at second 0 and
+    ``ship_track`` [N, H+1, 3] where she went, without the first-order motion in waves and without sensors.
     """
 
     horizons: Horizons
     azimuth_deg: Floats
+    ship_start: Floats
     ship_track: Floats
     truth: Plant
     sea_state: str
@@ -62,6 +63,7 @@ class Campaign:
             self,
             horizons=self.horizons.subset(chosen),
             azimuth_deg=self.azimuth_deg[chosen],
+            ship_start=self.ship_start[chosen],
             ship_track=self.ship_track[chosen],
         )
 
@@ -89,8 +91,8 @@ def paper_campaign(
         if len(windows) == sequences:
             chosen = rows[rows["window"].isin(windows)]
             horizons = from_rows(chosen, start_motion(chosen, one_hz), {f"{sea_state}-{seed}": one_hz})
-            ship_track = _ship_track(horizons, table.index[0], truth["states"])
-            return Campaign(horizons, azimuth_deg, ship_track, truth["plant"], sea_state, seed)
+            ship = _ship_states(horizons, table.index[0], truth["states"])
+            return Campaign(horizons, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"], sea_state, seed)
         duration_s, found = 1.5 * duration_s, len(windows)
     raise DataShortageError(
         f"{found} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
@@ -109,11 +111,11 @@ def _held_for(manoeuvre: Manoeuvre, horizon_s: int) -> Manoeuvre:
     )
 
 
-def _ship_track(horizons: Horizons, began: pd.Timestamp, states: Floats) -> Floats:
-    """Where the ship was at the seconds of each window [N, H+1, 3], from her ``states`` [rows, 6] at RATE_HZ."""
+def _ship_states(horizons: Horizons, began: pd.Timestamp, states: Floats) -> Floats:
+    """The ship's state at the seconds of each window [N, H+1, 6], from her ``states`` [rows, 6] at RATE_HZ."""
     first = np.round((horizons.start_time - began).total_seconds().to_numpy() * RATE_HZ).astype(np.int64)
     rows = first[:, None] + np.round(np.arange(horizons.horizon_s + 1) * RATE_HZ).astype(np.int64)
-    return np.asarray(states[rows, :3])
+    return np.asarray(states[rows])
 
 
 def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tuple[Counts, Floats]:

@@ -108,6 +108,7 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
         "constant_velocity": constant_velocity(judged),
         "reference": tracks[tested],
         "floor": reference(judged, campaign.truth),
+        "perfect_start": reference(replace(judged, start=campaign.ship_start[tested]), campaign.truth),
         "waves_only": campaign.ship_track[tested],
     }
     training = _examples(horizons, tracks, parts.training)

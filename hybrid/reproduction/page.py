@@ -111,8 +111,8 @@ def add_cells(page: Page, table: Table3) -> None:
     page.heading(f"{above} of {len(table.cells)} published reductions exceeded on sequences never seen")
     lines = [
         [f"{cell.sea_state}, {QUANTITY[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
-         f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", f"{cell.floor:.1%}", f"{cell.waves_only:.1%}",
-         "yes" if cell.above else "no"]
+         f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", f"{cell.floor:.1%}", f"{cell.perfect_start:.1%}",
+         f"{cell.waves_only:.1%}", "yes" if cell.above else "no"]
         for cell in table.cells
     ]  # fmt: skip
-    page.table(["", "published", "hybrid", "95 % interval", "floor", "waves only", "above"], lines)
+    page.table(["", "published", "hybrid", "95 % interval", "floor", "perfect start", "waves only", "above"], lines)

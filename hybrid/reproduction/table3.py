@@ -3,7 +3,8 @@
 Every figure is a mean over seeds, each seed a campaign, a split and a network of its own. Intervals hold 95 %:
 a bootstrap over sequences within each seed, the same draws for every method, so that reductions are paired.
 
-Two rows are no method: ``floor`` is the true ship from the same measurements, the weather ahead unknown;
+Three rows are no method: ``floor`` is the true ship from the same measurements, the weather ahead unknown;
+``perfect_start`` goes on from the ship's true state instead, which nobody knows, and the weather ahead remains;
 ``waves_only`` knows where the ship will be but for the first-order motion in waves, and nothing gets below it.
 """
 
@@ -24,7 +25,17 @@ from hybrid.reproduction.published import PUBLISHED, published_hybrid
 Floats = NDArray[np.float64]
 
 SEEDS = 5
-ORDER = ("constant_velocity", "reference", "data_driven", "paper", "additive", "hybrid", "floor", "waves_only")
+ORDER = (
+    "constant_velocity",
+    "reference",
+    "data_driven",
+    "paper",
+    "additive",
+    "hybrid",
+    "floor",
+    "perfect_start",
+    "waves_only",
+)
 QUANTITIES = ("reduction_x", "reduction_y", "reduction")
 
 
@@ -67,13 +78,15 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One published reduction, ours on sequences never seen, and what bounds it: ``floor`` and ``waves_only``."""
+    """One published reduction, ours on sequences never seen, and what bounds it: ``floor``, ``perfect_start``,
+    ``waves_only``."""
 
     sea_state: str
     quantity: str
     published: float
     hybrid: Interval
     floor: float
+    perfect_start: float
     waves_only: float
 
     @property
@@ -184,7 +197,8 @@ def cells_of(rows: Iterable[Row]) -> list[Cell]:
         published = published_hybrid(sea_state)
         for quantity in QUANTITIES if published else ():
             ours, *bounds = (
-                getattr(unseen[sea_state, each], quantity) for each in ("hybrid", "floor", "waves_only")
+                getattr(unseen[sea_state, each], quantity)
+                for each in ("hybrid", "floor", "perfect_start", "waves_only")
             )
             cells.append(
                 Cell(sea_state, quantity, getattr(published, quantity), ours, *(each.value for each in bounds))

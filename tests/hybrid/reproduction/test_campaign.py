@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,6 +85,15 @@ def test_in_a_calm_only_the_sensors_part_the_ship_from_her_measured_track(calm: 
     gap = calm.ship_track - calm.horizons.track
     assert np.abs(gap[..., :2]).max() < 0.15
     assert np.abs(np.angle(np.exp(1j * gap[..., 2]))).max() < np.deg2rad(0.5)
+
+
+def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(calm: Campaign) -> None:
+    """Nothing is unknown there but what the thrusters' feedback at second 0 errs by."""
+    known = reference(replace(calm.horizons, start=calm.ship_start), calm.truth)
+    model = reference(calm.horizons, vessel_plant(load_vessel("gunnerus_short")))
+    off_m, model_off_m = (score(each, calm.ship_track).mean_distance_m for each in (known, model))
+    assert off_m < 0.1 * model_off_m
+    assert np.array_equal(known[:, 0], calm.ship_track[:, 0])
 
 
 def test_the_same_seed_gives_the_same_campaign(calm: Campaign) -> None:
