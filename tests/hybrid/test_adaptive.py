@@ -382,6 +382,19 @@ def test_a_window_is_predicted_alone_as_among_others(plant: Plant, truth: Plant,
         assert np.stack(single) == pytest.approx(say(windows, alone), rel=1e-9)
 
 
+def test_what_the_training_hardly_varied_is_not_outside_at_once(learned: Adaptive, training: Horizons) -> None:
+    """A ship that never turned her pods knows of 5 degrees, and not of 80; in a calm she knows of a breeze."""
+    straight = Adaptive(learned.seed, learned.plant).restore(learned.state())
+    straight.range_ = learned.range_.copy()
+    straight.range_[:, 7:] = np.array([1.0, 0.0, 1.0, 0.0])
+    straight.range_[:, 3] = 0.0
+    for pod_deg, wind_mps, beyond in ((5.0, 1.5, False), (80.0, 1.5, True), (5.0, 9.0, True)):
+        past = training.past.copy()
+        past[..., [9, 11]], past[..., 7] = np.deg2rad(pod_deg), wind_mps
+        windows = replace(training, past=past)
+        assert (straight.outside(windows, windows.track) == beyond).all()
+
+
 @pytest.mark.parametrize(("column", "times"), [(3, 3.0), (5, 20.0)])
 def test_speeds_far_from_the_training_are_outside(
     plant: Plant, truth: Plant, learned: Adaptive, column: int, times: float

@@ -29,6 +29,11 @@ TRUSTS = (np.inf, 4.0, 2.0)
 """By which power of its error in the last seconds a way of predicting loses weight; infinite: ours alone."""
 BEYOND = 0.5
 """How far past the range of the training, as a share of it, a start may lie before it counts as outside."""
+ALIKE = np.array([0.5, 0.2, 0.01, 2.0, 0.3, 0.3, 10.0, 0.15, 0.15, 0.15, 0.15])
+"""How far past it a start never counts as outside, however little the training varied: surge, sway [m/s], yaw rate
+[rad/s], wind speed [m/s], revolutions [rev/s], tunnel [rpm], cosine and sine of the pods' angles (30 degrees from
+dead ahead).
+"""
 _PERFECT = 0.1  # errors in the last seconds below this share of the usual one say nothing more
 _UNKNOWN = 2.0  # how uncertain a window is whose past is not known, in usual errors
 _RECENT_S = 5
@@ -155,7 +160,7 @@ class Adaptive(Calibrator):
 
     def outside(self, horizons: Horizons, reference: Floats) -> Flags:
         starts, (low, high) = _starts(horizons), self.range_
-        margin = BEYOND * (high - low) + 1e-6
+        margin = np.maximum(BEYOND * (high - low), ALIKE)
         return np.asarray(((starts < low - margin) | (starts > high + margin)).any(axis=1))
 
     def state(self) -> dict[str, Tensor]:
