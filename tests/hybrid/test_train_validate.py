@@ -246,6 +246,33 @@ def test_three_quarters_of_the_error_go(
     assert found.coverage_95 >= 0.9
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_in_another_sea_nothing_is_lost(simulated: Simulated, report_line: Callable[[str], None]) -> None:
+    """A calibrator of one sea state in the others is hardly worse than the best baseline, and says that it guesses
+    or is right about how sure it is.
+    """
+    plant = vessel_plant(load_vessel("gunnerus_short"))
+    voyages = {
+        sea: gather([simulated(sea, seed, 1800.0, 2.0) for seed in range(4)], 30, 5)
+        for sea in ("calm", "gentle", "moderate")
+    }
+    for known, training in voyages.items():
+        trained = train(training, "gunnerus_short", plant)
+        for unseen in voyages.keys() - {known}:
+            found = validate(voyages[unseen], plant, trained)
+            best_m = min(found.scores[name].mean_distance_m for name in ("constant_velocity", "reference"))
+            ratio = found.scores["hybrid"].mean_distance_m / best_m
+            assert found.untrained is not None
+            assert found.coverage_95 is not None
+            guessed = found.untrained.mean()
+            report_line(
+                f"{known} to {unseen}: {ratio:.2f}, the band holds {found.coverage_95:.1%}, {guessed:.0%} guessed"
+            )
+            assert ratio < 1.2
+            assert guessed > 0.5 or found.coverage_95 > 0.9
+
+
 @pytest.fixture
 def report_line(capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
     """Print a line whatever pytest captures: the figures are what the slow tests are read for."""

@@ -170,10 +170,16 @@ def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
     ) ** 2
     noises = levels[:, 2:] + np.array([[0.0], [0.0], [1.0]]) * stamped
     gains = [
-        [kalman_gains(speed, force, noise, left, _FOLLOWED_S, wave, wave_radps) for noise in axis_noises]
+        [_axis_gains(speed, force, noise, left, wave, wave_radps) for noise in axis_noises]
         for (speed, force, _), axis_noises, left, wave in zip(levels, noises, kept, wave_walks, strict=True)
     ]
     return np.ascontiguousarray(np.moveaxis(np.array(gains), 0, 2)), kept, wave_step(wave_radps)
+
+
+@lru_cache(maxsize=256)
+def _axis_gains(speed: float, force: float, noise: float, left: float, wave: float, wave_radps: float) -> Floats:
+    """The gains of one axis; most steps change none of its numbers, and without turning three times the same."""
+    return np.asarray(kalman_gains(speed, force, noise, left, _FOLLOWED_S, wave, wave_radps))
 
 
 def followed(vector: Floats, plant: Plant, windows: Seen) -> tuple[Floats, Floats]:
