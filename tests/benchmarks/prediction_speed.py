@@ -44,8 +44,7 @@ def measured_ms(action: Callable[[], object]) -> tuple[float, float]:
 def prediction(window: Horizons, plant: Plant, calibrator: Calibrator) -> tuple[object, ...]:
     """Track, whether it is a guess, and the spread that the band is scaled by."""
     track = reference(window, plant)
-    calibrated = calibrator.predict(window, track)
-    return calibrated, calibrator.outside(window, track), calibrator.spread(window, track)
+    return calibrator.predict_with_spread(window, track), calibrator.outside(window, track)
 
 
 def report(name: str, window: Horizons, plant: Plant, calibrator: Calibrator) -> None:
