@@ -31,6 +31,7 @@ HINDCAST_S = 15
 _UNSURE_M = 0.5  # no hindcast is believed to better than this
 _UNKNOWN_M = 2.0  # where there is none; the same whatever other windows are asked about
 _BELIEVED = 0.5  # an error over the last seconds four times the usual one announces one of twice the usual size
+_LEAST_M = 0.001  # no method is better than that, not even the truth on itself
 _PERFECT = 0.01  # of the usual error: nothing is believed to be perfect
 _LOUDNESS = 4.0  # nearly the better one alone, unless they are as good as each other
 FALLBACKS = ("reference", "constant_velocity")
@@ -126,7 +127,7 @@ def reserve_of(horizons: Horizons, reference: Floats, plant: Plant) -> Reserve:
 def _mean_known(errors_m: Floats) -> float:
     """The mean of those that are known; :data:`_UNKNOWN_M` where none is, as where nothing was recorded before."""
     known = errors_m[np.isfinite(errors_m)]
-    return float(known.mean()) if known.size else _UNKNOWN_M
+    return max(float(known.mean()), _LEAST_M) if known.size else _UNKNOWN_M
 
 
 def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
@@ -165,6 +166,7 @@ def fallback(horizons: Horizons, reference: Floats, plant: Plant, reserve: Reser
     with np.errstate(invalid="ignore"):
         surprise = (before_m / reserve.before_m[:, None] + _PERFECT) ** _BELIEVED
     expected_m = reserve.usual_m[:, None] * np.where(known, surprise, np.where(known.any(axis=0), np.inf, 1.0))
+    expected_m[~np.isfinite(both).all(axis=(2, 3))] = np.inf
     weight = expected_m**-_LOUDNESS / (expected_m**-_LOUDNESS).sum(axis=0)
     heard = weight[..., None, None] > 0.0
     seen_m = np.where(known, before_m, _UNKNOWN_M)

@@ -153,6 +153,18 @@ def test_looking_back_helps(plant: Plant, turning: Horizons, reserve: Reserve) -
     assert said < min(off_m(each, turning.track).mean() for each in (alone, constant_velocity(turning)))
 
 
+def test_who_is_perfect_or_out_of_range_harms_nobody(plant: Plant) -> None:
+    """On the model's own voyages the reference never errs, and speaks; where it leaves its range the other does."""
+    windows = voyages(plant, 30, SECONDS)
+    alone = reference(windows, plant)
+    reserve = reserve_of(windows, alone, plant)
+    assert (reserve.usual_m > 0.0).all()
+    assert off_m(fallback(windows, alone, plant, reserve).tracks, windows.track).max() < 0.01
+    lost = fallback(windows, np.full_like(alone, np.nan), plant, reserve)
+    assert (lost.chosen == "constant_velocity").all()
+    assert np.array_equal(lost.tracks, constant_velocity(windows))
+
+
 @pytest.mark.parametrize("better", [0, 1])
 def test_without_a_past_the_training_decides(
     plant: Plant, turning: Horizons, reserve: Reserve, better: int
