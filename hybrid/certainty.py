@@ -120,7 +120,7 @@ def reserve_of(horizons: Horizons, reference: Floats, plant: Plant) -> Reserve:
     usual_m = [_mean_known(off_m(track, horizons.track)) for track in both]
     usual_before_m = [_mean_known(each) for each in before_m]
     alone = Reserve(np.array(usual_m), np.array(usual_before_m), np.ones(horizons.horizon_s))
-    said = fallback(horizons, reference, plant, alone)
+    said = _together(both, before_m, alone)
     return replace(alone, band=band_radius(said.tracks, horizons.track, said.spread_m[:, None]))
 
 
@@ -161,20 +161,29 @@ def fallback(horizons: Horizons, reference: Floats, plant: Plant, reserve: Reser
     error is expected of it: that of the training, and more or less as it was off over the last
     :data:`HINDCAST_S` seconds, where these are known.
     """
-    both, before_m = _baselines(horizons, reference, plant)
+    return _together(*_baselines(horizons, reference, plant), reserve)
+
+
+def _together(both: Floats, before_m: Floats, reserve: Reserve) -> Fallback:
+    """What the tracks of :data:`FALLBACKS` [2, N, H+1, 3] say together, by their errors of before [2, N]."""
     known = np.isfinite(before_m)
     with np.errstate(invalid="ignore"):
         surprise = (before_m / reserve.before_m[:, None] + _PERFECT) ** _BELIEVED
     expected_m = reserve.usual_m[:, None] * np.where(known, surprise, np.where(known.any(axis=0), np.inf, 1.0))
     expected_m[~np.isfinite(both).all(axis=(2, 3))] = np.inf
     weight = expected_m**-_LOUDNESS / (expected_m**-_LOUDNESS).sum(axis=0)
-    heard = weight[..., None, None] > 0.0
     seen_m = np.where(known, before_m, _UNKNOWN_M)
     return Fallback(
-        tracks=np.sum(weight[..., None, None] * np.where(heard, both, 0.0), axis=0),
+        tracks=blended(weight, both),
         chosen=np.array(FALLBACKS)[weight.argmax(axis=0)],
         spread_m=_UNSURE_M + (weight * np.maximum(seen_m, reserve.before_m[:, None])).sum(axis=0),
     )
+
+
+def blended(weight: Floats, tracks: Floats) -> Floats:
+    """Tracks [ways, N, H+1, 3] averaged by weights [ways, N]; one of no weight may be no number [N, H+1, 3]."""
+    heard = np.where(weight[..., None, None] > 0.0, tracks, 0.0)
+    return np.asarray(np.einsum("wn,wnhc->nhc", weight, heard))
 
 
 def _baselines(horizons: Horizons, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.frames import NANO
 from analysis.smoothing.smooth import smooth_motion
 from analysis.twins import refuse_twins
 from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
@@ -113,8 +112,7 @@ def _legs_of_both(horizons: Horizons) -> NDArray[np.str_]:
     """The leg of each window [N] of whole and shorter ones: a new one where a window shares no second with those
     before, and is of another leg than the one before by windows of its own kind.
     """
-    first = horizons.start_time.as_unit("ns").asi8 // NANO
-    last = first + np.isfinite(horizons.track[:, 1:, 0]).sum(axis=1)
+    first, last = horizons.known_seconds()
     legs = np.empty(len(horizons), dtype="<U200")
     for trial in np.unique(horizons.trial):
         mine = np.flatnonzero(horizons.trial == trial)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from acquisition.angles import difference, unwrap
 from acquisition.channels import NAMES, POSE, VELOCITY
 from acquisition.errors import DataShortageError
+from analysis.frames import NANO
 
 Floats = NDArray[np.float64]
 
@@ -63,6 +64,11 @@ class Horizons:
     def whole(self) -> NDArray[np.bool_]:
         """The windows [N] whose track is known to the end."""
         return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
+
+    def known_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The first and the last known second of each window [N], in seconds since 1970."""
+        first = self.start_time.as_unit("ns").asi8 // NANO
+        return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Horizons:
         """The windows that a mask or index chooses."""

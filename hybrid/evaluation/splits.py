@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import ConfigurationError, DataShortageError
-from analysis.frames import NANO
 from hybrid.horizon import Horizons, drawn_legs
 from hybrid.train import HELD_OUT_SHARE
 
@@ -62,7 +61,7 @@ def by_leg(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
 
 def by_time(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
     """The last 30 % of each recording's time kept back; windows that meet the border are dropped."""
-    first, last = _seconds_of(horizons)
+    first, last = horizons.known_seconds()
     known, unseen = np.zeros(len(horizons), dtype=bool), np.zeros(len(horizons), dtype=bool)
     for trial in np.unique(horizons.trial):
         mine = horizons.trial == trial
@@ -104,7 +103,7 @@ SPLITS: dict[str, Callable[[Horizons, int, int], list[Draw]]] = {
 
 def shared_seconds(horizons: Horizons, known: Flags, unseen: Flags) -> int:
     """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
-    first, _ = _seconds_of(horizons)
+    first, _ = horizons.known_seconds()
     seconds = first[:, None] + np.arange(horizons.horizon_s + 1)
     there = np.isfinite(horizons.track[..., 0])
     mine = [horizons.trial == trial for trial in np.unique(horizons.trial)]
@@ -123,9 +122,3 @@ def _with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -
     stopping = np.zeros(len(horizons), dtype=bool)
     stopping[known] = drawn_legs(horizons.subset(known), HELD_OUT_SHARE, seed)
     return Draw(known & ~stopping, stopping, unseen & horizons.whole)
-
-
-def _seconds_of(horizons: Horizons) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first and the last known second of each window [N], in seconds since 1970."""
-    first = horizons.start_time.as_unit("ns").asi8 // NANO
-    return first, first + np.isfinite(horizons.track[:, 1:, 0]).sum(axis=1)

@@ -117,10 +117,10 @@ def _judged(
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
+    reserve = reserve_of(*fitting, plant)
     for number, method in enumerate(methods):
         calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
-        regions = calibrator.region(stopping), reserve_of(*fitting, plant)
-        spoken = guarded(calibrator, plant, *regions, *held_out)
+        spoken = guarded(calibrator, plant, calibrator.region(stopping), reserve, *held_out)
         errors[method] = errors_of(spoken.tracks, held_out[0], spoken.radius_m, spoken.untrained)
         progress(number + 1.0)
     return errors

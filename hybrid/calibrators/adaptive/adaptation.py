@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, follow
-from hybrid.horizon import Horizons
+from hybrid.horizon import Horizons, difference_rad
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
 
@@ -102,7 +102,7 @@ def _held(past: Floats) -> Floats:
     """The controls at second 0 [N, 5], averaged over the seconds before in which they stood still."""
     recent = past[:, :_AVERAGED_S, 8:]
     off = recent - recent[:, :1]
-    off[..., [1, 3]] = np.angle(np.exp(1j * off[..., [1, 3]]))
+    off[..., [1, 3]] = difference_rad(recent[..., [1, 3]], recent[:, :1, [1, 3]])
     still = np.cumprod((np.abs(off) < _STILL).all(axis=2), axis=1)[..., None]
     return np.asarray(recent[:, 0] + (np.nan_to_num(off) * still).sum(axis=1) / still.sum(axis=1))
 

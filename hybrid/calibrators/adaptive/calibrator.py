@@ -15,7 +15,7 @@ from hybrid.baselines import modelled, present_motion_held
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
-from hybrid.certainty import HINDCAST_S, band_radius, earlier, off_m
+from hybrid.certainty import HINDCAST_S, band_radius, blended, earlier, off_m
 from hybrid.horizon import Horizons, joined_horizons
 from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
@@ -136,9 +136,8 @@ class Adaptive(Calibrator):
             weight = np.where(known[0], error**-trust, weight)
         weight = np.where(np.isfinite(ways.tracks).all(axis=(2, 3)) | (np.arange(_WAYS) == 0)[:, None], weight, 0.0)
         weight = weight / weight.sum(axis=0)
-        tracks = np.einsum("wn,wnhc->nhc", weight, np.where(weight[..., None, None] > 0.0, ways.tracks, 0.0))
         before = np.where(known, ways.before_m, _UNKNOWN * self.usual_before_m_)
-        return tracks, np.einsum("wn,wn->n", weight, before)
+        return blended(weight, ways.tracks), np.einsum("wn,wn->n", weight, before)
 
     def _spread(self, before_m: Floats, horizon_s: int) -> Floats:
         """How uncertain windows are [N, H], one for a usual one: half of it goes with the last seconds' error."""
