@@ -9,10 +9,11 @@ from hybrid.effects.catalogue import (
     parse_effect,
     vessel_plant,
 )
-from hybrid.effects.effect import Effect, Parameter
+from hybrid.effects.effect import FAMILIES, Effect, Parameter
 
 __all__ = [
     "CATALOGUE",
+    "FAMILIES",
     "Catalogue",
     "Effect",
     "Parameter",

@@ -13,42 +13,68 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.errors import ConfigurationError
-from hybrid.effects import alignment, environment, hull, inertia, propulsion, sensors
+from hybrid.effects import alignment, clock, environment, hull, hull_shape, inertia, propulsion, sensors
 from hybrid.effects.effect import Effect, Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 
 Catalogue = Mapping[str, Effect]
 
-VERSION = "1"
+VERSION = "2"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""
 
 CATALOGUE: dict[str, Effect] = {
     effect.name: effect
     for effect in (
-        environment.OCEAN_CURRENT,
-        environment.WAVE_DRIFT,
-        environment.WIND_LOAD,
-        hull.HULL_LENGTHENING,
+        inertia.LOADING,
+        inertia.SURGE_ADDED_MASS,
+        inertia.SWAY_ADDED_MASS,
+        inertia.YAW_INERTIA,
         hull.HULL_FOULING,
         hull.CROSS_FLOW_DRAG,
+        hull.DRIFT_FORCE,
+        hull.DRIFT_MOMENT,
+        hull.TURNING_FORCE,
+        hull.TURNING_DRAG,
         hull.YAW_DAMPING,
-        hull.SHALLOW_WATER,
+        hull.TRIM,
+        hull.SKEG,
         hull.TOWED_LOAD,
-        inertia.LOADING,
+        hull_shape.HULL_LENGTHENING,
+        hull_shape.SHALLOW_WATER,
         propulsion.THRUST_LOSS_PORT,
         propulsion.THRUST_LOSS_STARBOARD,
         propulsion.THRUST_LOSS_BOTH,
-        propulsion.THRUSTER_LAG,
+        propulsion.WAKE_FRACTION,
+        propulsion.POD_SIDE_FORCE,
+        propulsion.TUNNEL_THRUST_LOSS,
         alignment.AZIMUTH_OFFSET_PORT,
         alignment.AZIMUTH_OFFSET_STARBOARD,
         alignment.AZIMUTH_OFFSET_BOTH,
+        alignment.AZIMUTH_SCALE,
         alignment.YAW_ASYMMETRY,
+        alignment.SWAY_ASYMMETRY,
+        environment.OCEAN_CURRENT,
+        environment.WAVE_DRIFT,
+        environment.WIND_LOAD,
+        environment.WIND_DRAG,
+        environment.WIND_SIDE_LOAD,
+        environment.WIND_YAW_LOAD,
+        clock.POSITION_DELAY,
+        clock.HEADING_DELAY,
+        clock.SPEED_DELAY,
+        clock.COMMAND_DELAY,
+        clock.THRUSTER_LAG,
         sensors.HEADING_BIAS,
         sensors.POSITION_ANTENNA_OFFSET,
-        sensors.POSITION_DELAY,
+        sensors.SPEED_SENSOR_OFFSET,
+        sensors.SPEED_SENSOR_ROTATION,
         sensors.SPEED_SCALE,
+        sensors.SWAY_BIAS,
+        sensors.YAW_RATE_BIAS,
+        sensors.YAW_RATE_SCALE,
         sensors.WIND_DIRECTION_BIAS,
+        sensors.WIND_SPEED_SCALE,
     )
 }
 

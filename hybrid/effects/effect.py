@@ -15,8 +15,11 @@ from typing import Any, Literal
 from acquisition.errors import ConfigurationError
 from hybrid.vessel.plant import Plant
 
+FAMILIES = ("inertia", "hull", "propulsion", "alignment", "environment", "clock", "sensor")
+"""The families of the catalogue, in the order in which they are listed."""
+
 Kind = Literal["physics", "actuator", "sensor"]
-Chart = Literal["linear", "polar", "inverse"]
+Chart = Literal["linear", "polar", "inverse_square"]
 Values = Mapping[str, float]
 
 
@@ -24,8 +27,11 @@ Values = Mapping[str, float]
 class Parameter:
     """One number of an effect: its unit, neutral value, bounds (inclusive) and sizes.
 
-    ``typical`` is an ordinary value; ``smallest`` is the smallest departure from neutral that anybody would
-    care about, in the parameter's unit.
+    ``typical`` is an ordinary value, and the prior: before any data the free coordinate is thought to be
+    normal about zero, where the effect is absent, with that of ``typical`` as its standard deviation.
+    ``smallest`` is the smallest departure from neutral that anybody would care about. ``tolerance`` is the
+    standard deviation of an error that every such sensor or drive has anyway: the effect is one only where
+    it exceeds that. Zero for physics. All in the parameter's unit.
     """
 
     name: str
@@ -35,6 +41,7 @@ class Parameter:
     high: float
     typical: float
     smallest: float
+    tolerance: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +51,9 @@ class Effect:
     ``change`` gets a plant and a value for every parameter, never all neutral, and returns the plant with
     the effect in it; it must tend to no change as the values tend to neutral. ``chart`` says how parameters
     become free coordinates: ``linear`` (value - neutral), ``polar`` (size and direction in degrees become
-    two components) or ``inverse`` (1 / value, for what is absent at infinity).
+    two components) or ``inverse_square`` (1 / value^2, for what is absent at infinity and tends to it so).
+    ``confused_with`` names the effects that look much the same in many trials; of two such effects each
+    names the other.
     """
 
     name: str
@@ -55,6 +64,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     change: Callable[[Plant, Values], Plant]
     chart: Chart = "linear"
+    confused_with: tuple[str, ...] = ()
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -107,8 +117,8 @@ class Effect:
         if self.chart == "polar":
             size, direction_deg = numbers
             return size * cos(radians(direction_deg)), size * sin(radians(direction_deg))
-        if self.chart == "inverse":
-            return tuple(1.0 / number for number in numbers)
+        if self.chart == "inverse_square":
+            return tuple(1.0 / number**2 for number in numbers)
         return tuple(number - each.neutral for number, each in zip(numbers, self.parameters, strict=True))
 
     def values(self, free: Sequence[float]) -> dict[str, float]:
@@ -117,13 +127,13 @@ class Effect:
         if self.chart == "polar":
             along, across = free
             return {names[0]: hypot(along, across), names[1]: degrees(atan2(across, along)) % 360.0}
-        if self.chart == "inverse":
-            return {name: 1.0 / number if number > 0.0 else inf for name, number in zip(names, free, strict=True)}
+        if self.chart == "inverse_square":
+            return {name: number**-0.5 if number > 0.0 else inf for name, number in zip(names, free, strict=True)}
         return {p.name: p.neutral + number for p, number in zip(self.parameters, free, strict=True)}
 
     @property
     def free_scale(self) -> tuple[float, ...]:
-        """The ordinary size of each free coordinate, for steps and priors."""
+        """The ordinary size of each free coordinate: the standard deviation of its prior."""
         if self.chart == "polar":
             return (self.parameters[0].typical,) * 2
         return tuple(abs(number) for number in self.free(self.typical))
@@ -135,8 +145,32 @@ class Effect:
             {key: None if value in (inf, -inf) else value for key, value in asdict(each).items()}
             for each in self.parameters
         ]
-        return {**plain, "parameters": parameters}
+        return {**plain, "parameters": parameters, "confused_with": list(self.confused_with)}
 
 
 DIRECTION = Parameter("direction_deg", "deg", 0.0, -360.0, 360.0, 60.0, 10.0)
 """The direction that something goes to, from true north; it alone makes no effect."""
+
+
+def scaling(
+    name: str,
+    family: str,
+    numbers: Sequence[str],
+    sizes: tuple[float, float],
+    *,
+    what: str,
+    source: str,
+    parameter: str = "factor",
+    low: float = 0.0,
+    confused_with: tuple[str, ...] = (),
+) -> Effect:
+    """An effect of physics that multiplies ``numbers`` of the plant, tables included, by one factor.
+
+    ``sizes`` are its ordinary value and its smallest departure from one of interest.
+    """
+
+    def change(plant: Plant, values: Values) -> Plant:
+        return plant.scaled(values[parameter], *numbers)
+
+    parameters = (Parameter(parameter, "1", 1.0, low, 5.0, *sizes),)
+    return Effect(name, family, "physics", what, source, parameters, change, confused_with=confused_with)

@@ -1,15 +1,51 @@
-"""Effects on what must be accelerated."""
+"""Effects on what must be accelerated: the ship's own mass and the water that goes with her.
+
+An added mass stands in the mass matrix and in the Coriolis terms of the hull's forces, where -Xud and -Yvd
+make the Munk moment; a factor on it acts in both, as it does in nature.
+"""
 
 from __future__ import annotations
 
-from hybrid.effects.effect import Effect, Parameter
+from hybrid.effects.effect import scaling
 
-LOADING = Effect(
+_REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
+
+LOADING = scaling(
     "loading",
-    family="inertia",
-    kind="physics",
+    "inertia",
+    ("mass_kg", "yaw_inertia_kgm2"),
+    (1.15, 0.03),
     what="Another loading: mass and yaw inertia times a factor, added mass unchanged",
     source="Rigid-body inertia at like radius of gyration",
-    parameters=(Parameter("mass_factor", "1", 1.0, 0.3, 3.0, 1.15, 0.03),),
-    change=lambda plant, values: plant.scaled(values["mass_factor"], "mass_kg", "yaw_inertia_kgm2"),
+    parameter="mass_factor",
+    low=0.3,
+    confused_with=("hull_lengthening", "surge_added_mass", "sway_added_mass", "yaw_inertia"),
+)
+SURGE_ADDED_MASS = scaling(
+    "surge_added_mass",
+    "inertia",
+    ("Xud",),
+    (1.5, 0.15),
+    what="The water's inertia in surge: Xud times a factor, in the mass and in the Coriolis terms Y, N of u r, u v",
+    source="Newman, Marine Hydrodynamics (1977), ch. 4",
+    confused_with=("loading",),
+)
+SWAY_ADDED_MASS = scaling(
+    "sway_added_mass",
+    "inertia",
+    ("Yvd",),
+    (1.2, 0.05),
+    what="The water's inertia in sway: Yvd times a factor, in the mass and in the Coriolis terms X, N of v r, u v",
+    source=_REGRESSIONS,
+    confused_with=("drift_moment", "loading"),
+)
+YAW_INERTIA = scaling(
+    "yaw_inertia",
+    "inertia",
+    ("yaw_inertia_kgm2", "Nrd"),
+    (1.2, 0.08),
+    what="The inertia in yaw: Iz and Nrd times a factor, masses where they were",
+    source=_REGRESSIONS,
+    low=0.3,
+    confused_with=("hull_lengthening", "loading"),
 )

@@ -4,55 +4,126 @@ from __future__ import annotations
 
 from math import radians
 
-from hybrid.effects.effect import Effect, Parameter
+from hybrid.effects.effect import Effect, Parameter, Values
+from hybrid.vessel.plant import Plant
 
-HEADING_BIAS = Effect(
+_GYROS = "Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, ch. 4"
+_RIGID = "Velocity of another point of a rigid body"
+
+
+def _sensor(
+    name: str,
+    parameter: Parameter,
+    slot: str,
+    *,
+    what: str,
+    source: str,
+    confused_with: tuple[str, ...] = (),
+) -> Effect:
+    """A factor on the plant's slot, where one is neutral, or an amount added to it, in radians for degrees."""
+    factor, degrees = parameter.neutral == 1.0, parameter.unit.startswith("deg")
+
+    def change(plant: Plant, values: Values) -> Plant:
+        value = values[parameter.name]
+        if factor:
+            return plant.scaled(value, slot)
+        return plant.shifted(**{slot: radians(value) if degrees else value})
+
+    return Effect(name, "sensor", "sensor", what, source, (parameter,), change, confused_with=confused_with)
+
+
+def _point(name: str, slots: str, what: str, source: str, confused_with: tuple[str, ...]) -> Effect:
+    """A sensor away from the reference point."""
+    return Effect(
+        name,
+        family="sensor",
+        kind="sensor",
+        what=what,
+        source=source,
+        parameters=(
+            Parameter("forward_m", "m", 0.0, -40.0, 40.0, 2.0, 0.5, tolerance=0.1),
+            Parameter("starboard_m", "m", 0.0, -20.0, 20.0, 1.0, 0.5, tolerance=0.1),
+        ),
+        change=lambda plant, values: plant.shifted(**{
+            f"{slots}_forward_m": values["forward_m"], f"{slots}_starboard_m": values["starboard_m"]
+        }),
+        confused_with=confused_with,
+    )  # fmt: skip
+
+
+HEADING_BIAS = _sensor(
     "heading_bias",
-    family="sensor",
-    kind="sensor",
+    Parameter("angle_deg", "deg", 0.0, -20.0, 20.0, 1.0, 0.2, tolerance=0.1),
+    "heading_bias_rad",
     what="The compass: reported heading = true + bias",
     source="Alignment of the heading sensor",
-    parameters=(Parameter("angle_deg", "deg", 0.0, -20.0, 20.0, 1.0, 0.2),),
-    change=lambda plant, values: plant.shifted(heading_bias_rad=radians(values["angle_deg"])),
+    confused_with=("ocean_current", "speed_sensor_rotation", "sway_bias"),
 )
-POSITION_ANTENNA_OFFSET = Effect(
+POSITION_ANTENNA_OFFSET = _point(
     "position_antenna_offset",
-    family="sensor",
-    kind="sensor",
-    what="The recorded position is that of a point off the reference point",
-    source="Lever arm of the positioning antenna",
-    parameters=(
-        Parameter("forward_m", "m", 0.0, -40.0, 40.0, 2.0, 0.5),
-        Parameter("starboard_m", "m", 0.0, -20.0, 20.0, 1.0, 0.5),
-    ),
-    change=lambda plant, values: plant.shifted(
-        antenna_forward_m=values["forward_m"], antenna_starboard_m=values["starboard_m"]
-    ),
+    "antenna",
+    "The recorded position is that of a point off the reference point",
+    "Lever arm of the positioning antenna",
+    ("heading_delay", "position_delay"),
 )
-POSITION_DELAY = Effect(
-    "position_delay",
-    family="clock",
-    kind="sensor",
-    what="Positions are stamped too late: the recorded one is where the ship was so many seconds before",
-    source="Latency of the positioning system",
-    parameters=(Parameter("seconds", "s", 0.0, -5.0, 5.0, 0.5, 0.1),),
-    change=lambda plant, values: plant.shifted(position_delay_s=values["seconds"]),
+SPEED_SENSOR_OFFSET = _point(
+    "speed_sensor_offset",
+    "speed_sensor",
+    "Reported surge and sway are those of a point off the reference point: u - starboard r, v + forward r",
+    _RIGID,
+    ("speed_sensor_rotation", "sway_bias"),
 )
-SPEED_SCALE = Effect(
+SPEED_SENSOR_ROTATION = _sensor(
+    "speed_sensor_rotation",
+    Parameter("angle_deg", "deg", 0.0, -20.0, 20.0, 1.0, 0.2, tolerance=0.1),
+    "speed_sensor_angle_rad",
+    what="The speed sensor is turned clockwise: surge and sway are reported along its axes",
+    source="Alignment of the speed log or motion sensor",
+    confused_with=("heading_bias", "speed_sensor_offset", "sway_bias"),
+)
+SPEED_SCALE = _sensor(
     "speed_scale",
-    family="sensor",
-    kind="sensor",
+    Parameter("factor", "1", 1.0, 0.5, 2.0, 1.02, 0.003, tolerance=0.002),
+    "speed_scale",
     what="Reported surge and sway = factor x true",
     source="A wrong knot, or the calibration of a speed log",
-    parameters=(Parameter("factor", "1", 1.0, 0.5, 2.0, 1.02, 0.003),),
-    change=lambda plant, values: plant.scaled(values["factor"], "speed_scale"),
+    confused_with=("ocean_current",),
 )
-WIND_DIRECTION_BIAS = Effect(
+SWAY_BIAS = _sensor(
+    "sway_bias",
+    Parameter("speed_mps", "m/s", 0.0, -2.0, 2.0, 0.1, 0.02, tolerance=0.01),
+    "sway_bias_mps",
+    what="Reported sway = true + bias",
+    source="Zero of the speed log or motion sensor",
+    confused_with=("heading_bias", "speed_sensor_offset", "speed_sensor_rotation"),
+)
+YAW_RATE_BIAS = _sensor(
+    "yaw_rate_bias",
+    Parameter("rate_dps", "deg/s", 0.0, -2.0, 2.0, 0.05, 0.01, tolerance=0.002),
+    "yaw_rate_bias_radps",
+    what="The rate gyro: reported yaw rate = true + bias",
+    source=_GYROS,
+)
+YAW_RATE_SCALE = _sensor(
+    "yaw_rate_scale",
+    Parameter("factor", "1", 1.0, 0.5, 2.0, 1.02, 0.005, tolerance=0.002),
+    "yaw_rate_scale",
+    what="The rate gyro: reported yaw rate = factor x true",
+    source=_GYROS,
+)
+WIND_DIRECTION_BIAS = _sensor(
     "wind_direction_bias",
-    family="sensor",
-    kind="sensor",
+    Parameter("angle_deg", "deg", 0.0, -180.0, 180.0, 20.0, 5.0, tolerance=3.0),
+    "wind_direction_bias_rad",
     what="The wind vane: reported direction = true + bias",
     source="Alignment of the wind sensor",
-    parameters=(Parameter("angle_deg", "deg", 0.0, -180.0, 180.0, 20.0, 5.0),),
-    change=lambda plant, values: plant.shifted(wind_direction_bias_rad=radians(values["angle_deg"])),
+    confused_with=("wave_drift", "wind_load", "wind_yaw_load"),
+)
+WIND_SPEED_SCALE = _sensor(
+    "wind_speed_scale",
+    Parameter("factor", "1", 1.0, 0.3, 3.0, 1.2, 0.1, tolerance=0.03),
+    "wind_speed_factor",
+    what="The wind sensor: reported speed = factor x true",
+    source="Calibration of the anemometer, and the flow over the deckhouse it stands in",
+    confused_with=("wave_drift", "wind_drag", "wind_load", "wind_side_load", "wind_yaw_load"),
 )

@@ -28,6 +28,7 @@ from hybrid.truth.weather import drift_series, wind_series
 from hybrid.vessel.channels import as_table
 from hybrid.vessel.compiling import Floats
 from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant, pack
@@ -45,8 +46,8 @@ _LONGEST_S = 7 * 86400.0
 class Voyage:
     """A simulated motion without sensors, ``dt_s`` between rows.
 
-    ``states`` [K+1, 6], the drives' feedback ``controls`` [K+1, 5] and ``wind`` [K+1, 2] as a
-    perfect vane with the plant's bias reports it.
+    ``states`` [K+1, 6], ``controls`` [K+1, 5] as the drives' feedback shows them with the plant's delay, and
+    ``wind`` [K+1, 2] as a perfect sensor with the plant's bias and factor reports it.
     """
 
     states: Floats
@@ -127,6 +128,7 @@ def sail_through(
     """The motion of ``plant`` through a manoeuvre, the autopilot and the drives of ``vessel`` at work."""
     wind = wind_series(gusts, sea, steps + 1, dt_s)
     wind[:, 0] += plant.wind_direction_bias_rad
+    wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
     leg_array, packed = as_array(legs), pack(plant)
     extra, parameters = combined((plant,))
@@ -149,7 +151,7 @@ def sail_through(
     )
     if left >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)
-    return Voyage(states, controls, wind, dt_s)
+    return Voyage(states, acting_controls(controls, -plant.command_delay_s, dt_s), wind, dt_s)
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:

@@ -115,7 +115,9 @@ class Plant:
     starboard_thrust_loss: float = 0.0
     port_angle_offset_rad: float = 0.0
     starboard_angle_offset_rad: float = 0.0
+    azimuth_scale: float = 1.0
     thruster_lag_s: float = 0.0
+    command_delay_s: float = 0.0
     # slots of effects, neutral: environment and constant forces
     wind_load_factor: float = 1.0
     current_north_mps: float = 0.0
@@ -134,14 +136,20 @@ class Plant:
     antenna_starboard_m: float = 0.0
     position_delay_s: float = 0.0
     heading_delay_s: float = 0.0
+    speed_delay_s: float = 0.0
     speed_scale: float = 1.0
+    speed_sensor_forward_m: float = 0.0
+    speed_sensor_starboard_m: float = 0.0
+    speed_sensor_angle_rad: float = 0.0
+    sway_bias_mps: float = 0.0
+    yaw_rate_scale: float = 1.0
     yaw_rate_bias_radps: float = 0.0
     # forces that no slot expresses
     forces: tuple[ExtraForce, ...] = ()
 
     def scaled(self, factor: float, *names: str) -> Plant:
-        """This plant with the named numbers multiplied by ``factor``."""
-        return replace(self, **{name: getattr(self, name) * factor for name in names})
+        """This plant with the named numbers, or tables, multiplied by ``factor``."""
+        return replace(self, **{name: _times(getattr(self, name), factor) for name in names})
 
     def shifted(self, **amounts: float) -> Plant:
         """This plant with each amount added to the number of its name."""
@@ -150,6 +158,10 @@ class Plant:
     def with_force(self, function: ForceFunction, *parameters: float) -> Plant:
         """This plant with one more force that the simulator adds up."""
         return replace(self, forces=(*self.forces, ExtraForce(function, parameters)))
+
+
+def _times(value: float | tuple[float, ...], factor: float) -> Any:
+    return tuple(factor * each for each in value) if isinstance(value, tuple) else value * factor
 
 
 NUMBERS: tuple[str, ...] = tuple(field.name for field in fields(Plant) if field.name != "forces")

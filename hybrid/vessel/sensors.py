@@ -2,7 +2,7 @@
 
 Delays look back along the simulated track, and before its first state along the circle that the first speeds
 describe. Neutral numbers in the plant leave every value as it is, bit for bit. The effects of the catalogue
-that concern the *inputs* of a simulation (azimuth offsets, wind vane) act in the simulator, not here.
+that concern the *inputs* of a simulation (drives, wind sensor) act in the simulator, not here.
 """
 
 from __future__ import annotations
@@ -19,41 +19,83 @@ NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
 def measured(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     """States [..., K+1, 6] as the sensors of ``plant`` report them, samples ``dt_s`` apart.
 
-    Reported = factor x true, or true + bias; the recorded position is the antenna's, where the ship was
-    ``position_delay_s`` before.
+    Reported = factor x true, or true + bias; what is stamped late is the value of ``..._delay_s`` before.
     """
     true = np.asarray(states, dtype=np.float64)
     reported = true.copy()
-    located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
-    reported[..., :2] = located[..., :2]
-    forward, starboard = plant.antenna_forward_m, plant.antenna_starboard_m
-    if forward or starboard:
-        cosine, sine = np.cos(located[..., HEADING]), np.sin(located[..., HEADING])
-        reported[..., NORTH] += forward * cosine - starboard * sine
-        reported[..., EAST] += forward * sine + starboard * cosine
+    reported[..., :2] = _position(true, plant, dt_s)
     if plant.heading_delay_s:
         reported[..., HEADING] = _before(true, plant.heading_delay_s, dt_s)[..., HEADING]
     reported[..., HEADING] += plant.heading_bias_rad
-    reported[..., SURGE : SWAY + 1] *= plant.speed_scale
-    reported[..., YAW_RATE] += plant.yaw_rate_bias_radps
+    reported[..., SURGE:] = _speeds(true, plant, dt_s)
     return reported
+
+
+def _position(true: Floats, plant: Plant, dt_s: float) -> Floats:
+    """North and east [..., K+1, 2] of the antenna, where the ship was ``position_delay_s`` before."""
+    located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
+    position = located[..., :2].copy()
+    forward, starboard = plant.antenna_forward_m, plant.antenna_starboard_m
+    if forward or starboard:
+        cosine, sine = np.cos(located[..., HEADING]), np.sin(located[..., HEADING])
+        position[..., NORTH] += forward * cosine - starboard * sine
+        position[..., EAST] += forward * sine + starboard * cosine
+    return position
+
+
+def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
+    """Surge, sway and yaw rate [..., K+1, 3]: late, of a point off the reference point, along turned axes,
+    times their factors and plus their biases, in this order.
+    """
+    speeds = true[..., SURGE:].copy()
+    if plant.speed_delay_s:
+        speeds = _speeds_before(speeds, plant.speed_delay_s, dt_s)
+    surge, sway, yaw_rate = speeds[..., 0], speeds[..., 1], speeds[..., 2]
+    surge -= plant.speed_sensor_starboard_m * yaw_rate
+    sway += plant.speed_sensor_forward_m * yaw_rate
+    if plant.speed_sensor_angle_rad:
+        cosine, sine = np.cos(plant.speed_sensor_angle_rad), np.sin(plant.speed_sensor_angle_rad)
+        speeds[..., :2] = np.stack([surge * cosine + sway * sine, sway * cosine - surge * sine], axis=-1)
+    speeds[..., :2] *= plant.speed_scale
+    sway += plant.sway_bias_mps
+    yaw_rate *= plant.yaw_rate_scale
+    yaw_rate += plant.yaw_rate_bias_radps
+    return speeds
 
 
 def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
     """The pose [..., K+1, 3] ``delay_s`` before each sample (after it, if negative)."""
     last = states.shape[-2] - 1
     times = np.arange(last + 1) - delay_s / dt_s
-    lower = np.clip(np.floor(times), 0, max(last - 1, 0)).astype(int)
-    upper = np.minimum(lower + 1, last)
-    part = (times - lower)[:, np.newaxis]
-    slope = _pose_rate(states) * dt_s
-    inside = _hermite(
-        states[..., lower, :3], states[..., upper, :3], slope[..., lower, :], slope[..., upper, :], part
-    )
+    inside = _interpolated(states[..., :3], _pose_rate(states) * dt_s, times)
     early, late = times < 0.0, times > last
     inside[..., early, :] = _arc(states[..., :1, :], times[early] * dt_s)
     inside[..., late, :] = _arc(states[..., -1:, :], (times[late] - last) * dt_s)
     return inside
+
+
+def _speeds_before(speeds: Floats, delay_s: float, dt_s: float) -> Floats:
+    """Speeds [..., K+1, 3] ``delay_s`` before each sample (after it, if negative).
+
+    Beyond the track's ends they change as at the end for up to one sample, and then no more.
+    """
+    last = speeds.shape[-2] - 1
+    if last == 0:
+        return speeds
+    slope = np.gradient(speeds, axis=-2)
+    times = np.arange(last + 1) - delay_s / dt_s
+    beyond = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
+    ends = np.where(beyond < 0.0, slope[..., :1, :], slope[..., -1:, :])
+    return np.asarray(_interpolated(speeds, slope, np.clip(times, 0.0, last)) + beyond * ends)
+
+
+def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
+    """Values [..., K+1, n] at ``times`` [m] in samples, from values and their slopes per sample: cubic."""
+    last = values.shape[-2] - 1
+    lower = np.clip(np.floor(times), 0, max(last - 1, 0)).astype(int)
+    upper = np.minimum(lower + 1, last)
+    part = (times - lower)[:, np.newaxis]
+    return _hermite(values[..., lower, :], values[..., upper, :], slope[..., lower, :], slope[..., upper, :], part)
 
 
 def _pose_rate(states: Floats) -> Floats:

@@ -21,6 +21,7 @@ from acquisition.errors import InputError, ModelRangeError
 from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record
 from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over
 from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.plant import ForceFunction, Plant, Plants, pack
 
 STATES = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
@@ -139,11 +140,12 @@ def simulate_batch(
     [m/s]), as reported, held over each step of ``dt_s``. Every first dimension may be 1 or missing, then it
     serves all runs. Each step is integrated in ``substeps``, by default as many as keep them below
     :data:`LONGEST_STEP_S`. ``acting_start`` [N, 5] are
-    the controls that act at the start where the thrusters lag; by default the first reported ones.
+    the controls that act at the start where the thrusters lag; by default the first ones. Controls that a
+    plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
     """
     packed = pack(plants)
     extra, parameters = combined(plants)
-    arrays = _inputs(start, controls, wind, acting_start)
+    arrays = _inputs(start, _prompt(packed, controls, dt_s), wind, acting_start)
     number = max(len(packed), *(len(array) for array in arrays))
     _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
     begin, control, air, acting = arrays
@@ -178,7 +180,8 @@ def simulate(
 def stepper(plant: Plant, dt_s: float, substeps: int | None = None) -> Callable[..., Floats]:
     """A function ``(state [6], control [5], wind [2]) -> state [6]``, for loops closed in Python.
 
-    Such a loop carries its actuators itself: a thruster lag in ``plant`` is not carried from step to step.
+    Such a loop carries its actuators itself: a thruster lag in ``plant`` is not carried from step to step,
+    and a delay of the commands is not seen.
     Raises :class:`ModelRangeError` as :func:`simulate` does.
     """
     extra, parameters = combined(plant)
@@ -229,6 +232,16 @@ def _run_one(plants: Any, *arguments: Any) -> None:
     )
 
 
+def _prompt(plants: NDArray[np.void], controls: ArrayLike, dt_s: float) -> Floats:
+    """Controls as they act, one series for all runs or, where plants differ in their delay, one a run."""
+    control = _shaped(controls, 3, len(CONTROLS), "controls")
+    delay_s = plants["command_delay_s"]
+    if (delay_s == delay_s[0]).all():
+        return acting_controls(control, delay_s[0], dt_s)
+    _check_sizes(max(len(plants), len(control)), {"plants": len(plants), "controls": len(control)})
+    return acting_controls(control, delay_s, dt_s)
+
+
 def _inputs(
     start: ArrayLike, controls: ArrayLike, wind: ArrayLike, acting_start: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
@@ -263,6 +276,7 @@ __all__ = [
     "STATES",
     "Runs",
     "State",
+    "acting_controls",
     "range_error",
     "simulate",
     "simulate_batch",

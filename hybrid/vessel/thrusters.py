@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import cos, sin
+from math import cos, pi, sin
 from typing import NamedTuple
 
 from hybrid.vessel.compiling import Record, compiled
@@ -20,16 +20,25 @@ class Pod(NamedTuple):
 
 
 @compiled
+def scaled_azimuth(p: Record, angle_rad: float) -> float:
+    """The true azimuth before its offset: the plant's factor acts on the angle within half a turn of ahead."""
+    if p.azimuth_scale == 1.0:
+        return angle_rad
+    turns = round(angle_rad / (2.0 * pi))
+    return float(p.azimuth_scale * (angle_rad - 2.0 * pi * turns))
+
+
+@compiled
 def port_pod(p: Record, shaft_rps: float, angle_rad: float) -> Pod:
     """The port pod at a shaft speed and a reported azimuth angle."""
-    true_rad = angle_rad + p.port_angle_offset_rad
+    true_rad = scaled_azimuth(p, angle_rad) + p.port_angle_offset_rad
     return Pod(p.port_x_m, p.port_y_m, cos(true_rad), sin(true_rad), shaft_rps, 1.0 - p.port_thrust_loss)
 
 
 @compiled
 def starboard_pod(p: Record, shaft_rps: float, angle_rad: float) -> Pod:
     """The starboard pod at a shaft speed and a reported azimuth angle."""
-    true_rad = angle_rad + p.starboard_angle_offset_rad
+    true_rad = scaled_azimuth(p, angle_rad) + p.starboard_angle_offset_rad
     left = 1.0 - p.starboard_thrust_loss
     return Pod(p.starboard_x_m, p.starboard_y_m, cos(true_rad), sin(true_rad), shaft_rps, left)
 

@@ -14,10 +14,10 @@ _PER_STEP = (TABLE_SIZE - 1) / pi
 def wind_vector(p: Record, direction_rad: float, speed_mps: float) -> tuple[float, float]:
     """North and east component [m/s] of the air's motion, from the reported direction the wind comes FROM.
 
-    This is the only door at which "from" becomes "to"; the vane's bias is taken out here.
+    This is the only door at which "from" becomes "to"; the vane's bias and its factor are taken out here.
     """
     true_rad = direction_rad - p.wind_direction_bias_rad
-    speed = speed_mps * p.wind_speed_factor
+    speed = speed_mps / p.wind_speed_factor
     return -speed * cos(true_rad), -speed * sin(true_rad)
 
 

@@ -1,22 +1,20 @@
-"""Effects: neutral is bit-exact, signs and sizes are those of the physics, users add their own."""
+"""Effects one by one: signs and sizes are those of the physics; users add their own."""
 
 from __future__ import annotations
 
-from math import inf
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acquisition.errors import ConfigurationError
-from hybrid.effects import CATALOGUE, Effect, apply_effects, catalogue_with, parse_effect, vessel_plant
+from hybrid.effects import CATALOGUE, apply_effects, catalogue_with, parse_effect, vessel_plant
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, flat, pack
+from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.sensors import measured
 from tests.hybrid.conftest import Held
 
-EFFECTS = list(CATALOGUE.values())
 CONTRACT = {
     "ocean_current": ("physics", ["speed_mps", "direction_deg"]),
     "wave_drift": ("physics", ["force_n", "direction_deg"]),
@@ -50,46 +48,6 @@ def test_the_catalogue_keeps_its_promised_names() -> None:
         effect = CATALOGUE[name]
         assert effect.kind == kind
         assert [each.name for each in effect.parameters] == parameters
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)
-def test_neutral_changes_not_a_bit(effect: Effect, plant: Plant) -> None:
-    """At neutral the plant is the same, and the change itself tends to nothing there."""
-    assert effect.apply(plant, effect.neutral) is plant
-    at_neutral = effect.change(plant, effect.neutral)
-    assert np.array_equal(flat(pack(at_neutral)), flat(pack(plant)))
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)
-def test_every_effect_shows_in_what_is_measured(effect: Effect, plant: Plant, held: Held) -> None:
-    """An effect of ordinary size changes the recorded track or speeds of a turn in wind."""
-    options = {"angle_deg": (15.0, 5.0), "wind": (40.0, 8.0)}
-    changed = effect.apply(plant, effect.typical)
-    without = measured(held(plant, **options), plant, 1.0)
-    with_it = measured(held(changed, **options), changed, 1.0)
-    # A lag starts from rest here: what acts at the start is what is reported.
-    expected = 0.0 if effect.name == "thruster_lag" else 0.003
-    assert np.abs(with_it - without).max() >= expected
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)
-def test_free_coordinates_are_zero_at_neutral_and_invert(effect: Effect) -> None:
-    """Estimation works in coordinates that vanish where the effect does; they translate back."""
-    assert effect.free(effect.neutral) == pytest.approx([0.0] * len(effect.parameters), abs=0.0)
-    assert effect.values(effect.free(effect.typical)) == pytest.approx(effect.typical)
-    assert len(effect.free_scale) == len(effect.parameters)
-    assert all(size > 0.0 for size in effect.free_scale)
-
-
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)
-def test_effects_describe_themselves(effect: Effect) -> None:
-    """Bounds hold neutral and typical; the plain form has no infinities for JSON."""
-    for each in effect.parameters:
-        assert each.low <= each.neutral <= each.high
-        assert each.low <= each.typical <= each.high
-        assert each.smallest > 0.0
-    parameters = effect.as_dict()["parameters"]
-    assert all(value not in (inf, -inf) for each in parameters for value in each.values())
 
 
 def _end(held: Held, plant: Plant, name: str, values: dict[str, float], **options: object) -> np.ndarray:
