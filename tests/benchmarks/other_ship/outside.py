@@ -1,0 +1,96 @@
+"""Effects that no catalogue holds: an honest diagnosis must say that it does not know them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import cos, sin, tanh
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from acquisition.errors import ConfigurationError
+
+Floats = NDArray[np.float64]
+OUTSIDE = ("yaw_moment_4psi", "sheared_current", "bank_suction", "fading_thrust", "one_sided_stall")
+SHEAR_BOUND_MPS = 0.5
+BANK_REACH_M, BANK_SOFT_M, BANK_ASIDE_M, BANK_LEVER_M = 150.0, 20.0, 60.0, 4.0
+STALL_RAD, STALL_WIDTH_RAD = 25.0 * np.pi / 180.0, 1.0 * np.pi / 180.0
+
+
+class Outside(NamedTuple):
+    """Sizes of the effects, zero where absent, and where they lie."""
+
+    yaw_moment_nm: float = 0.0
+    shear_per_s: float = 0.0
+    shear_to_rad: float = 0.0
+    bank_n: float = 0.0
+    bank_north_m: float = 0.0
+    bank_east_m: float = 0.0
+    bank_along_rad: float = 0.0
+    fading: float = 0.0
+    fading_from_s: float = 0.0
+    fading_over_s: float = 1.0
+    stall: float = 0.0
+
+
+def outside_of(sizes: Mapping[str, float], shear_to_rad: float, from_s: float, over_s: float) -> Outside:
+    """The effects from their sizes: N m, m/s per 100 m, N, and fractions; fading runs from ``from_s`` on.
+
+    Raises :class:`ConfigurationError` for a name that is not known.
+    """
+    unknown = [name for name in sizes if name not in OUTSIDE]
+    if unknown:
+        raise ConfigurationError(f"no effect {unknown[0]!r} outside the catalogue", fix=f"use {', '.join(OUTSIDE)}")
+    moment, shear, bank, fading, stall = (float(sizes.get(name, 0.0)) for name in OUTSIDE)
+    return Outside(
+        moment,
+        shear / 100.0,
+        shear_to_rad,
+        bank,
+        fading=fading,
+        fading_from_s=from_s,
+        fading_over_s=over_s,
+        stall=stall,
+    )
+
+
+def with_bank_beside(outside: Outside, north_m: Floats, east_m: Floats) -> Outside:
+    """The bank along the main direction of a track, so far beside its middle that the ship feels it."""
+    track = np.column_stack([north_m, east_m])
+    middle = np.median(track, axis=0)
+    along = np.linalg.svd(track[:: max(1, len(track) // 2000)] - middle, full_matrices=False)[2][0]
+    place = middle + BANK_ASIDE_M * np.array([-along[1], along[0]])
+    return outside._replace(
+        bank_north_m=place[0], bank_east_m=place[1], bank_along_rad=np.arctan2(along[1], along[0])
+    )
+
+
+@njit(error_model="numpy")
+def sheared(o: Outside, north_m: float, east_m: float) -> tuple[float, float]:
+    """Speed of the sheared current [m/s] and its growth across its direction [1/s]; the middle is at rest."""
+    across = east_m * cos(o.shear_to_rad) - north_m * sin(o.shear_to_rad)
+    share = tanh(o.shear_per_s * across / SHEAR_BOUND_MPS)
+    return SHEAR_BOUND_MPS * share, o.shear_per_s * (1.0 - share * share)
+
+
+@njit(error_model="numpy")
+def bank_force(o: Outside, north_m: float, east_m: float, heading_rad: float) -> tuple[float, float]:
+    """Sway force towards the bank [N] and moment that turns the bow away from it [N m]."""
+    away = (east_m - o.bank_east_m) * cos(o.bank_along_rad) - (north_m - o.bank_north_m) * sin(o.bank_along_rad)
+    pull = -o.bank_n * tanh(away / BANK_SOFT_M) * np.exp(-abs(away) / BANK_REACH_M)
+    Y = pull * cos(o.bank_along_rad - heading_rad)
+    return Y, -BANK_LEVER_M * Y
+
+
+@njit(error_model="numpy")
+def thrust_left(o: Outside, time_s: float) -> float:
+    """The share of thrust that is left by now."""
+    return 1.0 - o.fading * min(max((time_s - o.fading_from_s) / o.fading_over_s, 0.0), 1.0)
+
+
+@njit(error_model="numpy")
+def lift_left(o: Outside, angle_rad: float) -> float:
+    """The share of a pod's lift that is left at an azimuth angle: it stalls on the starboard side only."""
+    return 1.0 - 0.5 * o.stall * (1.0 + tanh((angle_rad - STALL_RAD) / STALL_WIDTH_RAD))
