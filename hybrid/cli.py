@@ -18,6 +18,9 @@ SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trial
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
 PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
+EffectsOption = Annotated[
+    list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
+]
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 
 
@@ -48,9 +51,7 @@ def simulate(
         list[str] | None,
         typer.Option(help="EFFECT:PARAM=VALUE,... to hide in the truth; may be given several times."),
     ] = None,
-    effects_file: Annotated[
-        list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
-    ] = None,
+    effects_file: EffectsOption = None,
 ) -> None:
     """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
     from acquisition.recording.tables import write_table
@@ -76,19 +77,22 @@ def simulate(
     typer.echo(f"{count:,} samples of {duration:g} s in {output}; the truth is in {truth_path}", err=True)
 
 
-def effects(as_json: AsJson = False) -> None:
+def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None:
     """List the catalogue of effects."""
-    from hybrid.effects import CATALOGUE
-    from hybrid.effects.catalogue import VERSION
+    from hybrid.effects.catalogue import VERSION, catalogue_with
 
+    catalogue = catalogue_with(effects_file or ())
     if as_json:
-        listed = [effect.as_dict() for effect in CATALOGUE.values()]
+        listed = [effect.as_dict() for effect in catalogue.values()]
         typer.echo(json.dumps({"version": VERSION, "effects": listed}))
         return
-    for effect in CATALOGUE.values():
-        typer.echo(f"{effect.name}  ({effect.family}, {effect.kind})\n    {effect.what}")
-        for each in effect.parameters:
-            typer.echo(f"    {each.name} [{each.unit}]  neutral {each.neutral:g}, {each.low:g} to {each.high:g}")
+    from rich.console import Console
+
+    from hybrid.effects.listing import WIDTH, catalogue_tables
+
+    console = Console()
+    console.width = max(console.width, WIDTH)
+    console.print(catalogue_tables(catalogue))
 
 
 def train(

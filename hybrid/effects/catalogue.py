@@ -7,6 +7,7 @@ one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and g
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from difflib import get_close_matches
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -101,10 +102,19 @@ def vessel_plant(vessel: Vessel, catalogue: Catalogue = CATALOGUE) -> Plant:
 
 
 def catalogue_with(files: Iterable[str | Path] = (), without: Iterable[str] = ()) -> dict[str, Effect]:
-    """The catalogue with users' files added and some effects left out."""
+    """The catalogue with users' files added and some effects left out.
+
+    What a user's effect is confused with is told of that other, too.
+    """
     catalogue = dict(CATALOGUE)
     for file in files:
-        catalogue |= load_effects(file)
+        own = load_effects(file)
+        catalogue |= own
+        for effect in own.values():
+            for rival in effect.confused_with:
+                other = effect_named(rival, catalogue)
+                if effect.name not in other.confused_with:
+                    catalogue[rival] = replace(other, confused_with=(*other.confused_with, effect.name))
     for name in without:
         del catalogue[effect_named(name, catalogue).name]
     return catalogue

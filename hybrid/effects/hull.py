@@ -7,7 +7,7 @@ from math import pi
 from hybrid.effects.effect import Effect, Parameter, Values, scaling
 from hybrid.vessel.plant import HULL, Plant
 
-_REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983): scatter"
+_REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
 _DERIVATIVES = (
     "Inoue, Hirano and Kijima, Hydrodynamic derivatives on ship manoeuvring, Int. Shipb. Progr. 28 (1981)"
 )

@@ -1,14 +1,12 @@
-"""Effects one by one: signs and sizes are those of the physics; users add their own."""
+"""Effects one by one: signs and sizes are those of the physics."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from acquisition.errors import ConfigurationError
-from hybrid.effects import CATALOGUE, apply_effects, catalogue_with, parse_effect, vessel_plant
+from hybrid.effects import CATALOGUE, apply_effects, parse_effect, vessel_plant
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, pack
@@ -219,40 +217,3 @@ def test_wrong_effects_are_refused_with_what_is_possible(text: str, hint: str) -
     """A wrong name, parameter or value says what may be given."""
     with pytest.raises(ConfigurationError, match=hint):
         parse_effect(text)
-
-
-USER_FILE = """
-from math import sin
-from hybrid.effects import Effect, Parameter
-
-def moment(time_s, state, control, environment, parameters):
-    return 0.0, 0.0, parameters[0] * sin(4.0 * state[2])
-
-EFFECTS = [Effect("fourfold", "unheard of", "physics", "Yaw moment sin 4 psi", "a test",
-    (Parameter("moment_nm", "N m", 0.0, -1e6, 1e6, 2e4, 1e3),),
-    lambda plant, values: plant.with_force(moment, values["moment_nm"]))]
-"""
-
-
-def test_a_user_adds_an_effect_from_a_file(tmp_path: Path, plant: Plant, held: Held) -> None:
-    """A force of one's own enters the simulation; neutral, it is not there at all."""
-    file = tmp_path / "mine.py"
-    file.write_text(USER_FILE)
-    catalogue = catalogue_with([file], without=["towed_load"])
-    assert "fourfold" in catalogue
-    assert "towed_load" not in catalogue
-    start = (0.0, 0.0, 0.4, 4.0, 0.0, 0.0)
-    base = held(plant, start=start)
-    turned = held(apply_effects(plant, {"fourfold": {"moment_nm": 2e4}}, catalogue), start=start)
-    assert turned[-1, 2] > base[-1, 2] + 0.01
-    neutral = apply_effects(plant, {"fourfold": {"moment_nm": 0.0}}, catalogue)
-    assert np.array_equal(held(neutral, start=start), base)
-
-
-@pytest.mark.parametrize("text", ["EFFECTS = 3", "x = 1", "raise OSError('no')", "def"])
-def test_a_user_file_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
-    """What is wrong with the file is said, with its name."""
-    file = tmp_path / "broken.py"
-    file.write_text(text)
-    with pytest.raises(ConfigurationError, match=r"broken\.py"):
-        catalogue_with([file])
