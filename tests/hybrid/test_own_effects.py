@@ -77,24 +77,16 @@ def test_the_commands_take_the_file(tmp_path: Path, plant: Plant) -> None:
     effects = {each["name"]: each for each in json.loads(listed.stdout)["effects"]}
     assert set(effects) == {*CATALOGUE, "drogue"}
     assert "drogue" in effects["towed_load"]["confused_with"]
-    out, seconds = tmp_path / "trial.mcap", 6.0
-    options = [
-        "-o",
-        str(out),
-        "--duration",
-        str(seconds),
-        "--rate",
-        "10",
-        "--hide",
-        f"drogue:drag_nps2={DRAG_NPS2}",
-    ]
+    out, seconds = tmp_path / "trial.mcap", 2.0
+    options = ["-o", str(out), "--duration", str(seconds), "--hide", f"drogue:drag_nps2={DRAG_NPS2}"]
     assert CliRunner().invoke(app, ["simulate", *options, *own]).exit_code == 0
     assert json.loads((tmp_path / "trial.truth.json").read_text())["hidden"] == {"drogue": {"drag_nps2": DRAG_NPS2}}
     assert b"drogue" not in out.read_bytes()
     plain, truth = simulate_trial(duration_s=seconds)
+    mean_s = seconds - 0.55
     slower = float((read_table(out)["surge_mps"] - plain["surge_mps"].to_numpy()).tail(10).mean())
     brake = DRAG_NPS2 * truth["states"][0, 3] ** 2 / (plant.mass_kg - plant.Xud)
-    assert slower == pytest.approx(-brake * (seconds - 0.5), rel=0.15)  # less as she slows down
+    assert slower == pytest.approx(-brake * mean_s, rel=0.1)  # less as she slows down
 
 
 def test_the_list_in_the_terminal_is_whole() -> None:
