@@ -90,14 +90,15 @@ def _lengthen(sheet: Sheet, length_m: float) -> None:
 
 
 def _shallow(sheet: Sheet, depth_m: float) -> None:
-    """Hirano et al., West-Japan SNA 69 (1985): derivatives of whole forces grow with draught over depth."""
+    """Derivatives of whole forces grow with draught over depth (Hirano et al., West-Japan SNA 69, 1985).
+
+    The aspect ratio's own share is that of the catalogue, 1 - g, so that a depth means the same there and here.
+    """
     size = sheet.numbers["dimensions"]
-    half_ratio = 0.5 * size["draught_m"] / depth_m
-    slender = 2.0 * size["draught_m"] / size["length_between_perpendiculars_m"]
-    y = pi * half_ratio
-    force, moment, turning = (
-        1.0 / (slender * half_ratio + (y / tan(y)) ** power) if y else 1.0 for power in (2.3, 1.7, 0.7)
-    )
+    y = 0.5 * pi * size["draught_m"] / depth_m
+    slender = size["draught_m"] / size["length_between_perpendiculars_m"]
+    below = [(y / tan(y)) ** power if y else 1.0 for power in (2.3, 1.7, 0.7)]
+    force, moment, turning = (1.0 / (g + slender * (1.0 - g)) for g in below)
     for section, drifting in (("sway", force), ("yaw", moment)):
         for name in sheet.numbers[section]:
             sheet.hull_growth[name] = turning if name in TURNING else drifting

@@ -149,13 +149,20 @@ def driven(d: Drives, now: Control, order: Control, dt_s: float) -> Control:
 
 @njit(error_model="numpy")
 def lagged(acting: Control, reported: Control, lag_s: float, dt_s: float) -> Control:
-    """What acts after a step, a first-order lag behind what is reported."""
-    if lag_s <= 0.0:
-        return reported
+    """What acts after a step, a first-order lag behind what is reported over it."""
     k = 1.0 - exp(-dt_s / lag_s)
     a, b, c, d, e = acting
     A, B, C, D, E = reported
     return a + k * (A - a), b + k * (B - b), c + k * (C - c), d + k * (D - d), e + k * (E - e)
+
+
+@njit(error_model="numpy")
+def middle(now: Control, after: Control) -> Control:
+    """The mean of two."""
+    return (
+        0.5 * (now[0] + after[0]), 0.5 * (now[1] + after[1]), 0.5 * (now[2] + after[2]),
+        0.5 * (now[3] + after[3]), 0.5 * (now[4] + after[4]),
+    )  # fmt: skip
 
 
 @njit(error_model="numpy")
@@ -234,7 +241,9 @@ def _make_sail(stamp: int) -> Callable[..., int]:
                     order, since_s, begun, side, switches = orders[number], 0.0, psi, 1.0, 0.0
                 since_s += dt_s
             next_drive = driven(drives, drive, told(order, base_rad, side, psi, r), dt_s)
-            next_act = lagged(act, next_drive, lag_s, dt_s)
+            next_act = next_drive
+            if lag_s > 0.0:
+                next_act = lagged(act, middle(drive, next_drive), lag_s, dt_s)
             here = Sea(current[0], current[1], air[k, 0], air[k, 1], slow[k], slow_to_rad)
             there = Sea(current[0], current[1], air[k + 1, 0], air[k + 1, 1], slow[k + 1], slow_to_rad)
             first = slope(body, o, here, k * dt_s, state, act)
