@@ -51,19 +51,20 @@ def worst(plant: Plant, table: pd.DataFrame, truth: dict[str, Any], horizon_s: f
     dt_s = 1.0 / truth["rate_hz"]
     states, command, wind, seen = truth["states"], controls_of(table), wind_of(table), states_of(table)
     command, wind = (0.5 * (each[:-1] + each[1:]) for each in (command, wind))
-    begins = range(steps, len(states) - steps, steps)  # the first window only fills what lags
+    more = steps + round(2.0 / dt_s)  # late commands look ahead
+    begins = range(steps, len(states) - more, steps)  # the first window only fills what lags
     lagging = {}
     if plant.thruster_lag_s:
         lagging["acting_start"] = _followed(command, plant.thruster_lag_s, dt_s)[list(begins)]
     runs = simulate(
         plant,
         states[list(begins)],
-        np.stack([command[i : i + steps] for i in begins]),
-        np.stack([wind[i : i + steps] for i in begins]),
+        np.stack([command[i : i + more] for i in begins]),
+        np.stack([wind[i : i + more] for i in begins]),
         dt_s,
         **lagging,
     )
-    errors = measured(runs, plant, dt_s) - np.stack([seen[i : i + steps + 1] for i in begins])
+    errors = measured(runs, plant, dt_s)[:, : steps + 1] - np.stack([seen[i : i + steps + 1] for i in begins])
     errors[..., 2] = (errors[..., 2] + np.pi) % (2.0 * np.pi) - np.pi
     return np.abs(errors[:, 10:]).max(axis=(0, 1))  # a delayed position looks back beyond the window's start
 

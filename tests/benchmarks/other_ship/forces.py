@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from tests.benchmarks.other_ship.effects import Sheet
 from tests.benchmarks.other_ship.outside import Outside, bank_force, lift_left, thrust_left
+from tests.benchmarks.other_ship.sheet import Sheet
 
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
@@ -61,7 +61,7 @@ class Body(NamedTuple):
     hull: Floats  # [3, monomials]
     inverse_mass: Floats  # [3, 3]
     mass_kg: float
-    pods: Floats  # port and starboard: x, y [m], offset [rad], share left
+    pods: Floats  # port and starboard: x, y [m], offset [rad], share left, factor on the angle
     curve: Floats  # thrust: n|n|, |n| u, u|u|; side: |n|, |u|, |v| (times v)
     tunnel: Floats  # x [m], cubic, quadratic, linear
     wind: Floats  # [3, 19] areas times coefficients, half the air's density in them
@@ -81,10 +81,16 @@ def body_of(sheet: Sheet, heel_coupling: bool) -> Body:
     curve = [pods["thrust_nn"] * D * D, pods["thrust_nu"] * D, pods["thrust_uu"]]
     curve += [pods["side_nv"] * D, pods["side_uv"], pods["side_vv"]]
     places = [
-        (pods[f"{side}_x_m"], pods[f"{side}_y_m"], sheet.pod_offset_rad[i], sheet.pod_share[i])
+        (
+            pods[f"{side}_x_m"],
+            pods[f"{side}_y_m"],
+            sheet.pod_offset_rad[i],
+            sheet.pod_share[i],
+            sheet.azimuth_factor,
+        )
         for i, side in enumerate(("port", "starboard"))
     ]
-    air = 0.5 * wind["air_density_kgpm3"] * sheet.wind_factor
+    air = 0.5 * wind["air_density_kgpm3"]
     lateral = air * wind["lateral_area_m2"]
     areas = np.array([[air * wind["frontal_area_m2"]], [lateral], [lateral * size["length_overall_m"]]])
     return Body(
@@ -180,14 +186,15 @@ def pod_force(
     body: Body, o: Outside, which: int, n: float, angle: float, time_s: float, u: float, v: float, r: float
 ) -> Three:
     """X, Y [N] and N [N m] of one pod at ``n`` rev/s and a reported angle [rad]."""
-    x, y, offset, share = body.pods[which]
+    x, y, offset, share, factor = body.pods[which]
+    true_angle = factor * angle + offset
     c = body.curve
-    ahead, aside = cos(angle + offset), sin(angle + offset)
+    ahead, aside = cos(true_angle), sin(true_angle)
     inflow_x, inflow_y = u - y * r, v + x * r
     along = inflow_x * ahead + inflow_y * aside
     across = inflow_y * ahead - inflow_x * aside
     thrust = ((c[0] * n + c[1] * along) * abs(n) + c[2] * along * abs(along)) * thrust_left(o, time_s)
-    lift = across * (c[3] * abs(n) + c[4] * abs(along) + c[5] * abs(across)) * lift_left(o, angle + offset)
+    lift = across * (c[3] * abs(n) + c[4] * abs(along) + c[5] * abs(across)) * lift_left(o, true_angle)
     X = share * (thrust * ahead - lift * aside)
     Y = share * (thrust * aside + lift * ahead)
     return X, Y, x * Y - y * X

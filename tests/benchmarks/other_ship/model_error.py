@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import ConfigurationError
-from tests.benchmarks.other_ship.effects import Sheet
 from tests.benchmarks.other_ship.forces import POWERS, Body, body_of
 from tests.benchmarks.other_ship.motion import forces_along
 from tests.benchmarks.other_ship.outside import Outside
+from tests.benchmarks.other_ship.sheet import Sheet
 
 Floats = NDArray[np.float64]
 FORMS = ("coefficients", "polynomial")

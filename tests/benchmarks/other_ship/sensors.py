@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from acquisition.angles import wrap_180, wrap_360
 from acquisition.channels import NAMES
-from tests.benchmarks.other_ship.effects import Sheet
+from tests.benchmarks.other_ship.sheet import Sheet
 
 Floats = NDArray[np.float64]
 SIGMAS = {
@@ -37,27 +37,50 @@ def reported(
     ``air`` [rows, 2] its motion north and east [m/s].
     """
     pose = ground[:, :3] + motion
-    rate = np.column_stack([_earth_speed(ground), ground[:, 5]]) + np.gradient(motion, dt_s, axis=0)
     c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     ahead, aside = sheet.antenna_m
     antenna = pose[:, :2] + np.column_stack([ahead * c - aside * s, ahead * s + aside * c])
-    moment = np.arange(len(pose)) * dt_s
+    rate = np.column_stack([_earth_speed(ground), ground[:, 5]]) + np.gradient(motion, dt_s, axis=0)
+    speeds = np.column_stack([rate[:, 0] * c + rate[:, 1] * s, rate[:, 1] * c - rate[:, 0] * s, rate[:, 2]])
+    surge, sway, yaw_rate = _seen_speeds(sheet, _late(speeds, sheet.speed_delay_s, dt_s))
+    north, east = _late(antenna, sheet.position_delay_s, dt_s).T
+    command = _late(controls, sheet.command_delay_s, dt_s)
     seen = {
-        "north_m": np.interp(moment - sheet.position_delay_s, moment, antenna[:, 0]),
-        "east_m": np.interp(moment - sheet.position_delay_s, moment, antenna[:, 1]),
-        "heading_deg": np.degrees(pose[:, 2] + sheet.heading_bias_rad),
-        "surge_mps": sheet.speed_factor * (rate[:, 0] * c + rate[:, 1] * s),
-        "sway_mps": sheet.speed_factor * (rate[:, 1] * c - rate[:, 0] * s),
-        "yaw_rate_dps": np.degrees(rate[:, 2]),
+        "north_m": north,
+        "east_m": east,
+        "heading_deg": np.degrees(_late(pose, sheet.heading_delay_s, dt_s)[:, 2] + sheet.heading_bias_rad),
+        "surge_mps": surge,
+        "sway_mps": sway,
+        "yaw_rate_dps": np.degrees(yaw_rate),
         "wind_direction_deg": np.degrees(np.arctan2(-air[:, 1], -air[:, 0]) + sheet.vane_bias_rad),
-        "wind_speed_mps": np.hypot(air[:, 0], air[:, 1]),
-        "port_rpm": controls[:, 0] * 60.0,
-        "port_angle_deg": np.degrees(controls[:, 1]),
-        "starboard_rpm": controls[:, 2] * 60.0,
-        "starboard_angle_deg": np.degrees(controls[:, 3]),
-        "tunnel_rpm": controls[:, 4],
+        "wind_speed_mps": sheet.wind_speed_factor * np.hypot(air[:, 0], air[:, 1]),
+        "port_rpm": command[:, 0] * 60.0,
+        "port_angle_deg": np.degrees(command[:, 1]),
+        "starboard_rpm": command[:, 2] * 60.0,
+        "starboard_angle_deg": np.degrees(command[:, 3]),
+        "tunnel_rpm": command[:, 4],
     }
     return pd.DataFrame(seen)[list(NAMES)]
+
+
+def _seen_speeds(sheet: Sheet, speeds: Floats) -> tuple[Floats, Floats, Floats]:
+    """Surge, sway and yaw rate as a sensor at its own point, on its own axes, reports them."""
+    forward, starboard = sheet.speed_point_m
+    u, v, r = speeds[:, 0] - starboard * speeds[:, 2], speeds[:, 1] + forward * speeds[:, 2], speeds[:, 2]
+    c, s = np.cos(sheet.speed_turned_rad), np.sin(sheet.speed_turned_rad)
+    return (
+        sheet.speed_factor * (u * c + v * s),
+        sheet.speed_factor * (v * c - u * s) + sheet.sway_bias_mps,
+        sheet.yaw_rate_factor * r + sheet.yaw_rate_bias_radps,
+    )
+
+
+def _late(values: Floats, delay_s: float, dt_s: float) -> Floats:
+    """Columns as they were ``delay_s`` before each row."""
+    if delay_s == 0.0:
+        return values
+    moment = np.arange(len(values)) * dt_s
+    return np.column_stack([np.interp(moment - delay_s, moment, column) for column in values.T])
 
 
 def _earth_speed(ground: Floats) -> Floats:
@@ -108,14 +131,14 @@ def _shocks(random: np.random.Generator, shape: tuple[int, int], rate_hz: float,
 
 
 def _silent(random: np.random.Generator, rows: int, rate_hz: float, share: float) -> NDArray[np.bool_]:
-    """Rows in gaps: silences and sounds alternate, both exponential, so that ``share`` is silent on average."""
+    """Rows in gaps: they come by chance, 2 to 8 s long, so that ``share`` is silent on average."""
     silent = np.zeros(rows, dtype=bool)
     if share <= 0.0:
         return silent
     row = 0.0
     while row < rows:
         row += random.exponential(GAP_S * rate_hz * (1.0 - share) / share)
-        length = random.exponential(GAP_S * rate_hz)
+        length = random.uniform(0.4, 1.6) * GAP_S * rate_hz
         silent[round(row) : round(row + length)] = True
         row += length
     return silent

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.errors import ConfigurationError, ModelRangeError
-from tests.benchmarks.other_ship.effects import Hidden, Sheet, data_sheet
+from tests.benchmarks.other_ship.effects import Hidden, data_sheet
 from tests.benchmarks.other_ship.forces import Body, body_of
 from tests.benchmarks.other_ship.model_error import forces_of, with_error
 from tests.benchmarks.other_ship.motion import Drives, sail
@@ -20,6 +20,7 @@ from tests.benchmarks.other_ship.outside import SHEAR_BOUND_MPS, Outside, outsid
 from tests.benchmarks.other_ship.programmes import PROGRAMMES, Order, packed
 from tests.benchmarks.other_ship.sea import SEAS, Sea, air_motion, gusts, slow_drift, wave_motion, waves
 from tests.benchmarks.other_ship.sensors import recorded, reported
+from tests.benchmarks.other_ship.sheet import Sheet
 
 Floats = NDArray[np.float64]
 START = pd.Timestamp("2026-09-01T06:00:00Z")
