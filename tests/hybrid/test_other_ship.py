@@ -286,3 +286,13 @@ def test_the_command_writes_what_import_takes(tmp_path: Path) -> None:
     subprocess.run(command, check=True, cwd=Path(__file__).parents[2])
     assert out.with_suffix(".truth.json").is_file()
     import_table(out, tmp_path / "trial.mcap")
+
+
+def test_she_heels_outward_in_a_turn_and_rolls_in_waves() -> None:
+    """To port in a turn to starboard, a few degrees; on a straight course in a calm not at all."""
+    for side in (-1, 1):
+        roll = perfect(programme=(hold(170, -side * 25, 90),), sea="calm", duration_s=80.0, heel_coupling=True)[1]
+        assert 0.5 < np.degrees(-side * roll["roll_rad"][-1]) < 5.0
+    straight = {"programme": (steer(0, 150, 90),), "duration_s": 80.0}
+    assert np.abs(perfect(sea="calm", **straight)[1]["roll_rad"]).max() < 1e-6
+    assert np.degrees(perfect(sea="moderate", **straight)[1]["roll_rad"].std()) > 1.0

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from hybrid.effects.catalogue import parse_effects
 from tests.benchmarks.other_ship import OUTSIDE, PROGRAMMES, SEAS, make_trial
@@ -53,7 +54,7 @@ def main() -> None:
         given.correlated,
         not given.no_heel,
     )
-    stamps = table.index.strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+    stamps = pd.DatetimeIndex(table.index).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
     table.set_axis(stamps, axis=0).rename_axis("time").to_csv(given.output)
     plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray)}
     given.output.with_suffix(".truth.json").write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")

@@ -168,7 +168,7 @@ def middle(now: Control, after: Control) -> Control:
 @njit(error_model="numpy")
 def nearest(angle_rad: float) -> float:
     """The same direction within half a turn of zero."""
-    return angle_rad - 2.0 * pi * np.round(angle_rad / (2.0 * pi))
+    return float(angle_rad - 2.0 * pi * round(angle_rad / (2.0 * pi)))
 
 
 @njit(error_model="numpy")

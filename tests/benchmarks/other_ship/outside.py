@@ -69,10 +69,14 @@ def with_bank_beside(outside: Outside, north_m: Floats, east_m: Floats) -> Outsi
 
 @njit(error_model="numpy")
 def sheared(o: Outside, north_m: float, east_m: float) -> tuple[float, float]:
-    """Speed of the sheared current [m/s] and its growth across its direction [1/s]; the middle is at rest."""
+    """Speed of the sheared current [m/s] and its growth across its direction [1/s].
+
+    The middle is at rest; far out the current grows no more, turns back and so on, so that no long track is
+    ever in a uniform one.
+    """
     across = east_m * cos(o.shear_to_rad) - north_m * sin(o.shear_to_rad)
-    share = tanh(o.shear_per_s * across / SHEAR_BOUND_MPS)
-    return SHEAR_BOUND_MPS * share, o.shear_per_s * (1.0 - share * share)
+    phase = o.shear_per_s * across / SHEAR_BOUND_MPS
+    return SHEAR_BOUND_MPS * sin(phase), o.shear_per_s * cos(phase)
 
 
 @njit(error_model="numpy")

@@ -127,6 +127,7 @@ def make_trial(
         "wind_from_deg": float(np.degrees(wind_from)),
         "wave_to_deg": float(np.degrees(wave_to) % 360.0),
         **_shares(body, strange, dt_s, run),
+        "current_spread_mps": _current(run.states, sheet, strange).std(axis=0).tolist(),
         "states": ground[every],
         "controls": run.controls[every],
         "roll_rad": run.states[every, 6] + motion[every, 3],
@@ -168,7 +169,8 @@ def _ship(
     dt_s: float,
 ) -> tuple[Body, Outside, dict[str, list[float]]]:
     """The ship as she is; a first voyage shows where a bank must lie and how large a model error may be."""
-    body, error = body_of(sheet, heel_coupling), {}
+    body = body_of(sheet, heel_coupling)
+    error: dict[str, list[float]] = {}
     if percent > 0.0 or outside.bank_n != 0.0:
         first = _sail(body, outside._replace(bank_n=0.0), sheet, orders, around, heading_rad, dt_s)
         if outside.bank_n != 0.0:
@@ -232,7 +234,7 @@ def _current(states: Floats, sheet: Sheet, outside: Outside) -> Floats:
     """The water's motion [steps, 2] at the ship's places."""
     towards = np.array([np.cos(outside.shear_to_rad), np.sin(outside.shear_to_rad)])
     across = states[:, 1] * towards[0] - states[:, 0] * towards[1]
-    speed = SHEAR_BOUND_MPS * np.tanh(outside.shear_per_s * across / SHEAR_BOUND_MPS)
+    speed = SHEAR_BOUND_MPS * np.sin(outside.shear_per_s * across / SHEAR_BOUND_MPS)
     return np.asarray(np.array(sheet.current_mps) + speed[:, np.newaxis] * towards)
 
 
