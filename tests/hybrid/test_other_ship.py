@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,14 @@ import pytest
 from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, ModelRangeError
 from acquisition.tabular import import_table
+from analysis.table import read_table
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate
 from tests.benchmarks.other_ship import EFFECTS, OUTSIDE, PROGRAMMES, SEAS, Sea, make_trial
+from tests.benchmarks.other_ship.__main__ import main
 from tests.benchmarks.other_ship.effects import data_sheet
 from tests.benchmarks.other_ship.forces import body_of
 from tests.benchmarks.other_ship.model_error import FORMS
@@ -170,7 +172,7 @@ def test_streams_of_chance_leave_each_other_alone() -> None:
 
 
 def test_outliers_and_gaps_come_in_the_share_asked_for() -> None:
-    options: dict[str, Any] = {"duration_s": 6000.0, "rate_hz": 1.0, "programme": "one_heading", "correlated": True}
+    options: dict[str, Any] = {"duration_s": 4000.0, "rate_hz": 1.0, "programme": "one_heading", "correlated": True}
     clean = make_trial(1, **options)[0]
     wild = make_trial(1, outliers=0.02, **options)[0]
     far = (wild["north_m"] - clean["north_m"]).abs() > 10 * 0.05
@@ -269,23 +271,15 @@ def test_what_is_not_known_or_not_possible_is_refused() -> None:
         make_trial(0, {"yaw_asymmetry": {"moment_nm": 1e7}}, duration_s=120.0)
 
 
-def test_the_command_writes_what_import_takes(tmp_path: Path) -> None:
+def test_the_command_writes_what_import_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     out = tmp_path / "trial.csv"
-    command = [
-        sys.executable,
-        "-m",
-        "tests.benchmarks.other_ship",
-        "--seed",
-        "3",
-        "--duration",
-        "60",
-        "--gaps",
-        "0.05",
-    ]
-    command += ["--hide", "ocean_current:speed_mps=0.2,direction_deg=205", "--rate", "5", "-o", str(out)]
-    subprocess.run(command, check=True, cwd=Path(__file__).parents[2])
-    assert out.with_suffix(".truth.json").is_file()
+    options = "--seed 3 --duration 60 --gaps 0.05 --rate 5 --hide ocean_current:speed_mps=0.2,direction_deg=205"
+    monkeypatch.setattr(sys, "argv", ["other_ship", *options.split(), "-o", str(out)])
+    main()
+    truth = json.loads(out.with_suffix(".truth.json").read_text())
+    assert truth["hidden"] == {"ocean_current": {"speed_mps": 0.2, "direction_deg": 205.0}}
     import_table(out, tmp_path / "trial.mcap")
+    assert len(read_table(tmp_path / "trial.mcap")) > 280
 
 
 def test_she_heels_outward_in_a_turn_and_rolls_in_waves() -> None:

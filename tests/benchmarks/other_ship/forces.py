@@ -95,7 +95,7 @@ def body_of(sheet: Sheet, heel_coupling: bool) -> Body:
     areas = np.array([[air * wind["frontal_area_m2"]], [lateral], [lateral * size["length_overall_m"]]])
     return Body(
         hull_matrix(sheet),
-        np.linalg.inv(_mass_matrix(sheet)),
+        np.asarray(np.linalg.inv(_mass_matrix(sheet)), dtype=np.float64),
         numbers["inertia"]["mass_kg"],
         np.array(places),
         density * D * D * np.array(curve),

@@ -91,7 +91,7 @@ def _off(sheet: Sheet, shares: Floats) -> Sheet:
 
 def _scales(states: Floats, acting: Floats) -> Floats:
     columns = np.column_stack([states[:, 3:6], 0.5 * (acting[:, 1] + acting[:, 3])])
-    return np.maximum(np.quantile(np.abs(columns), 0.99, axis=0), SMALLEST_SCALES)
+    return np.asarray(np.maximum(np.quantile(np.abs(columns), 0.99, axis=0), SMALLEST_SCALES))
 
 
 def _range(sheet: Sheet, forces: Floats) -> Floats:
