@@ -27,6 +27,7 @@ START = pd.Timestamp("2026-09-01T06:00:00Z")
 LEAD_S = 6.0
 """Simulated before and after the record, so that delays have something to look at."""
 SLOWEST_STEP_S = 0.05
+SHARES_EVERY = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,14 +246,13 @@ def _size(sheet: Sheet) -> tuple[float, float]:
 
 def _shares(body: Body, outside: Outside, dt_s: float, run: Run) -> dict[str, list[float]]:
     """How much heel and what is outside the catalogue weighed along the trial, root mean square [N, N, N m]."""
-    whole = forces_of(body, outside, dt_s, run.states, run.acting)[:, :3]
+    sampled = SHARES_EVERY * dt_s, run.states[::SHARES_EVERY], run.acting[::SHARES_EVERY]
+    whole = forces_of(body, outside, *sampled)[:, :3]
     without = {
         "outside_rms": (body, Outside()),
         "heel_rms": (body._replace(heel=body.heel._replace(resistance=0.0, side=0.0, turning=0.0)), outside),
     }
     return {
-        name: np.sqrt(
-            np.mean((whole - forces_of(*other, dt_s, run.states, run.acting)[:, :3]) ** 2, axis=0)
-        ).tolist()
+        name: np.sqrt(np.mean((whole - forces_of(*other, *sampled)[:, :3]) ** 2, axis=0)).tolist()
         for name, other in without.items()
     }
