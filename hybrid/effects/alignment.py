@@ -25,19 +25,20 @@ def _offset(name: str, sides: tuple[str, ...], confused_with: tuple[str, ...]) -
     )
 
 
-_STEADY = ("sway_asymmetry", "yaw_asymmetry")
 AZIMUTH_OFFSET_PORT = _offset(
     "azimuth_offset_port",
     ("port",),
-    ("azimuth_offset_both", "azimuth_offset_starboard", "thrust_loss_starboard", *_STEADY),
+    ("azimuth_offset_both", "azimuth_offset_starboard", "sway_asymmetry", "yaw_asymmetry"),
 )
 AZIMUTH_OFFSET_STARBOARD = _offset(
     "azimuth_offset_starboard",
     ("starboard",),
-    ("azimuth_offset_both", "azimuth_offset_port", "thrust_loss_port", *_STEADY),
+    ("azimuth_offset_both", "azimuth_offset_port", "sway_asymmetry", "yaw_asymmetry"),
 )
 AZIMUTH_OFFSET_BOTH = _offset(
-    "azimuth_offset_both", ("port", "starboard"), ("azimuth_offset_port", "azimuth_offset_starboard", *_STEADY)
+    "azimuth_offset_both",
+    ("port", "starboard"),
+    ("azimuth_offset_port", "azimuth_offset_starboard", "sway_asymmetry", "yaw_asymmetry"),
 )
 AZIMUTH_SCALE = Effect(
     "azimuth_scale",
@@ -47,6 +48,7 @@ AZIMUTH_SCALE = Effect(
     source="Gain of the azimuth feedback",
     parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
     change=lambda plant, values: plant.scaled(values["factor"], "azimuth_scale"),
+    confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
 )
 YAW_ASYMMETRY = Effect(
     "yaw_asymmetry",
@@ -60,7 +62,6 @@ YAW_ASYMMETRY = Effect(
         "azimuth_offset_both",
         "azimuth_offset_port",
         "azimuth_offset_starboard",
-        "sway_asymmetry",
         "thrust_loss_port",
         "thrust_loss_starboard",
     ),
@@ -73,5 +74,5 @@ SWAY_ASYMMETRY = Effect(
     source="Constant body force",
     parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
     change=lambda plant, values: plant.shifted(constant_Y_n=values["force_n"]),
-    confused_with=("azimuth_offset_both", "azimuth_offset_port", "azimuth_offset_starboard", "yaw_asymmetry"),
+    confused_with=("azimuth_offset_both", "azimuth_offset_port", "azimuth_offset_starboard", "heading_bias"),
 )

@@ -34,21 +34,21 @@ HEADING_DELAY = _delay(
     "heading_delay_s",
     "Headings are stamped too late: the recorded one is that of so many seconds before",
     "Latency of the heading sensor and its filter",
-    ("position_antenna_offset",),
+    ("command_delay", "thruster_lag"),
 )
 SPEED_DELAY = _delay(
     "speed_delay",
     "speed_delay_s",
     "Surge, sway and yaw rate are stamped too late: recorded are those of so many seconds before",
     "Latency of the motion sensor and its filter",
-    ("command_delay", "thruster_lag"),
+    (),
 )
 COMMAND_DELAY = _delay(
     "command_delay",
     "command_delay_s",
     "The drives' feedback is stamped too late: what acts is recorded so many seconds after; negative, before",
     "Latency of the drives' bus",
-    ("speed_delay", "thruster_lag"),
+    ("heading_delay", "thruster_lag", "yaw_inertia"),
     "actuator",
 )
 THRUSTER_LAG = Effect(
@@ -59,5 +59,5 @@ THRUSTER_LAG = Effect(
     source="First-order actuator model; feedback has none, orders have about a second",
     parameters=(Parameter("time_constant_s", "s", 0.0, 0.0, 20.0, 1.0, 0.3, _TOLERANCE_S),),
     change=lambda plant, values: plant.shifted(thruster_lag_s=values["time_constant_s"]),
-    confused_with=("command_delay", "speed_delay"),
+    confused_with=("command_delay", "heading_delay", "yaw_inertia"),
 )

@@ -138,6 +138,16 @@ class Effect:
             return (self.parameters[0].typical,) * 2
         return tuple(abs(number) for number in self.free(self.typical))
 
+    @property
+    def smallest_free(self) -> tuple[float, ...]:
+        """The smallest size of interest in each free coordinate."""
+        first = self.parameters[0]
+        if self.chart == "polar":
+            return (first.smallest,) * 2
+        if self.chart == "inverse_square":
+            return self.free({each.name: each.smallest for each in self.parameters})
+        return tuple(each.smallest for each in self.parameters)
+
     def as_dict(self) -> dict[str, Any]:
         """The effect as plain data, without its function; infinite numbers become ``None``."""
         plain = {key: getattr(self, key) for key in ("name", "family", "kind", "what", "source")}
@@ -161,7 +171,7 @@ def scaling(
     what: str,
     source: str,
     parameter: str = "factor",
-    low: float = 0.0,
+    bounds: tuple[float, float] = (0.0, 5.0),
     confused_with: tuple[str, ...] = (),
 ) -> Effect:
     """An effect of physics that multiplies ``numbers`` of the plant, tables included, by one factor.
@@ -172,5 +182,5 @@ def scaling(
     def change(plant: Plant, values: Values) -> Plant:
         return plant.scaled(values[parameter], *numbers)
 
-    parameters = (Parameter(parameter, "1", 1.0, low, 5.0, *sizes),)
+    parameters = (Parameter(parameter, "1", 1.0, *bounds, *sizes),)
     return Effect(name, family, "physics", what, source, parameters, change, confused_with=confused_with)

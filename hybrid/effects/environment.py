@@ -76,10 +76,21 @@ def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]
     )
 
 
-WIND_DRAG = _wind("wind_drag", "CX", "Wind force along the ship", ("wind_load", "wind_speed_scale"))
+WIND_DRAG = _wind(
+    "wind_drag",
+    "CX",
+    "Wind force along the ship",
+    ("wind_load", "wind_speed_scale"),
+)
 WIND_SIDE_LOAD = _wind(
-    "wind_side_load", "CY", "Wind force across the ship", ("wave_drift", "wind_load", "wind_speed_scale")
+    "wind_side_load",
+    "CY",
+    "Wind force across the ship",
+    ("wave_drift", "wind_load", "wind_speed_scale"),
 )
 WIND_YAW_LOAD = _wind(
-    "wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias", "wind_load", "wind_speed_scale")
+    "wind_yaw_load",
+    "CN",
+    "Yaw moment of the wind",
+    ("wind_direction_bias", "wind_load", "wind_speed_scale"),
 )

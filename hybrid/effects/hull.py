@@ -31,7 +31,7 @@ CROSS_FLOW_DRAG = scaling(
     (1.5, 0.15),
     what="Cross-flow drag of the hull: Y|v|v and N|v|v times a factor",
     source="Faltinsen, Sea Loads on Ships and Offshore Structures (1990), ch. 6",
-    confused_with=("drift_force", "drift_moment"),
+    confused_with=("drift_moment",),
 )
 YAW_DAMPING = scaling(
     "yaw_damping",
@@ -40,7 +40,16 @@ YAW_DAMPING = scaling(
     (1.15, 0.05),
     what="Resistance of the hull to turning: Nur, Nuur, Nrrr and N|r|r times a factor",
     source=_REGRESSIONS,
-    confused_with=("hull_lengthening", "shallow_water", "skeg", "turning_force"),
+    confused_with=(
+        "azimuth_scale",
+        "drift_moment",
+        "hull_lengthening",
+        "skeg",
+        "surge_added_mass",
+        "sway_added_mass",
+        "trim",
+        "turning_force",
+    ),
 )
 DRIFT_FORCE = scaling(
     "drift_force",
@@ -49,7 +58,7 @@ DRIFT_FORCE = scaling(
     (1.3, 0.1),
     what="Side force of the drifting hull: Yuv, Yuuv and Yvvv times a factor",
     source=_REGRESSIONS,
-    confused_with=("cross_flow_drag", "shallow_water", "skeg"),
+    confused_with=("shallow_water", "skeg", "turning_force"),
 )
 DRIFT_MOMENT = scaling(
     "drift_moment",
@@ -58,7 +67,7 @@ DRIFT_MOMENT = scaling(
     (1.2, 0.05),
     what="Yaw moment of the drifting hull beside the Munk moment: Nuv, Nuuv and Nvvv times a factor",
     source=_REGRESSIONS,
-    confused_with=("cross_flow_drag", "skeg", "sway_added_mass", "trim"),
+    confused_with=("cross_flow_drag", "skeg", "surge_added_mass", "sway_added_mass", "trim", "yaw_damping"),
 )
 TURNING_FORCE = scaling(
     "turning_force",
@@ -67,7 +76,7 @@ TURNING_FORCE = scaling(
     (1.3, 0.1),
     what="Side force of the turning hull: Yur, Yuur, Yrrr and Y|r|r times a factor",
     source=_REGRESSIONS,
-    confused_with=("shallow_water", "trim", "yaw_damping"),
+    confused_with=("drift_force", "loading", "shallow_water", "trim", "yaw_damping"),
 )
 TURNING_DRAG = scaling(
     "turning_drag",
@@ -94,7 +103,16 @@ TRIM = Effect(
     source=_DERIVATIVES,
     parameters=(Parameter("shift_m", "m", 0.0, -5.0, 5.0, 0.5, 0.1),),
     change=_trimmed,
-    confused_with=("drift_moment", "turning_force"),
+    confused_with=(
+        "azimuth_scale",
+        "drift_moment",
+        "hull_lengthening",
+        "skeg",
+        "surge_added_mass",
+        "sway_added_mass",
+        "turning_force",
+        "yaw_damping",
+    ),
 )
 
 
@@ -113,7 +131,15 @@ SKEG = Effect(
     source="Jones, Properties of low-aspect-ratio pointed wings, NACA Report 835 (1946); aspect ratio one",
     parameters=(Parameter("area_m2", "m2", 0.0, -10.0, 20.0, 2.0, 0.3),),
     change=_with_skeg,
-    confused_with=("drift_force", "drift_moment", "yaw_damping"),
+    confused_with=(
+        "azimuth_scale",
+        "drift_force",
+        "drift_moment",
+        "hull_lengthening",
+        "sway_added_mass",
+        "trim",
+        "yaw_damping",
+    ),
 )
 TOWED_LOAD = Effect(
     "towed_load",

@@ -85,7 +85,16 @@ HULL_LENGTHENING = Effect(
     source="Strip-wise scaling of sectional coefficients with length, one lever arm for each r",
     parameters=(Parameter("length_m", "m", 0.0, -10.0, 20.0, 3.0, 0.5),),
     change=_lengthened,
-    confused_with=("loading", "shallow_water", "yaw_damping", "yaw_inertia"),
+    confused_with=(
+        "azimuth_scale",
+        "loading",
+        "skeg",
+        "thrust_loss_both",
+        "thrust_loss_port",
+        "thrust_loss_starboard",
+        "trim",
+        "yaw_damping",
+    ),
 )
 SHALLOW_WATER = Effect(
     "shallow_water",
@@ -97,5 +106,5 @@ SHALLOW_WATER = Effect(
     parameters=(Parameter("depth_m", "m", float("inf"), 3.0, float("inf"), 8.0, 25.0),),
     change=_shallow,
     chart="inverse_square",
-    confused_with=("drift_force", "hull_lengthening", "turning_force", "yaw_damping"),
+    confused_with=("drift_force", "turning_force"),
 )

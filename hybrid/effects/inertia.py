@@ -18,8 +18,8 @@ LOADING = scaling(
     what="Another loading: mass and yaw inertia times a factor, added mass unchanged",
     source="Rigid-body inertia at like radius of gyration",
     parameter="mass_factor",
-    low=0.3,
-    confused_with=("hull_lengthening", "surge_added_mass", "sway_added_mass", "yaw_inertia"),
+    bounds=(0.3, 3.0),
+    confused_with=("hull_lengthening", "surge_added_mass", "sway_added_mass", "turning_force", "yaw_inertia"),
 )
 SURGE_ADDED_MASS = scaling(
     "surge_added_mass",
@@ -28,7 +28,7 @@ SURGE_ADDED_MASS = scaling(
     (1.5, 0.15),
     what="The water's inertia in surge: Xud times a factor, in the mass and in the Coriolis terms Y, N of u r, u v",
     source="Newman, Marine Hydrodynamics (1977), ch. 4",
-    confused_with=("loading",),
+    confused_with=("drift_moment", "loading", "sway_added_mass", "trim", "yaw_damping"),
 )
 SWAY_ADDED_MASS = scaling(
     "sway_added_mass",
@@ -37,7 +37,7 @@ SWAY_ADDED_MASS = scaling(
     (1.2, 0.05),
     what="The water's inertia in sway: Yvd times a factor, in the mass and in the Coriolis terms X, N of v r, u v",
     source=_REGRESSIONS,
-    confused_with=("drift_moment", "loading"),
+    confused_with=("drift_moment", "loading", "skeg", "surge_added_mass", "trim", "yaw_damping"),
 )
 YAW_INERTIA = scaling(
     "yaw_inertia",
@@ -46,6 +46,6 @@ YAW_INERTIA = scaling(
     (1.2, 0.08),
     what="The inertia in yaw: Iz and Nrd times a factor, masses where they were",
     source=_REGRESSIONS,
-    low=0.3,
-    confused_with=("hull_lengthening", "loading"),
+    bounds=(0.3, 3.0),
+    confused_with=("command_delay", "loading", "thruster_lag"),
 )

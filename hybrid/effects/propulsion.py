@@ -34,9 +34,29 @@ def _slower_inflow(plant: Plant, values: Values) -> Plant:
     return plant.scaled(slower, "thrust_nu", "side_uv").scaled(slower**2, "thrust_uu")
 
 
-THRUST_LOSS_PORT = _loss("thrust_loss_port", ("port",), ("azimuth_offset_starboard", "yaw_asymmetry"))
-THRUST_LOSS_STARBOARD = _loss("thrust_loss_starboard", ("starboard",), ("azimuth_offset_port", "yaw_asymmetry"))
-THRUST_LOSS_BOTH = _loss("thrust_loss_both", ("port", "starboard"), ("hull_fouling", "towed_load", "wake_fraction"))
+THRUST_LOSS_PORT = _loss(
+    "thrust_loss_port",
+    ("port",),
+    ("hull_lengthening", "pod_side_force", "thrust_loss_both", "thrust_loss_starboard", "yaw_asymmetry"),
+)
+THRUST_LOSS_STARBOARD = _loss(
+    "thrust_loss_starboard",
+    ("starboard",),
+    ("hull_lengthening", "pod_side_force", "thrust_loss_both", "thrust_loss_port", "yaw_asymmetry"),
+)
+THRUST_LOSS_BOTH = _loss(
+    "thrust_loss_both",
+    ("port", "starboard"),
+    (
+        "hull_fouling",
+        "hull_lengthening",
+        "pod_side_force",
+        "thrust_loss_port",
+        "thrust_loss_starboard",
+        "towed_load",
+        "wake_fraction",
+    ),
+)
 WAKE_FRACTION = Effect(
     "wake_fraction",
     family="propulsion",
@@ -54,6 +74,7 @@ POD_SIDE_FORCE = scaling(
     (1.2, 0.05),
     what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
     source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
+    confused_with=("thrust_loss_both", "thrust_loss_port", "thrust_loss_starboard"),
 )
 TUNNEL_THRUST_LOSS = Effect(
     "tunnel_thrust_loss",

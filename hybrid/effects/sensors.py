@@ -57,21 +57,21 @@ HEADING_BIAS = _sensor(
     "heading_bias_rad",
     what="The compass: reported heading = true + bias",
     source="Alignment of the heading sensor",
-    confused_with=("ocean_current", "speed_sensor_rotation", "sway_bias"),
+    confused_with=("ocean_current", "speed_sensor_rotation", "sway_asymmetry", "sway_bias"),
 )
 POSITION_ANTENNA_OFFSET = _point(
     "position_antenna_offset",
     "antenna",
     "The recorded position is that of a point off the reference point",
     "Lever arm of the positioning antenna",
-    ("heading_delay", "position_delay"),
+    ("position_delay",),
 )
 SPEED_SENSOR_OFFSET = _point(
     "speed_sensor_offset",
     "speed_sensor",
     "Reported surge and sway are those of a point off the reference point: u - starboard r, v + forward r",
     _RIGID,
-    ("speed_sensor_rotation", "sway_bias"),
+    (),
 )
 SPEED_SENSOR_ROTATION = _sensor(
     "speed_sensor_rotation",
@@ -79,7 +79,7 @@ SPEED_SENSOR_ROTATION = _sensor(
     "speed_sensor_angle_rad",
     what="The speed sensor is turned clockwise: surge and sway are reported along its axes",
     source="Alignment of the speed log or motion sensor",
-    confused_with=("heading_bias", "speed_sensor_offset", "sway_bias"),
+    confused_with=("heading_bias", "sway_bias"),
 )
 SPEED_SCALE = _sensor(
     "speed_scale",
@@ -95,7 +95,7 @@ SWAY_BIAS = _sensor(
     "sway_bias_mps",
     what="Reported sway = true + bias",
     source="Zero of the speed log or motion sensor",
-    confused_with=("heading_bias", "speed_sensor_offset", "speed_sensor_rotation"),
+    confused_with=("heading_bias", "speed_sensor_rotation"),
 )
 YAW_RATE_BIAS = _sensor(
     "yaw_rate_bias",
