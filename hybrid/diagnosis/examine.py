@@ -1,0 +1,284 @@
+"""One look at a log through one model: noise, whitened columns, and what they say of every effect at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.diagnosis.beyond import GRANTED, beyond
+from hybrid.diagnosis.evidence import Ints, Products, drawn, fitted
+from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, reported, signatures
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.noise_fit import fitted_noise
+from hybrid.diagnosis.reconstruct import reconstructed
+from hybrid.diagnosis.tolerance import FEATURES, ForceRange, features, force_range
+from hybrid.diagnosis.tolerated import WIND_MPS, tolerances, wind_errors
+from hybrid.diagnosis.whiten import Columns, columns_of, whitened
+from hybrid.vessel.compiling import Floats
+
+Progress = Callable[[float], None]
+
+_NOISE_S = 1500
+_LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
+_LEGS_AT_ONCE = 4
+_ROUNDS = 3
+_STEPS = (5, 8)
+_FEW = 50  # features are enough where nothing is decided
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Which column of the products is what: data 0, then effects, tolerated wind errors, varied effects, features.
+
+    ``effect`` [P] names each effect column's effect, ``varied`` that of each varied one with what it varies with;
+    ``features`` counts the tolerance's features a force axis; those of what is in no catalogue stand behind them in
+    each axis, and ``depends`` says on what each depends.
+    """
+
+    effect: tuple[str, ...]
+    prior: Floats
+    tolerated: Floats
+    wind: int
+    features: int
+    varied: tuple[str, ...]
+    varied_prior: Floats
+    depends: tuple[str, ...]
+
+    def of(self, name: str) -> tuple[int, ...]:
+        """The columns of an effect."""
+        return tuple(1 + number for number, each in enumerate(self.effect) if each == name)
+
+    @property
+    def first_wind(self) -> int:
+        """The first of the wind errors' columns."""
+        return 1 + len(self.effect)
+
+    @property
+    def first_feature(self) -> int:
+        """The first of the force features' columns."""
+        return self.first_varied + len(self.varied)
+
+    @property
+    def first_varied(self) -> int:
+        """The first of the varied effects' columns."""
+        return self.first_wind + self.wind
+
+    def axis(self, axis: int) -> Ints:
+        """The columns of the tolerance's features in a body axis."""
+        return np.arange(self.features) + self.first_feature + axis * (self.features + len(self.depends))
+
+    def beyond(self, axis: int) -> Ints:
+        """The columns of the features of what is in no catalogue, in a body axis."""
+        return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What one pass over a log gives: see the modules that it calls."""
+
+    log: Log
+    model: Model
+    linear: Linear
+    effects: tuple[Signature, ...]
+    range: ForceRange
+    tolerance: float
+    noise: Noise
+    layout: Layout
+    products: Products
+    nuisance: Ints
+    nuisance_scale: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class _View:
+    """A log seen through a model, before any noise is known."""
+
+    linear: Linear
+    effects: tuple[Signature, ...]
+    columns: Columns
+    layout: Layout
+    range: ForceRange
+    nuisance: Ints
+    scale: Floats
+
+
+def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambda share: None) -> tuple[Log, Noise]:
+    """The log with a motion to be linear about that is better than the smoother's, and the noise in it.
+
+    The smoother knows nothing of ships: where a thruster moves, it is late. The model with all that may be missing
+    in it, and all that disturbs it, is not. The second look at the noise is the one that counts.
+    """
+    noise: Noise | None = None
+    for round_ in range(2):
+        view = _view(log, model, tolerance, _FEW)
+        noise = estimated_noise(log, view, noise)
+        progress(0.3 + 0.5 * round_)
+        rest = _rest(log, view, noise, seed=None)
+        moved = view.linear.origin + reconstructed(view.linear, rest, noise, log.edges)[0][:, :6]
+        log = replace(log, nominal=reported(log, model.plant(), moved))
+        progress(0.5 + 0.5 * round_)
+    assert noise is not None
+    return log, noise
+
+
+def examined(
+    log: Log,
+    model: Model,
+    tolerance: float,
+    noise: Noise,
+    progress: Progress = lambda share: None,
+) -> Examination:
+    """Examine ``log`` through ``model``, which may have effects in it already.
+
+    ``tolerance`` is the share of the force range that the model may be off by.
+    """
+    view = _view(log, model, tolerance)
+    products = products_of(log, view.linear, view.columns, noise, progress)
+    return Examination(
+        log, model, view.linear, view.effects, view.range, tolerance, noise, view.layout, products, view.nuisance,
+        view.scale,
+    )  # fmt: skip
+
+
+def _view(log: Log, model: Model, tolerance: float, number: int = FEATURES) -> _View:
+    linear = linear_model(log, model.plant())
+    effects = signatures(log, model, linear.origin, list(model.catalogue))
+    wind = wind_errors(log, model, linear.origin)
+    extent = force_range(log, model.base, linear.origin)
+    known = features(log, linear.origin, number)
+    more = beyond(log, linear.origin, effects)
+    columns = columns_of(linear, [*effects, *wind, *more.varied], np.hstack([known, more.features]))
+    layout = Layout(
+        tuple(each.effect for each in effects),
+        np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
+        tolerances(log, model.catalogue, effects),
+        len(wind), known.shape[1], tuple(each.effect for each in more.varied),
+        np.array([model.catalogue[each.effect.split("*")[0]].free_scale[0] for each in more.varied]), more.depends,
+    )  # fmt: skip
+    return _View(linear, tuple(effects), columns, layout, extent, *_nuisances(layout, extent, tolerance))
+
+
+def _nuisances(layout: Layout, extent: ForceRange, tolerance: float) -> tuple[Ints, Floats]:
+    """The columns that stand for what is tolerated, and the standard deviation of each."""
+    some = np.flatnonzero(layout.tolerated > 0.0)
+    wind = np.arange(layout.wind) + layout.first_wind
+    columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, WIND_MPS)]
+    for axis, force in enumerate(extent.as_array() / FORCE_UNITS):
+        columns.append(layout.axis(axis))
+        scale.append(np.full(layout.features, tolerance * force / np.sqrt(layout.features)))
+        for depends in dict.fromkeys(layout.depends):
+            some = layout.beyond(axis)[[each == depends for each in layout.depends]]
+            columns.append(some)
+            scale.append(np.full(len(some), GRANTED[depends] * tolerance * force / np.sqrt(len(some))))
+    return np.concatenate(columns), np.concatenate(scale)
+
+
+def products_of(
+    log: Log, linear: Linear, columns: Columns, noise: Noise, progress: Progress = lambda share: None
+) -> Products:
+    """The products of all whitened columns, leg by leg; a few legs are in memory at a time."""
+    result = np.empty((log.legs, columns.count, columns.count))
+    rows = np.empty(log.legs, dtype=np.int64)
+    for first in range(0, log.legs, _LEGS_AT_ONCE):
+        chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
+        part = log.subset(chosen)
+        z, _ = whitened(_some(linear, chosen), _some_columns(columns, chosen), noise, part.edges)
+        for leg in range(part.legs):
+            block = z[part.leg == leg].reshape(-1, columns.count)
+            result[first + leg] = block.T @ block
+            rows[first + leg] = np.isfinite(part.measured[part.leg == leg]).sum()
+        progress(min(1.0, (first + _LEGS_AT_ONCE) / log.legs))
+    return Products(result, rows)
+
+
+def _some(linear: Linear, rows: NDArray[np.bool_]) -> Linear:
+    return Linear(*(getattr(linear, name)[rows] for name in Linear.__slots__))
+
+
+def _some_columns(columns: Columns, rows: NDArray[np.bool_]) -> Columns:
+    return Columns(*(getattr(columns, name)[rows] for name in Columns.__slots__))
+
+
+def estimated_noise(log: Log, view: _View, start: Noise | None = None) -> Noise:
+    """Noise levels from blocks spread over the log, a likely part of all that may be missing taken off first."""
+    chosen = _spread_out(log)
+    part, linear = log.subset(chosen), _some(view.linear, chosen)
+    some = replace(view, linear=linear, columns=_some_columns(view.columns, chosen))
+    noise = start or first_guess(log)
+    for round_ in range(1 if start else _ROUNDS):
+        rest = _rest(part, some, noise, seed=round_)
+        starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
+        tried = [fitted_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
+        noise = min(tried, key=lambda each: each[1])[0]
+    return noise
+
+
+def first_guess(log: Log) -> Noise:
+    """Where the search for the noise begins: what the smoother found, or usual levels."""
+    if not log.levels:
+        return Noise()
+    levels = log.levels[0]
+    along, axis = levels.wave_speed / levels.wave_frequency_radps, levels.wave_direction_rad
+    across = along * levels.wave_across
+    north, east = (
+        np.hypot(along * np.cos(axis), across * np.sin(axis)),
+        np.hypot(along * np.sin(axis), across * np.cos(axis)),
+    )
+    yaw = levels.yaw_wave_speed / levels.yaw_wave_frequency_radps
+    waves = (float(north), float(east), float(yaw)) if along > 0.0 or yaw > 0.0 else (0.0, 0.0, 0.0)
+    return Noise(
+        position_m=levels.position_m,
+        heading_rad=levels.heading_rad,
+        surge_mps=levels.speed_mps,
+        sway_mps=levels.speed_mps,
+        yaw_rate_radps=levels.yaw_rate_radps,
+        waves=tuple(max(each, 1e-3 * any(waves)) for each in waves),  # type: ignore[arg-type]
+        wave_frequency_radps=float(np.clip(levels.wave_frequency_radps, 0.6, 2.0)),
+        wave_damping=float(np.clip(levels.wave_damping, 0.05, 0.5)),
+        wave_towards_rad=axis,
+    )
+
+
+def _both_ways(noise: Noise) -> list[Noise]:
+    """Waves along an axis may go either way."""
+    if not noise.has_waves:
+        return [noise]
+    return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
+
+
+def _spread_out(log: Log) -> NDArray[np.bool_]:
+    """Whole blocks spread evenly over the log, of some 25 minutes in all."""
+    blocks = int(log.block.max()) + 1
+    wanted = min(blocks, max(1, round(_NOISE_S * blocks / len(log))))
+    chosen = np.unique(np.linspace(0, blocks - 1, wanted).round().astype(int))
+    return np.asarray(np.isin(log.block, chosen))
+
+
+def _rest(log: Log, view: _View, noise: Noise, seed: int | None) -> Columns:
+    """The data with all effects and force features taken off, one column.
+
+    With a ``seed`` a likely draw of them, without one the likeliest values.
+    """
+    layout, columns = view.layout, view.columns
+    products = products_of(log, view.linear, columns, noise).total
+    P, features = len(layout.effect), columns.features.shape[1]
+    prior = np.full(columns.count, np.nan)
+    prior[1 : 1 + P] = _LOOSE * layout.prior
+    prior[layout.first_wind : layout.first_varied] = _LOOSE * WIND_MPS
+    prior[layout.first_varied : layout.first_feature] = layout.varied_prior
+    for axis in range(3):
+        tolerated = view.scale[view.nuisance == layout.axis(axis)[0]][0]
+        prior[layout.axis(axis)] = tolerated
+        prior[layout.beyond(axis)] = _LOOSE * tolerated * np.sqrt(layout.features)
+    every = range(1, columns.count)
+    fit = fitted(products, every, prior[1:]).values if seed is None else drawn(products, every, prior[1:], seed)
+    few = layout.first_feature - 1
+    plain, forces = fit[:few], fit[few:].reshape(3, features)
+    drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain
+    drive += np.einsum("tid,dm,tm->ti", view.linear.B * FORCE_UNITS, forces, columns.features)
+    seen = columns.seen[:, :, 0] - columns.seen[:, :, 1:] @ plain
+    return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(log), 0)))

@@ -1,0 +1,210 @@
+"""The model made linear along the measured motion, second by second.
+
+With x the true state, x0 the motion it is made linear about, f the simulator over one second and h the sensors:
+
+    x[k+1] - x0[k+1] = A (x[k] - x0[k]) + (f(x0[k]) - x0[k+1]) + B force + sum of D_e a_e
+    y[k] - h(x0[k])  = H (x[k] - x0[k]) + sum of E_e a_e + noise
+
+All by differences of the simulator itself, so that whatever it can simulate can be diagnosed: an effect is what it
+does to f and h, not a formula of its own here. Because the motion made linear about is the measured one, a model
+that is far off costs nothing: its error stands in the defect f(x0[k]) - x0[k+1] of one second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from acquisition.errors import ConfigurationError
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.effects import Catalogue, apply_effects
+from hybrid.vessel.compiling import Floats
+from hybrid.vessel.feedback import acting_controls
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.sensors import measured
+from hybrid.vessel.simulate import simulate_batch
+
+DT_S = 1.0 / STEPS_PER_SECOND
+_STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
+_FORCE_STEPS = {"constant_X_n": 1e3, "constant_Y_n": 1e3, "constant_N_nm": 1e4}
+_PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
+_ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """T seconds of the linear model: ``A`` [T, 6, 6], ``B`` [T, 6, 3] (per N, N, N m), ``H`` [T, 6, 6].
+
+    ``defect`` [T, 6] belongs to the second after each node; ``observed`` [T, 6] is y - h(x0), NaN where nothing was
+    measured; ``origin`` [T, 6] is x0.
+    """
+
+    A: Floats
+    B: Floats
+    H: Floats
+    defect: Floats
+    observed: Floats
+    origin: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """What one free coordinate of an effect does: ``D`` [T, 6] to the next state, ``E`` [T, 6] to the sensors."""
+
+    effect: str
+    coordinate: int
+    D: Floats
+    E: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A reference plant and the effects in it, each at its free coordinates."""
+
+    base: Plant
+    catalogue: Catalogue
+    at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+
+    def plant(self) -> Plant:
+        """The plant with the effects."""
+        values = {name: self.catalogue[name].values(free) for name, free in self.at.items()}
+        return apply_effects(self.base, values, self.catalogue)
+
+    def moved(self, name: str, coordinate: int, by: float) -> Plant | None:
+        """The plant with one coordinate moved, or None where the effect is not defined there."""
+        effect = self.catalogue[name]
+        free = list(self.at.get(name, (0.0,) * len(effect.free_scale)))
+        free[coordinate] += by
+        if effect.chart == "inverse_square" and free[coordinate] < 0.0:
+            return None
+        try:
+            return Model(self.base, self.catalogue, {**self.at, name: tuple(free)}).plant()
+        except ConfigurationError:
+            return None
+
+
+def linear_model(log: Log, plant: Plant) -> Linear:
+    """The linear model of a log about its smoothed motion, freed of what the plant's sensors do to it."""
+    origin = unreported(log, plant)
+    ways = paths(log, plant, origin)
+    A, B = np.tile(np.eye(6), (len(log), 1, 1)), np.empty((len(log), 6, 3))
+    for column in range(2, 6):  # a force of the catalogue does not depend on where the ship is
+        step = np.zeros(6)
+        step[column] = _STATE_STEPS[column]
+        ahead, behind = (next_states(log, plant, origin + side * step) for side in (1.0, -1.0))
+        A[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
+    for column, (name, size) in enumerate(_FORCE_STEPS.items()):
+        ahead, behind = (next_states(log, plant.shifted(**{name: side * size}), origin) for side in (1.0, -1.0))
+        B[:, :, column] = (ahead - behind) / (2.0 * size)
+    defect = np.zeros_like(origin)
+    defect[:-1] = ways[:-1, -1] - origin[1:]
+    seen = reported(log, plant, origin) + _between(log, ways)
+    return Linear(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
+
+
+def _between(log: Log, ways: Floats) -> Floats:
+    """How the mean state at the samples' times differs from that at the full second [T, 6]."""
+    half = STEPS_PER_SECOND // 2
+    ahead = ways[:, 1 : half + 1] - ways[:, :1]
+    behind = np.empty_like(ahead)
+    behind[1:] = ways[:-1, half:-1] - ways[:-1, -1:]
+    first = np.append(True, np.diff(log.block) != 0)
+    behind[first] = -ahead[first, ::-1]
+    around = np.concatenate([behind, np.zeros_like(ways[:, :1]), ahead], axis=1)
+    return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
+
+
+def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> list[Signature]:
+    """What each free coordinate of each effect does about ``origin``, by differences of simulator and sensors."""
+    return [
+        _signature(log, model, origin, name, coordinate)
+        for name in names
+        for coordinate in range(len(model.catalogue[name].free_scale))
+    ]
+
+
+def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: int) -> Signature:
+    size = model.catalogue[name].free_scale[coordinate]
+    sides = [(model.moved(name, coordinate, by), by) for by in (_PART * size, -_PART * size)]
+    if any(plant is None for plant, _ in sides):
+        sides = [(model.moved(name, coordinate, by), by) for by in (_ONE_SIDED_PART * size, 0.0)]
+    (ahead, plus), (behind, minus) = sides
+    assert ahead is not None
+    assert behind is not None
+    D = (next_states(log, ahead, origin) - next_states(log, behind, origin)) / (plus - minus)
+    E = (reported(log, ahead, origin) - reported(log, behind, origin)) / (plus - minus)
+    return Signature(name, coordinate, D, E)
+
+
+def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:
+    """Where the simulator takes each of ``origin`` [T, 6] within a second: [T, 6]."""
+    return paths(log, plant, origin)[:, -1]
+
+
+def paths(log: Log, plant: Plant, origin: Floats) -> Floats:
+    """The way the simulator takes from each of ``origin`` [T, 6], quarter by quarter of a second: [T, 5, 6]."""
+    controls, acting = driven(log, plant)
+    wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
+    runs = simulate_batch(replace(plant, command_delay_s=0.0), origin, controls, wind, DT_S, 1, acting)
+    if not runs.inside.all():  # a second beyond the model's range says nothing: as if she went on as she is
+        runs.states[~runs.inside] = origin[~runs.inside, None]
+    return runs.states
+
+
+def driven(log: Log, plant: Plant) -> tuple[Floats, Floats]:
+    """The settings that act in each quarter of a second [T, 4, 5], and those that act at its start [T, 5].
+
+    As reported but for the plant's lag and the delay of its feedback.
+    """
+    if plant.command_delay_s == 0.0 and plant.thruster_lag_s == 0.0:
+        return log.controls, log.controls[:, 0]
+    controls, acting = np.empty_like(log.controls), np.empty((len(log), 5))
+    breaks = np.flatnonzero(np.diff(log.time_s) != 1) + 1
+    for first, last in zip([0, *breaks], [*breaks, len(log)], strict=True):
+        series = log.controls[first:last].reshape(-1, 5)
+        series = np.column_stack([np.unwrap(c) if i in (1, 3) else c for i, c in enumerate(series.T)])
+        series = acting_controls(series, plant.command_delay_s, DT_S)
+        controls[first:last] = series.reshape(-1, STEPS_PER_SECOND, 5)
+        acting[first:last] = _lagged(series, plant.thruster_lag_s)[::STEPS_PER_SECOND]
+    return controls, acting
+
+
+def _lagged(series: Floats, lag_s: float) -> Floats:
+    """What acts at the start of each step of a series [K, 5] when it follows with a first-order lag."""
+    if lag_s <= 0.0:
+        return series
+    kept = np.exp(-DT_S / lag_s)
+    before = np.vstack([series[:1], series[:-1]])
+    start = kept * series[:1]
+    return np.asarray(lfilter([1.0 - kept], [1.0, -kept], before, axis=0, zi=start)[0])
+
+
+def reported(log: Log, plant: Plant, states: Floats) -> Floats:
+    """States [T, 6] as the plant's sensors report them, delays along each unbroken stretch."""
+    result = np.empty_like(states)
+    breaks = np.flatnonzero(np.diff(log.time_s) != 1) + 1
+    for first, last in zip([0, *breaks], [*breaks, len(log)], strict=True):
+        result[first:last] = measured(states[first:last], plant, 1.0)
+    return result
+
+
+def unreported(log: Log, plant: Plant) -> Floats:
+    """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
+    states = log.nominal.copy()
+    for _ in range(_ROUNDS):
+        states += log.nominal - reported(log, plant, states)
+    return states
+
+
+def _sensor_slopes(plant: Plant, origin: Floats) -> Floats:
+    """How the reported state changes with the true one of the same second [T, 6, 6]."""
+    H = np.tile(np.eye(6), (len(origin), 1, 1))
+    for column in range(6):
+        step = np.zeros(6)
+        step[column] = _STATE_STEPS[column]
+        ahead, behind = (measured((origin + side * step)[:, None], plant, 1.0)[:, 0] for side in (1.0, -1.0))
+        H[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
+    return H

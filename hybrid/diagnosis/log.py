@@ -1,0 +1,324 @@
+"""A trial as the diagnosis sees it: what was measured at each full second, and what drove the ship between them.
+
+A measured value is the mean of all samples within half a second, and the model is asked for the mean at the same
+times, so that neither the rate of a recording nor the curvature of the motion matters. The smoothed motion is only
+where the equations are made linear: it need not be right, just near. All that was recorded is used, not only
+windows in which the thrusters were held: those hide inertia and lags.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.ndimage import median_filter
+
+from acquisition.angles import unwrap
+from acquisition.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
+from acquisition.errors import DataShortageError
+from analysis.frames import NANO, times_ns
+from analysis.smoothing.noise_levels import NoiseLevels
+from analysis.smoothing.smooth import smooth
+from analysis.table import require
+from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.compiling import Floats
+
+Ints = NDArray[np.int64]
+
+STEPS_PER_SECOND = 4
+"""Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
+
+BLOCK_S = 60
+"""Each block starts from a state of its own that nobody knows; longer ones gain nothing that can be measured."""
+
+LEG_S = 180
+"""Blocks of so long a stretch are kept together when some are left out."""
+
+_SHORTEST_BLOCK_S = 12
+_LONGEST_GAP_S = 5.0
+_OUTLIER = 6.0
+_MOTION = (*POSE, *VELOCITY)
+_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
+_SETTING_UNITS = np.array([1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """T seconds of one or more trials, in blocks of consecutive seconds.
+
+    ``measured`` [T, 6] is the mean of the reported state at the samples' times, NaN where there is none; ``weight``
+    [T, 6, 5] says which, as weights of the quarters of a second from half a second before to half a second after;
+    ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad], speed
+    [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up from 0.
+    All SI, angles in radians, heading without jumps. ``refused`` counts samples that lay off by themselves,
+    ``setting_step_s`` is how often thruster settings were recorded, ``levels`` what the smoother thought of noise.
+    """
+
+    measured: Floats
+    weight: Floats
+    nominal: Floats
+    controls: Floats
+    wind: Floats
+    time_s: Ints
+    block: Ints
+    leg: Ints
+    recording: Ints
+    refused: int = 0
+    setting_step_s: float = 0.1
+    levels: tuple[NoiseLevels, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def edges(self) -> Ints:
+        """Where each block begins, and the end of the last: [blocks + 1]."""
+        starts = np.flatnonzero(np.diff(self.block, prepend=-1))
+        return np.append(starts, len(self)).astype(np.int64)
+
+    @property
+    def legs(self) -> int:
+        """The number of legs."""
+        return int(self.leg.max()) + 1
+
+    def subset(self, rows: NDArray[np.bool_]) -> Log:
+        """Some blocks of this log: those whose rows are chosen."""
+        chosen = {name: getattr(self, name)[rows] for name in _ARRAYS}
+        for name in ("block", "leg"):
+            chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
+        return replace(self, **chosen)
+
+
+_ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")
+
+
+def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
+    """The log of raw tables of the 13 channels, at any rate and with NaN where a channel has no sample.
+
+    Wind that was not recorded counts as none. Raises :class:`InputError` for a table without motion or thrusters,
+    :class:`DataShortageError` where no stretch is long enough.
+    """
+    parts = [_one(table, block_s) for table in tables]
+    first_block, first_leg, joined = 0, 0, list[Log]()
+    for number, part in enumerate(parts):
+        if not len(part):
+            continue
+        moved = {"block": part.block + first_block, "leg": part.leg + first_leg}
+        joined.append(replace(part, recording=np.full(len(part), number), **moved))  # type: ignore[arg-type]
+        first_block, first_leg = int(moved["block"].max()) + 1, int(moved["leg"].max()) + 1
+    if not joined:
+        raise DataShortageError(
+            f"no stretch of {_SHORTEST_BLOCK_S} s has motion and thrusters",
+            where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
+            fix="see what is missing with `seatrial check`",
+        )
+    together = {name: np.concatenate([getattr(each, name) for each in joined]) for name in _ARRAYS}
+    return Log(
+        **together,
+        refused=sum(each.refused for each in joined),
+        setting_step_s=max(each.setting_step_s for each in joined),
+        levels=tuple(level for each in joined for level in each.levels),
+    )
+
+
+def _one(table: pd.DataFrame, block_s: int) -> Log:
+    require(table, (*_MOTION, *COMMAND))
+    seconds, motion, slopes, levels = _smoothed(table)
+    measured, weight, refused = _averaged(table, seconds, motion, slopes)
+    controls = _settings(table, seconds)
+    usable = np.asarray(np.isfinite(motion).all(axis=1) & np.isfinite(controls).all(axis=(1, 2)))
+    block = _blocks(usable, block_s)
+    leg = np.where(block >= 0, _legs(block, seconds, block_s), -1)
+    rows = block >= 0
+    return Log(
+        measured[rows], weight[rows], motion[rows], controls[rows], _air(table, seconds)[rows], seconds[rows],
+        block[rows],
+        leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, _setting_step_s(table), (levels,),
+    )  # fmt: skip
+
+
+def _smoothed(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
+    """The motion without waves at full seconds: their times [s], states [T, 6] and rates of change [T, 6],
+    and the levels of noise."""
+    smoothed = smooth(_thinned(table), 1.0)
+    slow = smoothed.slow
+    seconds = (times_ns(slow) // NANO).astype(np.int64)
+    states = slow[list(_MOTION)].to_numpy(dtype=float)
+    known = np.isfinite(states[:, 2])
+    states[known, 2] = unwrap(states[known, 2])
+    states = states * _UNITS
+    psi, u, v, r = states[:, 2:].T
+    accelerations = slow[["surge_mps2", "sway_mps2", "yaw_dps2"]].to_numpy(dtype=float)
+    north, east = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
+    slopes = np.column_stack([north, east, r, accelerations * [1.0, 1.0, np.pi / 180.0]])
+    return seconds, states, slopes, smoothed.noise
+
+
+def _thinned(table: pd.DataFrame) -> pd.DataFrame:
+    """The motion at two rows a second at most: enough for a smoothed motion, and quickly smoothed."""
+    motion = table[list(_MOTION)].dropna(how="all")
+    half = times_ns(motion) // (NANO // 2)
+    if np.unique(half).size > 0.7 * len(motion):
+        return motion
+    columns = {
+        "time": times_ns(motion),
+        **{name: motion[name].to_numpy(dtype=float, copy=True) for name in _MOTION},
+    }
+    for name in CIRCULAR.intersection(_MOTION):
+        known = np.isfinite(columns[name])
+        columns[name][known] = unwrap(columns[name][known])
+    middles = pd.DataFrame(columns).groupby(half).median()  # an outlier among several samples does no harm
+    thin = pd.DataFrame({name: middles[name].to_numpy() for name in _MOTION})
+    thin["heading_deg"] %= 360.0
+    thin.index = pd.DatetimeIndex(
+        pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True), name="time"
+    )
+    thin.attrs = table.attrs
+    return thin
+
+
+def _averaged(table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats) -> tuple[Floats, Floats, int]:
+    """The mean measured state near each second [T, 6], its weights [T, 6, 5], and how many samples were refused."""
+    nodes = (seconds - seconds[0]).astype(float)
+    measured, refused = np.full_like(motion, np.nan), 0
+    weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
+    known = np.isfinite(motion).all(axis=1)
+    if known.sum() < 2:
+        return measured, weight, 0
+    stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
+    path = CubicHermiteSpline(nodes[known], motion[known], slopes[known])
+    for column, name in enumerate(_MOTION):
+        values = table[name].to_numpy(dtype=float) * _UNITS[column]
+        rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
+        times, expected = stamps[rows], path(stamps[rows])[:, column]
+        off = values[rows] - expected
+        if name in CIRCULAR:
+            off = (off + np.pi) % (2.0 * np.pi) - np.pi
+        away = np.abs(off - _running_median(off, times))
+        good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
+        refused += int((~good).sum())
+        measured[:, column], weight[:, column] = _binned(times[good], (expected + off)[good], len(nodes))
+    return measured, weight, refused
+
+
+def _running_median(values: Floats, times_s: Floats) -> Floats:
+    """The median of the values within about a second of each, of five at least."""
+    if values.size < 5:
+        return np.full(values.size, np.median(values) if values.size else 0.0)
+    number = int(np.clip(2.0 / max(np.median(np.diff(times_s)), 1e-3), 4, 200)) // 2 * 2 + 1
+    return np.asarray(median_filter(values, number, mode="nearest"))
+
+
+def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
+    """Means [count] of the values within half a second of each node; the times' weights on quarters [count, 5]."""
+    node = np.floor(times_s + 0.5).astype(int)
+    place = (times_s - node + 0.5) * STEPS_PER_SECOND
+    lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
+    weight = np.zeros((count, STEPS_PER_SECOND + 1))
+    np.add.at(weight, (node, lower), 1.0 - (place - lower))
+    np.add.at(weight, (node, lower + 1), place - lower)
+    number = np.bincount(node, minlength=count)
+    total = np.bincount(node, weights=values, minlength=count)
+    mean = np.where(number > 0, total / np.maximum(number, 1), np.nan)
+    return mean, weight / np.maximum(number, 1)[:, None]
+
+
+def _settings(table: pd.DataFrame, seconds: Ints) -> Floats:
+    """The thrusters' mean setting in each quarter of the second after each node [T, 4, 5]."""
+    quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
+    result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
+    for column, name in enumerate(COMMAND):
+        mean = _means(table, name, quarters + float(seconds[0])) * _SETTING_UNITS[column]
+        result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
+    return result
+
+
+def _setting_step_s(table: pd.DataFrame) -> float:
+    """How often thruster settings were recorded [s], the rarest of them."""
+    steps = [0.0]
+    for name in COMMAND:
+        times = times_ns(table)[table[name].notna().to_numpy()] / NANO
+        if times.size > 2:
+            steps.append(float(np.median(np.diff(times))))
+    return max(steps)
+
+
+def _air(table: pd.DataFrame, seconds: Ints) -> Floats:
+    """Direction the wind comes from [rad] and its speed [m/s] in the second after each node; none where unknown."""
+    edges = np.arange(len(seconds) + 1) + float(seconds[0])
+    if not set(ENVIRONMENT) <= set(table.columns):
+        return np.zeros((len(seconds), 2))
+    direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
+    towards = pd.DataFrame({"n": speed * np.cos(np.deg2rad(direction)), "e": speed * np.sin(np.deg2rad(direction))})
+    towards.index = table.index
+    north, east = (np.nan_to_num(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
+    # The mean of the vane's own noise makes no wind: components, not speeds, are averaged.
+    return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
+
+
+def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
+    """The mean of a channel, linear between its samples, from each edge to the next; NaN across long gaps."""
+    values = table[name].to_numpy(dtype=float)
+    rows = np.isfinite(values)
+    times, values = times_ns(table)[rows] / NANO, values[rows]
+    if times.size < 2:
+        return np.full(len(edges_s) - 1, np.nan)
+    if name in CIRCULAR:
+        values = unwrap(values)
+    times, values = _without_blips(times, values)
+    steps = np.diff(times)
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
+    index = np.clip(np.searchsorted(times, edges_s, side="right") - 1, 0, times.size - 2)
+    into = edges_s - times[index]
+    slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
+    upto = area[index] + values[index] * into + 0.5 * slope * into**2
+    gap = np.where(steps > _LONGEST_GAP_S, 1.0, 0.0)
+    in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
+    crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
+    outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
+    return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
+
+
+def _without_blips(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """The samples without those that jump away from their neighbours and back at once."""
+    if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # more seldom, a jump may be true
+        return times_s, values
+    away = np.abs(values - median_filter(values, 5, mode="nearest"))
+    good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
+    return times_s[good], values[good]
+
+
+def _blocks(usable: NDArray[np.bool_], block_s: int) -> Ints:
+    """Number of the block of each second, -1 outside: usable stretches in even blocks of about ``block_s``."""
+    block = np.full(len(usable), -1, dtype=np.int64)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
+    number = 0
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first < _SHORTEST_BLOCK_S:
+            continue
+        pieces = max(1, round((last - first) / block_s))
+        cuts = np.linspace(first, last, pieces + 1).round().astype(int)
+        for a, b in itertools.pairwise(cuts):
+            block[a:b] = number
+            number += 1
+    return block
+
+
+def _legs(block: Ints, seconds: Ints, block_s: int) -> Ints:
+    """Number of the leg of each second: so many blocks one after the other, never across a break in time."""
+    leg = np.zeros(len(block), dtype=np.int64)
+    each = max(1, round(LEG_S / block_s))
+    number, since, before = -1, each, None
+    for current in range(int(block.max(initial=-1)) + 1):
+        rows = np.flatnonzero(block == current)
+        apart = before is not None and seconds[rows[0]] - before > 1
+        if since >= each or apart:
+            number, since = number + 1, 0
+        leg[rows] = number
+        since, before = since + 1, seconds[rows[-1]]
+    return leg

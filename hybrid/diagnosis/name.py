@@ -1,0 +1,325 @@
+"""Which effects the data ask for: forward, backward and swap steps over the catalogue by evidence.
+
+The evidence for a set of effects weighs how well they explain the data against how much they could have explained
+(MacKay 1992, Kass and Raftery 1995); each effect pays besides for the catalogue's size. Whatever the search brings
+must then stand three tests by itself, given the others: it is no chance among so many effects, also by how it
+scatters from leg to leg; it predicts legs that were left out; and it is large enough to matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import expm1, log, log1p
+
+import numpy as np
+from scipy.stats import chi2, t
+
+from acquisition.errors import ConfigurationError
+from hybrid.diagnosis.evidence import Fit, Ints, fitted, log_evidence, reduced
+from hybrid.diagnosis.examine import Examination, Progress, examined
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.noise import Noise
+from hybrid.vessel.compiling import Floats
+
+FALSE_ALARM = 0.005
+"""The chance that a trial with nothing hidden shows any effect, by each test."""
+
+UNSEEN = 0.05
+"""One-sided level at which an effect has to predict legs that were left out."""
+
+_PAIRS_OF = 8
+_SETTLED = 0.3  # of a standard error
+_MOST = 6
+_LOOKS = 14
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Inner products under V of the data without any effect, column 0, and all effects' columns [1+P, 1+P].
+
+    ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone`` of each leg by itself.
+    """
+
+    inner: Floats
+    examination: Examination
+    left_out: Floats | None = None
+    alone: Floats | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All effects."""
+        return tuple(self.examination.model.catalogue)
+
+    def columns(self, names: Sequence[str]) -> tuple[int, ...]:
+        """The columns of some effects, in their order."""
+        return tuple(column for name in names for column in self.examination.layout.of(name))
+
+    def prior(self, names: Sequence[str]) -> Floats:
+        """The standard deviations of their priors."""
+        return np.asarray(self.examination.layout.prior[np.array(self.columns(names), dtype=int) - 1])
+
+    def evidence(self, names: Sequence[str]) -> float:
+        """Log odds of these effects against none, less what each pays for the catalogue's size."""
+        if not names:
+            return 0.0
+        return log_evidence(self.inner, self.columns(names), self.prior(names)) - self.price * len(names)
+
+    @property
+    def price(self) -> float:
+        """What an effect has to be better than chance by: one of so many would be as good."""
+        return log(len(self.names))
+
+    def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
+        """The joint fit."""
+        return fitted(self.inner, self.columns(names), self.prior(names) if prior and names else None)
+
+    def possible(self, names: Sequence[str]) -> bool:
+        """Whether the fitted values of all these effects are within their bounds."""
+        return all(self.values(names).get(name) is not None for name in names)
+
+    def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
+        """The fitted parameters of each, None where they are out of bounds."""
+        fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
+        for name in names:
+            free = [fit.values[fit.columns.index(column)] for column in self.columns([name])]
+            effect = self.examination.model.catalogue[name]
+            try:
+                possible = effect.chart != "inverse_square" or free[0] > 0.0
+                result[name] = effect.checked(effect.values(free)) if possible else None
+            except ConfigurationError:
+                result[name] = None
+        return result
+
+
+def view_of(examination: Examination, by_leg: bool = False) -> View:
+    """The reduced products of an examination, its model's own effects put back into the data."""
+    kept = np.arange(1 + len(examination.layout.effect))
+    back, total = put_back(examination), examination.products.total
+
+    def inner(products: Floats) -> Floats:
+        return back.T @ reduced(products, kept, examination.nuisance, examination.nuisance_scale)[0] @ back
+
+    if not by_leg:
+        return View(inner(total), examination)
+    legs = examination.products.legs
+    left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
+    return View(inner(total), examination, left_out, alone)
+
+
+def put_back(examination: Examination) -> Floats:
+    """The change of columns [1+P, 1+P] that adds to the data what the model's own effects have taken off."""
+    back = np.eye(1 + len(examination.layout.effect))
+    for name, free in examination.model.at.items():
+        for column, value in zip(examination.layout.of(name), free, strict=True):
+            back[column, 0] = value
+    return back
+
+
+def searched(view: View, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
+    """The set of effects with the highest evidence that steps from nothing, or from any good pair, lead to."""
+    allowed = [name for name in view.names if name not in barred]
+    singles = sorted(allowed, key=lambda name: -view.evidence([name]))
+    starts: list[tuple[str, ...]] = [()]
+    pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if view.possible(pair)]
+    if pairs:
+        starts.append(max(pairs, key=view.evidence))
+    ends = [_climbed(view, start, allowed) for start in starts]
+    return max(ends, key=view.evidence)
+
+
+def _climbed(view: View, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
+    """Adding, dropping and swapping one effect at a time, the best step first, until no step gains."""
+    best = view.evidence(names) if view.possible(names) else -np.inf
+    while True:
+        steps = _steps(names, allowed)
+        judged = sorted(((view.evidence(step), step) for step in steps), reverse=True)
+        better = next((each for each in judged if each[0] > best + 1e-9 and view.possible(each[1])), None)
+        if better is None or better[0] <= best:
+            return names
+        best, names = better
+
+
+def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ...]]:
+    outside = [name for name in allowed if name not in names]
+    added = [(*names, name) for name in outside] if len(names) < _MOST else []
+    dropped = [tuple(other for other in names if other != name) for name in names]
+    swapped = [(*rest, name) for rest in dropped for name in outside]
+    return added + dropped + swapped
+
+
+@dataclass(frozen=True, slots=True)
+class Tested:
+    """How an effect stands, given the others: chance by the model, by the scatter of legs, on unseen legs; size."""
+
+    name: str
+    gain: float
+    p_value: float
+    spread: float
+    unseen_gain: float
+    p_unseen: float
+    large_enough: bool
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it stands all tests."""
+        return self.p_value < FALSE_ALARM and self.p_unseen < UNSEEN and self.large_enough
+
+
+def tested(view: View, names: tuple[str, ...], name: str) -> Tested:
+    """Test one of the effects ``names``, the others given."""
+    others = tuple(each for each in names if each != name)
+    together, without = view.fit(names), view.fit(others)
+    gain, columns = together.gain - without.gain, view.columns([name])
+    spread = _spread_of_legs(view, names, name)
+    single = chi2.sf(max(gain, 0.0) / spread, len(columns))
+    p_value = -expm1(len(view.names) * log1p(-min(single, 1.0 - 1e-12)))
+    gains = unseen_gains(view, others, names)
+    deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) > 2 else np.inf
+    p_unseen = float(t.sf(gains.mean() / max(deviation, 1e-12), max(len(gains) - 1, 1)))
+    return Tested(name, gain, p_value, spread, float(gains.sum()), p_unseen, _large_enough(view, together, name))
+
+
+def _large_enough(view: View, fit: Fit, name: str) -> bool:
+    """Whether the effect may be as large as the smallest anyone cares about."""
+    effect = view.examination.model.catalogue[name]
+    places = [fit.columns.index(column) for column in view.columns([name])]
+    reach = np.abs(fit.values[places]) + 1.96 * np.sqrt(np.diag(fit.covariance)[places])
+    return bool((reach >= np.array(effect.smallest_free)).any())
+
+
+def _spread_of_legs(view: View, names: tuple[str, ...], name: str) -> float:
+    """How much more the effect's score scatters from leg to leg than the model of the noise says, at least 1.
+
+    The score of an effect is the product of the residual with the effect's own part of the signature, what the
+    others and the nuisances could explain taken off (White 1980, clustered by leg).
+    """
+    own, residual = directions(view, names, name)
+    legs = view.examination.products.legs
+    worst = 1.0
+    for column in own.T:
+        information = np.einsum("i,lij,j->l", column, legs, column)
+        scores = np.einsum("i,lij,j->l", column, legs, residual)
+        count = len(legs)
+        if count > 3:
+            centred = scores - information * scores.sum() / information.sum()
+            worst = max(worst, float((centred**2).sum() / information.sum() * count / (count - 1)))
+    return worst
+
+
+def directions(view: View, names: tuple[str, ...], name: str) -> tuple[Floats, Floats]:
+    """Combinations of all columns: the effect's own part [C, d], and the residual of the joint fit [C]."""
+    examination = view.examination
+    total = examination.products.total
+    nuisance, scale = examination.nuisance, examination.nuisance_scale
+    others = np.array(view.columns([each for each in names if each != name]), dtype=int)
+    own = np.zeros((len(total), len(view.columns([name]))))
+    for place, column in enumerate(view.columns([name])):
+        own[column, place] = 1.0
+    back = np.zeros(len(total))
+    back[: 1 + len(examination.layout.effect)] = put_back(examination)[:, 0]
+    own = _freed(total, own, others, nuisance, scale)
+    every = np.array(view.columns(names), dtype=int)
+    residual = _freed(total, back[:, None], every, nuisance, scale)[:, 0]
+    return own, residual
+
+
+def _freed(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
+    """``what`` [C, d] less what fixed columns (freely) and nuisances (at their scale) explain of it."""
+    columns = np.concatenate([fixed, nuisance])
+    penalty = np.concatenate([np.zeros(len(fixed)), scale**-2.0])
+    normal = total[np.ix_(columns, columns)] + np.diag(penalty)
+    if not columns.size:
+        return what
+    weight = np.linalg.solve(normal + 1e-12 * np.diag(np.diag(normal)), total[columns] @ what)
+    result = what.copy()
+    np.subtract.at(result, columns, weight)
+    return result
+
+
+def unseen_gains(view: View, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
+    """By how much the log density of each leg is higher with ``names``, fitted to all others, than ``without`` [L].
+
+    What is tolerated has to be what it is in each leg anew: else the tolerance, having seen the other legs, would
+    know the effect as well as the effect itself.
+    """
+
+    assert view.left_out is not None
+    assert view.alone is not None
+    left_out, alone = view.left_out, view.alone
+
+    def density(leg: int, some: tuple[str, ...]) -> float:
+        columns, own = np.array(view.columns(some), dtype=int), alone[leg]
+        values = fitted(left_out[leg], view.columns(some), view.prior(some)).values if some else np.zeros(0)
+        return float(values @ own[columns, 0] - 0.5 * values @ own[np.ix_(columns, columns)] @ values)
+
+    return np.array([density(leg, names) - density(leg, without) for leg in range(len(alone))])
+
+
+def rivals_of(view: View, names: tuple[str, ...], name: str) -> dict[str, float]:
+    """Effects that would explain almost as much in the place of ``name``: by how much less, in log evidence."""
+    others = tuple(each for each in names if each != name)
+    mine = view.evidence(names)
+    result = {}
+    for rival in view.names:
+        if rival not in names and view.possible((*others, rival)):
+            less = mine - view.evidence((*others, rival))
+            result[rival] = less
+    return result
+
+
+def moved_to(view: View, names: Sequence[str]) -> Mapping[str, tuple[float, ...]]:
+    """The free coordinates at which the equations are to be made linear next."""
+    fit = view.fit(names, prior=True)
+    return {
+        name: tuple(float(fit.values[fit.columns.index(column)]) for column in view.columns([name]))
+        for name in names
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Naming:
+    """What was named: the effects, how each stands, the last view of the data, linear about them."""
+
+    names: tuple[str, ...]
+    tests: dict[str, Tested]
+    view: View
+
+
+def named(
+    log: Log, model: Model, tolerance: float, noise: Noise, progress: Progress = lambda share: None
+) -> Naming:
+    """Search, make linear about what is found, and search again until it stays; then test it.
+
+    Who fails a test is barred, and the search goes on without.
+    """
+    barred: frozenset[str] = frozenset()
+    at: Mapping[str, tuple[float, ...]] = {}
+    for number in range(_LOOKS):
+        view = view_of(examined(log, replace(model, at=at), tolerance, noise))
+        names = searched(view, barred)
+        progress(min(0.9, (number + 1) / 4.0))
+        if not _settled(view, names, at) and number < _LOOKS - 1:
+            at = moved_to(view, names)
+            continue
+        view = view_of(view.examination, by_leg=True)
+        tests = {name: tested(view, names, name) for name in names}
+        failed = [each for each in tests.values() if not each.accepted]
+        if not failed:
+            break
+        barred |= {max(failed, key=lambda each: each.p_value).name}
+        at = moved_to(view, searched(view, barred))
+    return Naming(names, tests, view)
+
+
+def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]]) -> bool:
+    """Whether the equations are linear about what is found already."""
+    if set(names) != set(at):
+        return False
+    fit = view.fit(names)
+    error = np.sqrt(np.diag(fit.covariance))
+    new = np.array([each for values in moved_to(view, names).values() for each in values])
+    old = np.array([each for name in names for each in at[name]])
+    return bool((np.abs(new - old) < _SETTLED * error + 0.01 * np.abs(old)).all())

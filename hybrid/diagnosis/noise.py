@@ -1,0 +1,57 @@
+"""What nobody can predict: sensors' noise, gusts, slow forces and the swing in waves, with levels from the data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hybrid.vessel.compiling import Floats
+
+FORCE_UNITS = np.array([1e3, 1e3, 1e4])
+"""The filter reckons forces in kN and moments in 10 kN m, so that its numbers are of one size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations, SI.
+
+    Of a second's mean of each sensor; of the force that changes from second to second (``gust``) and of one that
+    lasts ``slow_s`` (``slow``), along, across [N] and in yaw [N m]; of the swing in waves, north, east [m] (and the
+    correlation of the two) and in yaw [rad], with the frequency that a
+    buoy would see, its damping, and where the waves go: the ship meets them at another frequency, and swings in yaw
+    when they come from the side.
+    """
+
+    position_m: float = 0.03
+    heading_rad: float = 0.001
+    surge_mps: float = 0.02
+    sway_mps: float = 0.02
+    yaw_rate_radps: float = 0.0005
+    gust: tuple[float, float, float] = (300.0, 300.0, 3000.0)
+    slow: tuple[float, float, float] = (300.0, 300.0, 3000.0)
+    slow_s: float = 20.0
+    waves: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wave_correlation: float = 0.0
+    wave_frequency_radps: float = 1.2
+    wave_damping: float = 0.2
+    wave_towards_rad: float = 0.0
+
+    @property
+    def has_waves(self) -> bool:
+        """Whether there is a swing in waves at all."""
+        return any(each > 0.0 for each in self.waves)
+
+    def as_array(self) -> Floats:
+        """For the filter: sensors 6, gusts 3, slow forces 3, their time; of the waves correlation, 3 levels,
+        frequency, damping, direction."""
+        sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
+        gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
+        swing = [
+            self.wave_correlation,
+            *self.waves,
+            self.wave_frequency_radps,
+            self.wave_damping,
+            self.wave_towards_rad,
+        ]
+        return np.array([*sensors, *gust, *slow, self.slow_s, *swing])

@@ -1,0 +1,118 @@
+"""The noise levels under which what was measured is the most likely, once all effects have had their say.
+
+The likelihood of the filter's innovations (Schweppe 1965), climbed by scoring (Fisher): slopes by differences of
+the filter itself. The data come with every effect's part taken off first; else a missing effect passes for
+noise and hides itself. Innovations count up to a limit only, so that outliers do not pass for noise either.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.diagnosis.linearise import Linear
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.whiten import Columns, whitened
+from hybrid.vessel.compiling import Floats
+
+_LIMIT = 4.0
+_DIFFERENCE = 0.02
+_SPREAD = 1.5  # of the logarithm of each level about where the search begins
+_ENOUGH = 0.5  # of the logarithm of the likelihood
+_BOUNDS = {"slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7)}
+
+
+def fitted_noise(
+    linear: Linear, data: Columns, edges: NDArray[np.int64], start: Noise, steps: int
+) -> tuple[Noise, float]:
+    """The likeliest levels for one column of data, searched from ``start``, and minus the log likelihood.
+
+    At most ``steps`` steps are made."""
+    waves = start.has_waves
+    begin = _parameters(start, waves)
+    now, damping = begin.copy(), 1.0
+    value, z, log_spread = _judged(linear, data, edges, start, now, waves, begin)
+    for _ in range(steps):
+        slope, information = _slopes(linear, data, edges, start, now, waves, z, log_spread)
+        slope += (now - begin) / _SPREAD**2
+        information += np.eye(len(now)) / _SPREAD**2
+        for _ in range(5):
+            step = -np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            trial = _bounded(now + np.clip(step, -1.0, 1.0), waves)
+            new = _judged(linear, data, edges, start, trial, waves, begin)
+            if new[0] < value:
+                break
+            damping *= 4.0
+        else:
+            break
+        gained, now, damping = value - new[0], trial, damping / 5.0
+        value, z, log_spread = new
+        if gained < _ENOUGH:
+            break
+    return _noise(start, now, waves), value
+
+
+def _judged(
+    linear: Linear, data: Columns, edges: NDArray[np.int64], start: Noise, at: Floats, waves: bool, begin: Floats
+) -> tuple[float, Floats, Floats]:
+    """Minus the log likelihood at these parameters, the whitened data and the log of their variance."""
+    z, spread = whitened(linear, data, _noise(start, at, waves), edges)
+    flat, logs = z[:, :, 0].ravel(), np.log(spread).ravel()
+    away = 0.5 * float((((at - begin) / _SPREAD) ** 2).sum())
+    return 0.5 * float((logs + np.minimum(flat**2, _LIMIT**2)).sum()) + away, flat, logs
+
+
+def _slopes(
+    linear: Linear, data: Columns, edges: NDArray[np.int64], start: Noise, at: Floats, waves: bool,
+    z: Floats, logs: Floats,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Slope [p] and Fisher's information [p, p] of minus the log likelihood."""
+    by_z, by_log = np.empty((len(at), z.size)), np.empty((len(at), z.size))
+    for number in range(len(at)):
+        moved = at.copy()
+        moved[number] += _DIFFERENCE
+        new, spread = whitened(linear, data, _noise(start, moved, waves), edges)
+        by_z[number] = (new[:, :, 0].ravel() - z) / _DIFFERENCE
+        by_log[number] = (np.log(spread).ravel() - logs) / _DIFFERENCE
+    inside = np.abs(z) < _LIMIT
+    slope = 0.5 * by_log.sum(axis=1) + (by_z * (z * inside)).sum(axis=1)
+    errors = (by_z + 0.5 * z * by_log) * inside
+    return slope, 0.5 * by_log @ by_log.T + errors @ errors.T
+
+
+_SENSORS = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
+_SWING = ("wave_frequency_radps", "wave_damping")
+
+
+def _parameters(noise: Noise, waves: bool) -> Floats:
+    levels = [*(getattr(noise, name) for name in _SENSORS), *noise.gust, *noise.slow, noise.slow_s]
+    if waves:
+        levels += [
+            *noise.waves,
+            *(getattr(noise, name) for name in _SWING),
+            np.exp(np.arctanh(noise.wave_correlation)),
+            np.exp(noise.wave_towards_rad),
+        ]
+    return np.asarray(np.log(np.array(levels)))
+
+
+def _noise(start: Noise, parameters: Floats, waves: bool) -> Noise:
+    level = np.exp(parameters)
+    gust, slow = (tuple(float(each) for each in level[i : i + 3]) for i in (5, 8))
+    sensors = {name: float(level[number]) for number, name in enumerate(_SENSORS)}
+    result = replace(start, **sensors, gust=gust, slow=slow, slow_s=float(level[11]))  # type: ignore[arg-type]
+    if waves:
+        swing = {name: float(level[15 + number]) for number, name in enumerate(_SWING)}
+        swing |= {"wave_correlation": float(np.tanh(parameters[17])), "wave_towards_rad": float(parameters[18])}
+        waves_of = tuple(float(each) for each in level[12:15])
+        result = replace(result, waves=waves_of, **swing)  # type: ignore[arg-type]
+    return result
+
+
+def _bounded(parameters: Floats, waves: bool) -> Floats:
+    places = {"slow_s": 11, **({"wave_frequency_radps": 15, "wave_damping": 16} if waves else {})}
+    for name, place in places.items():
+        parameters[place] = np.clip(parameters[place], *np.log(_BOUNDS[name]))
+    return np.asarray(parameters)

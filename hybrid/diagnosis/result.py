@@ -1,0 +1,198 @@
+"""What a diagnosis comes to, as plain values: the contract's JSON, and what its report shows beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from hybrid.vessel.compiling import Floats
+
+Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter's value with its 95 % interval, in its unit."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """One effect of the catalogue as the ranking shows it.
+
+    ``evidence`` is the log odds by which the model is better with it alone, ``p_value`` is corrected for the size
+    of the catalogue. ``limit`` is the size of the first parameter that would be found in 9 of 10 such trials.
+    """
+
+    name: str
+    family: str
+    evidence: float
+    p_value: float
+    limit: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class NamedEffect:
+    """An effect that was named, with its share of the gap on windows that took no part."""
+
+    name: str
+    family: str
+    kind: str
+    parameters: Mapping[str, Estimate]
+    share_of_gap: float
+    p_value: float
+    evidence: float
+    sentence: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        keys = ("name", "family", "kind", "share_of_gap", "p_value", "sentence")
+        plain = {key: getattr(self, key) for key in keys}
+        return {**plain, "parameters": {name: each.as_dict() for name, each in self.parameters.items()}}
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """An effect that would explain almost as much ``instead_of`` a named one: ``evidence`` it lacks, log odds."""
+
+    instead_of: str
+    name: str
+    evidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What no effect of the catalogue explains: its share of the gap, on what it depends, what it looks like."""
+
+    share_of_gap: float
+    where: tuple[str, ...]
+    looks_like: str
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """One cell of the map of where model and trial disagree: mean ``error`` of a channel there, and its z."""
+
+    channel: str
+    cell: Mapping[str, tuple[float, float]]
+    windows: int
+    error: float
+    z: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Mean distance of predicted from measured tracks [m], over windows that took no part in naming or fitting."""
+
+    before_m: float
+    after_m: float
+    floor_m: float
+    held_out_windows: int
+    horizon_s: int
+
+    @property
+    def closed(self) -> float:
+        """The share of what could be closed that is."""
+        could = self.before_m - self.floor_m
+        return (self.before_m - self.after_m) / could if could > 0.0 else 1.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        plain = {key: getattr(self, key) for key in ("before_m", "after_m", "floor_m", "held_out_windows")}
+        return {**plain, "closed": self.closed}
+
+
+@dataclass(frozen=True, slots=True)
+class Tracks:
+    """Windows of H seconds [N]: measured and predicted tracks [N, H+1, 3] (north, east [m], heading [rad]).
+
+    ``before`` is the reference model's, ``after`` that of the model with what other legs named;
+    ``constant_velocity`` keeps the first speed. ``leg`` and ``start_s`` [N] say where and when.
+    """
+
+    measured: Floats
+    before: Floats
+    after: Floats
+    constant_velocity: Floats
+    leg: Floats
+    start_s: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """The trial to make next: what it is, which effects it separates, and the evidence expected from it."""
+
+    what: str
+    separates: tuple[str, str]
+    expected_evidence: float
+    minutes: float
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The whole of it."""
+
+    verdict: Verdict
+    tolerance: float
+    effects: tuple[NamedEffect, ...]
+    rivals: tuple[Rival, ...]
+    indistinguishable: tuple[tuple[str, ...], ...]
+    unknown: Unexplained | None
+    where: tuple[Place, ...]
+    gap: Gap
+    next_manoeuvre: Manoeuvre | None
+    suspects: tuple[Suspect, ...] = ()
+    tracks: Tracks | None = None
+    remarks: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The contract's JSON object."""
+        unknown, after = self.unknown, self.next_manoeuvre
+        return {
+            "verdict": self.verdict,
+            "tolerance": self.tolerance,
+            "effects": [each.as_dict() for each in self.effects],
+            "rivals": [
+                {"instead_of": each.instead_of, "name": each.name, "evidence": each.evidence}
+                for each in self.rivals
+            ],
+            "indistinguishable": [list(group) for group in self.indistinguishable],
+            "unknown": None
+            if unknown is None
+            else {
+                "share_of_gap": unknown.share_of_gap,
+                "where": list(unknown.where),
+                "looks_like": unknown.looks_like,
+            },
+            "where": [
+                {
+                    "channel": each.channel,
+                    "cell": {name: list(span) for name, span in each.cell.items()},
+                    "windows": each.windows,
+                    "error": each.error,
+                    "z": each.z,
+                }
+                for each in self.where
+            ],
+            "gap": self.gap.as_dict(),
+            "next_manoeuvre": None
+            if after is None
+            else {
+                "what": after.what,
+                "separates": list(after.separates),
+                "expected_evidence": after.expected_evidence,
+            },
+            "remarks": list(self.remarks),
+            "provenance": dict(self.provenance),
+        }
