@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from hybrid.diagnosis import cli as diagnosis
 from hybrid.evaluation import cli as evaluation
 from hybrid.reproduction import cli as reproduction
 from hybrid.truth import cli as truth_commands
@@ -33,6 +34,7 @@ def mount(app: typer.Typer) -> None:
     app.command("predict", help="Predict one track from one instant of a recording.")(predict)
     app.command("effects", help="List the effects that a model may lack.")(effects)
     evaluation.mount(app)
+    diagnosis.mount(app)
     truth_commands.mount(app)
     reproduction.mount(app)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.beyond import GRANTED, beyond
+from hybrid.diagnosis.beyond import AXES, GRANTED, beyond
 from hybrid.diagnosis.evidence import Ints, Products, drawn, fitted
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, reported, signatures
 from hybrid.diagnosis.log import Log
@@ -21,11 +21,14 @@ from hybrid.diagnosis.whiten import Columns, columns_of, whitened
 from hybrid.vessel.compiling import Floats
 
 Progress = Callable[[float], None]
+Loose = frozenset[tuple[str, str]]
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
 _LEGS_AT_ONCE = 4
 _ROUNDS = 3
+_UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
+_AT_LARGE = 10.0  # times the tolerance, for what is known to be there
 _STEPS = (5, 8)
 _FEW = 50  # features are enough where nothing is decided
 
@@ -46,6 +49,7 @@ class Layout:
     features: int
     varied: tuple[str, ...]
     varied_prior: Floats
+    varied_granted: Floats
     depends: tuple[str, ...]
 
     def of(self, name: str) -> tuple[int, ...]:
@@ -130,18 +134,20 @@ def examined(
     model: Model,
     tolerance: float,
     noise: Noise,
+    loose: Loose = frozenset(),
     progress: Progress = lambda share: None,
 ) -> Examination:
     """Examine ``log`` through ``model``, which may have effects in it already.
 
-    ``tolerance`` is the share of the force range that the model may be off by.
+    ``tolerance`` is the share of the force range that the model may be off by; ``loose`` are families of
+    :mod:`.beyond`, by what they depend on and what they are of, that may be as large as an effect.
     """
     view = _view(log, model, tolerance)
+    nuisance, scale = _nuisances(view.layout, view.range, tolerance, loose)
     products = products_of(log, view.linear, view.columns, noise, progress)
     return Examination(
-        log, model, view.linear, view.effects, view.range, tolerance, noise, view.layout, products, view.nuisance,
-        view.scale,
-    )  # fmt: skip
+        log, model, view.linear, view.effects, view.range, tolerance, noise, view.layout, products, nuisance, scale
+    )
 
 
 def _view(log: Log, model: Model, tolerance: float, number: int = FEATURES) -> _View:
@@ -152,17 +158,24 @@ def _view(log: Log, model: Model, tolerance: float, number: int = FEATURES) -> _
     known = features(log, linear.origin, number)
     more = beyond(log, linear.origin, effects)
     columns = columns_of(linear, [*effects, *wind, *more.varied], np.hstack([known, more.features]))
+    of = [model.catalogue[each.effect.split("*")[0]] for each in more.varied]
     layout = Layout(
-        tuple(each.effect for each in effects),
-        np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
-        tolerances(log, model.catalogue, effects),
-        len(wind), known.shape[1], tuple(each.effect for each in more.varied),
-        np.array([model.catalogue[each.effect.split("*")[0]].free_scale[0] for each in more.varied]), more.depends,
-    )  # fmt: skip
+        effect=tuple(each.effect for each in effects),
+        prior=np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
+        tolerated=tolerances(log, model.catalogue, effects),
+        wind=len(wind),
+        features=known.shape[1],
+        varied=tuple(each.effect for each in more.varied),
+        varied_prior=np.array([each.free_scale[0] for each in of]),
+        varied_granted=np.array([_UNEVEN * each.smallest_free[0] for each in of]),
+        depends=more.depends,
+    )
     return _View(linear, tuple(effects), columns, layout, extent, *_nuisances(layout, extent, tolerance))
 
 
-def _nuisances(layout: Layout, extent: ForceRange, tolerance: float) -> tuple[Ints, Floats]:
+def _nuisances(
+    layout: Layout, extent: ForceRange, tolerance: float, loose: Loose = frozenset()
+) -> tuple[Ints, Floats]:
     """The columns that stand for what is tolerated, and the standard deviation of each."""
     some = np.flatnonzero(layout.tolerated > 0.0)
     wind = np.arange(layout.wind) + layout.first_wind
@@ -171,9 +184,15 @@ def _nuisances(layout: Layout, extent: ForceRange, tolerance: float) -> tuple[In
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, tolerance * force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
-            some = layout.beyond(axis)[[each == depends for each in layout.depends]]
-            columns.append(some)
-            scale.append(np.full(len(some), GRANTED[depends] * tolerance * force / np.sqrt(len(some))))
+            own = layout.beyond(axis)[[each == depends for each in layout.depends]]
+            granted = _AT_LARGE if (depends, AXES[axis]) in loose else GRANTED[depends]
+            columns.append(own)
+            scale.append(np.full(len(own), granted * tolerance * force / np.sqrt(len(own))))
+    for number, label in enumerate(layout.varied):
+        what, depends = label.split("*")
+        size = layout.varied_prior[number] if (depends, what) in loose else layout.varied_granted[number]
+        columns.append(np.array([layout.first_varied + number]))
+        scale.append(np.array([size]))
     return np.concatenate(columns), np.concatenate(scale)
 
 

@@ -12,7 +12,7 @@ that is far off costs nothing: its error stands in the defect f(x0[k]) - x0[k+1]
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -23,7 +23,8 @@ from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.vessel.compiling import Floats
 from hybrid.vessel.feedback import acting_controls
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant, bare_plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate_batch
 
@@ -62,28 +63,52 @@ class Signature:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A reference plant and the effects in it, each at its free coordinates."""
+    """A reference plant, and the effects added to it by their free coordinates.
+
+    ``base`` has no effects; ``given`` are those of the vessel's own file, ``at`` is what is added to these and to
+    others.
+    """
 
     base: Plant
     catalogue: Catalogue
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    given: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def plant(self) -> Plant:
         """The plant with the effects."""
-        values = {name: self.catalogue[name].values(free) for name, free in self.at.items()}
+        names = [*self.given, *(name for name in self.at if name not in self.given)]
+        values = {name: self.values(name, self.at.get(name)) for name in names}
         return apply_effects(self.base, values, self.catalogue)
+
+    def values(self, name: str, added: Sequence[float] | None = None) -> dict[str, float]:
+        """The parameters of an effect when ``added`` comes to what is given of it.
+
+        Raises :class:`ConfigurationError` where they are out of bounds.
+        """
+        effect = self.catalogue[name]
+        none = (0.0,) * len(effect.free_scale)
+        free = [a + b for a, b in zip(self.given.get(name, none), added or none, strict=True)]
+        if effect.chart == "inverse_square" and free[0] < 0.0:
+            raise ConfigurationError(f"effect {name} is not defined below zero")
+        return effect.checked(effect.values(free))
 
     def moved(self, name: str, coordinate: int, by: float) -> Plant | None:
         """The plant with one coordinate moved, or None where the effect is not defined there."""
-        effect = self.catalogue[name]
-        free = list(self.at.get(name, (0.0,) * len(effect.free_scale)))
+        free = list(self.at.get(name, (0.0,) * len(self.catalogue[name].free_scale)))
         free[coordinate] += by
-        if effect.chart == "inverse_square" and free[coordinate] < 0.0:
-            return None
         try:
-            return Model(self.base, self.catalogue, {**self.at, name: tuple(free)}).plant()
+            return replace(self, at={**self.at, name: tuple(free)}).plant()
         except ConfigurationError:
             return None
+
+
+def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
+    """The model of a vessel file, its own effects among what may change."""
+    given = {
+        name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
+    }
+    rest = {name: values for name, values in vessel.effects.items() if name not in catalogue}
+    return Model(apply_effects(bare_plant(vessel), rest), catalogue, given=given)
 
 
 def linear_model(log: Log, plant: Plant) -> Linear:

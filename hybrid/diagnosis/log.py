@@ -53,9 +53,9 @@ class Log:
 
     ``measured`` [T, 6] is the mean of the reported state at the samples' times, NaN where there is none; ``weight``
     [T, 6, 5] says which, as weights of the quarters of a second from half a second before to half a second after;
-    ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad], speed
-    [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up from 0.
-    All SI, angles in radians, heading without jumps. ``refused`` counts samples that lay off by themselves,
+    ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad],
+    speed [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up
+    from 0. All SI, angles in radians, heading without jumps. ``refused`` counts samples that lay off by themselves,
     ``setting_step_s`` is how often thruster settings were recorded, ``levels`` what the smoother thought of noise.
     """
 

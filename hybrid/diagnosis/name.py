@@ -14,11 +14,12 @@ from itertools import combinations
 from math import expm1, log, log1p
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2, t
 
 from acquisition.errors import ConfigurationError
-from hybrid.diagnosis.evidence import Fit, Ints, fitted, log_evidence, reduced
-from hybrid.diagnosis.examine import Examination, Progress, examined
+from hybrid.diagnosis.evidence import Fit, Ints, Products, fitted, log_evidence, reduced
+from hybrid.diagnosis.examine import Examination, Loose, Progress, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
@@ -72,6 +73,11 @@ class View:
         """What an effect has to be better than chance by: one of so many would be as good."""
         return log(len(self.names))
 
+    def chance(self, gain: float, degrees: int) -> float:
+        """The chance that any of so many effects gains as much where there is none (Sidak 1967)."""
+        single = min(float(chi2.sf(max(gain, 0.0), degrees)), 1.0 - 1e-12)
+        return -expm1(len(self.names) * log1p(-single))
+
     def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
         """The joint fit."""
         return fitted(self.inner, self.columns(names), self.prior(names) if prior and names else None)
@@ -85,10 +91,8 @@ class View:
         fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
         for name in names:
             free = [fit.values[fit.columns.index(column)] for column in self.columns([name])]
-            effect = self.examination.model.catalogue[name]
             try:
-                possible = effect.chart != "inverse_square" or free[0] > 0.0
-                result[name] = effect.checked(effect.values(free)) if possible else None
+                result[name] = self.examination.model.values(name, [float(each) for each in free])
             except ConfigurationError:
                 result[name] = None
         return result
@@ -107,6 +111,12 @@ def view_of(examination: Examination, by_leg: bool = False) -> View:
     legs = examination.products.legs
     left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
     return View(inner(total), examination, left_out, alone)
+
+
+def view_without(examination: Examination, legs: NDArray[np.bool_]) -> View:
+    """As :func:`view_of`, some legs left out."""
+    products = examination.products
+    return view_of(replace(examination, products=Products(products.legs[~legs], products.rows[~legs])))
 
 
 def put_back(examination: Examination) -> Floats:
@@ -174,8 +184,7 @@ def tested(view: View, names: tuple[str, ...], name: str) -> Tested:
     together, without = view.fit(names), view.fit(others)
     gain, columns = together.gain - without.gain, view.columns([name])
     spread = _spread_of_legs(view, names, name)
-    single = chi2.sf(max(gain, 0.0) / spread, len(columns))
-    p_value = -expm1(len(view.names) * log1p(-min(single, 1.0 - 1e-12)))
+    p_value = view.chance(gain / spread, len(columns))
     gains = unseen_gains(view, others, names)
     deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) > 2 else np.inf
     p_unseen = float(t.sf(gains.mean() / max(deviation, 1e-12), max(len(gains) - 1, 1)))
@@ -191,39 +200,34 @@ def _large_enough(view: View, fit: Fit, name: str) -> bool:
 
 
 def _spread_of_legs(view: View, names: tuple[str, ...], name: str) -> float:
-    """How much more the effect's score scatters from leg to leg than the model of the noise says, at least 1.
-
-    The score of an effect is the product of the residual with the effect's own part of the signature, what the
-    others and the nuisances could explain taken off (White 1980, clustered by leg).
-    """
-    own, residual = directions(view, names, name)
-    legs = view.examination.products.legs
-    worst = 1.0
-    for column in own.T:
-        information = np.einsum("i,lij,j->l", column, legs, column)
-        scores = np.einsum("i,lij,j->l", column, legs, residual)
-        count = len(legs)
-        if count > 3:
-            centred = scores - information * scores.sum() / information.sum()
-            worst = max(worst, float((centred**2).sum() / information.sum() * count / (count - 1)))
-    return worst
-
-
-def directions(view: View, names: tuple[str, ...], name: str) -> tuple[Floats, Floats]:
-    """Combinations of all columns: the effect's own part [C, d], and the residual of the joint fit [C]."""
-    examination = view.examination
-    total = examination.products.total
-    nuisance, scale = examination.nuisance, examination.nuisance_scale
+    """How much more the effect's score scatters from leg to leg than the model of the noise says, at least 1."""
     others = np.array(view.columns([each for each in names if each != name]), dtype=int)
-    own = np.zeros((len(total), len(view.columns([name]))))
-    for place, column in enumerate(view.columns([name])):
-        own[column, place] = 1.0
-    back = np.zeros(len(total))
-    back[: 1 + len(examination.layout.effect)] = put_back(examination)[:, 0]
-    own = _freed(total, own, others, nuisance, scale)
     every = np.array(view.columns(names), dtype=int)
-    residual = _freed(total, back[:, None], every, nuisance, scale)[:, 0]
-    return own, residual
+    return max(1.0, *map(float, spreads(view.examination, np.array(view.columns([name])), others, every)))
+
+
+def spreads(examination: Examination, columns: Ints, others: Ints, every: Ints) -> Floats:
+    """By leg, how much each column's score scatters against what the model of the noise says.
+
+    The score is the product of the residual of a fit of ``every`` column with the column's own part, what
+    ``others`` and the nuisances could explain taken off (White 1980, clustered by leg).
+    """
+    products = examination.products
+    count, total = len(products.legs), products.total
+    if count < 4:
+        return np.ones(len(columns))
+    nuisance, scale = examination.nuisance, examination.nuisance_scale
+    own = np.zeros((len(total), len(columns)))
+    own[columns, np.arange(len(columns))] = 1.0
+    data = np.zeros((len(total), 1))
+    data[: 1 + len(examination.layout.effect)] = put_back(examination)[:, :1]
+    own = _freed(total, own, others, nuisance, scale)
+    residual = _freed(total, data, every, nuisance, scale)[:, 0]
+    scores = np.stack([own.T @ (leg @ residual) for leg in products.legs])
+    information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in products.legs])
+    whole = information.sum(axis=0)
+    centred = scores - information * scores.sum(axis=0) / whole
+    return np.asarray((centred**2).sum(axis=0) / whole * count / (count - 1))
 
 
 def _freed(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
@@ -289,16 +293,22 @@ class Naming:
 
 
 def named(
-    log: Log, model: Model, tolerance: float, noise: Noise, progress: Progress = lambda share: None
+    log: Log,
+    model: Model,
+    tolerance: float,
+    noise: Noise,
+    loose: Loose = frozenset(),
+    progress: Progress = lambda share: None,
 ) -> Naming:
     """Search, make linear about what is found, and search again until it stays; then test it.
 
-    Who fails a test is barred, and the search goes on without.
+    Who fails a test is barred, and the search goes on without. ``loose`` are families beyond the catalogue that may
+    be as large as the data make them (:func:`.examine.examined`).
     """
     barred: frozenset[str] = frozenset()
     at: Mapping[str, tuple[float, ...]] = {}
     for number in range(_LOOKS):
-        view = view_of(examined(log, replace(model, at=at), tolerance, noise))
+        view = view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
         names = searched(view, barred)
         progress(min(0.9, (number + 1) / 4.0))
         if not _settled(view, names, at) and number < _LOOKS - 1:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,10 @@ class Noise:
     def has_waves(self) -> bool:
         """Whether there is a swing in waves at all."""
         return any(each > 0.0 for each in self.waves)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
 
     def as_array(self) -> Floats:
         """For the filter: sensors 6, gusts 3, slow forces 3, their time; of the waves correlation, 3 levels,

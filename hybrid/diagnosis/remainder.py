@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from hybrid.diagnosis.beyond import AXES
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.name import View, put_back
+from hybrid.diagnosis.name import View, put_back, spreads
 from hybrid.diagnosis.noise import FORCE_UNITS
 from hybrid.vessel.compiling import Floats
 
@@ -85,8 +85,15 @@ def remainders(view: View, names: Sequence[str]) -> list[Remainder]:
         inner = inner - inner[:, 1:number] @ solved
     place = {int(column): number + i for i, column in enumerate(columns)}
     tests = len(every) + 1
-    result = [_judged(examination, inner, [place[int(c)] for c in each.columns], each, tests) for each in every]
-    result.append(_of_tolerance(examination, view, names, tests))
+    result = [_of_tolerance(examination, view, names, tests)]
+    for each in every:
+        judged = _judged(examination, inner, [place[int(c)] for c in each.columns], each, tests, 1.0)
+        if judged.found:  # what scatters from leg to leg more than the model of the noise says counts for less
+            spread = float(np.median(spreads(examination, each.columns, free, free)))
+            judged = _judged(
+                examination, inner, [place[int(c)] for c in each.columns], each, tests, max(spread, 1.0)
+            )
+        result.append(judged)
     return sorted(result, key=lambda each: each.p_value)
 
 
@@ -104,13 +111,15 @@ def _inner(examination: Examination, kept: Ints) -> Floats:
     return reduced(total, kept, examination.nuisance, examination.nuisance_scale)[0]
 
 
-def _judged(examination: Examination, inner: Floats, places: list[int], family: Family, tests: int) -> Remainder:
+def _judged(
+    examination: Examination, inner: Floats, places: list[int], family: Family, tests: int, spread: float
+) -> Remainder:
     information, right = inner[np.ix_(places, places)], inner[places, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     kept = values > _RANK * values[-1]
     along = vectors[:, kept].T @ (right / scale)
-    gain = float((along**2 / values[kept]).sum())
+    gain = float((along**2 / values[kept]).sum()) / spread
     p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum()))))
     fitted = (vectors[:, kept] @ (along / values[kept])) / scale
     size = float(np.sqrt((fitted**2).sum()))
@@ -118,7 +127,7 @@ def _judged(examination: Examination, inner: Floats, places: list[int], family: 
         return Remainder(
             family.depends, family.what, p_value, gain, size * float(FORCE_UNITS[AXES.index(family.what)]), True
         )
-    least = 0.3 * max(examination.model.catalogue[family.what].smallest_free)
+    least = max(examination.model.catalogue[family.what].smallest_free)
     return Remainder(family.depends, family.what, p_value, gain, size, size > least)
 
 

@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hybrid.vessel.compiling import Floats
+
+Ints = NDArray[np.int64]
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 
@@ -124,8 +129,8 @@ class Tracks:
     before: Floats
     after: Floats
     constant_velocity: Floats
-    leg: Floats
-    start_s: Floats
+    leg: Ints
+    start_s: Ints
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,66 @@
+"""``seatrial diagnose``: it parses, calls and prints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.cli import AsJson
+from analysis.cli import RebuildPositions
+
+
+def mount(app: typer.Typer) -> None:
+    """Add this package's commands to the command line."""
+    app.command("diagnose", help="Find, name and add the effect that the model lacks, and show the gap shrink.")(
+        diagnose
+    )
+
+
+def diagnose(
+    files: Annotated[list[Path], typer.Argument(help="Recordings.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
+    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    tolerance: Annotated[
+        float, typer.Option(help="How far off the model may be anyway, in percent of the force range.")
+    ] = 1.0,
+    effects: Annotated[
+        list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
+    ] = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="An effect to leave out of the catalogue; may be given several times.")
+    ] = None,
+    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    rebuild_positions: RebuildPositions = False,
+    part: Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")] = "0..100",
+    as_json: AsJson = False,
+) -> None:
+    """Diagnose recordings against a model."""
+    from acquisition.progress import bar
+    from analysis.table import percent_of
+    from hybrid.artefact import make_folder
+    from hybrid.diagnosis.files import diagnose_files, write_diagnosis
+    from hybrid.effects.catalogue import catalogue_with
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    catalogue = catalogue_with(effects or (), without or ())
+    ship = load_vessel(vessel or DEFAULT)
+    make_folder(output)
+    with bar("diagnosing") as progress:
+        examined = diagnose_files(
+            files, ship, tolerance / 100.0, catalogue, percent_of(part),
+            repair=repair, rebuild_positions=rebuild_positions, progress=progress,
+        )  # fmt: skip
+    written = write_diagnosis(examined, ship, output)
+    diagnosis = examined.diagnosis
+    if as_json:
+        typer.echo(json.dumps(diagnosis.as_dict()))
+        return
+    from rich.console import Console
+
+    from hybrid.diagnosis.terminal import summary
+
+    Console().print(summary(diagnosis))
+    typer.echo(str(written.report))

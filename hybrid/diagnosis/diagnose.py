@@ -1,0 +1,162 @@
+"""The whole of a diagnosis: find where model and trial disagree, name what is missing, show the gap shrink."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pandas as pd
+
+from acquisition.errors import ConfigurationError
+from hybrid.diagnosis.examine import settled
+from hybrid.diagnosis.gap import HeldOut, held_out
+from hybrid.diagnosis.linearise import model_of
+from hybrid.diagnosis.log import Log, log_of
+from hybrid.diagnosis.name import Naming, View, moved_to, named
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.remainder import Remainder, remainders
+from hybrid.diagnosis.result import Diagnosis, NamedEffect, Suspect
+from hybrid.diagnosis.verdict import close_rivals, estimates, groups, sentence, unexplained, verdict_of
+from hybrid.effects import CATALOGUE, Catalogue
+from hybrid.effects.catalogue import VERSION
+from hybrid.vessel.parameters import Vessel
+
+Progress = Callable[[float], None]
+TOLERANCE = 0.01
+"""The share of the force range that a reference model is granted to be off by, unless told otherwise."""
+
+_NEGLIGIBLE = 0.03  # of what the named effects explain: an effect's own form is not exact either
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """A diagnosis, and what it was made from."""
+
+    diagnosis: Diagnosis
+    log: Log
+    noise: Noise
+    naming: Naming
+    remaining: tuple[Remainder, ...]
+
+
+def diagnose(
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    tolerance: float = TOLERANCE,
+    catalogue: Catalogue = CATALOGUE,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress = lambda share: None,
+) -> Examined:
+    """Diagnose raw tables of the 13 channels against the model of ``vessel``.
+
+    ``tolerance`` is the share of the force range that the model is granted. Raises :class:`ConfigurationError` for
+    an impossible tolerance, :class:`DataShortageError` and :class:`InputError` for tables without what it takes.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise ConfigurationError(
+            f"a tolerance of {100.0 * tolerance:g} %", fix="give more than 0 and less than 100"
+        )
+    model = model_of(vessel, catalogue)
+    log = log_of(tables)
+    progress(0.1)
+    log, noise = settled(log, model, tolerance, lambda share: progress(0.1 + 0.3 * share))
+    naming = named(log, model, tolerance, noise, progress=lambda share: progress(0.4 + 0.3 * share))
+    found = _standing_out(naming)
+    everything = naming
+    if found:
+        loose = frozenset((each.depends, each.what) for each in found)
+        naming = _steady(named(log, model, tolerance, noise, loose), found)
+    progress(0.8)
+    rivals = close_rivals(naming)
+    tied = groups(naming.names, rivals)
+    gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names))
+    progress(0.9)
+    effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
+    diagnosis = Diagnosis(
+        verdict=verdict_of(naming.names, tied, found),
+        tolerance=tolerance,
+        effects=effects,
+        rivals=tuple(rivals),
+        indistinguishable=tuple(tied) if not found else (),
+        unknown=unexplained(found, max(0.0, 1.0 - gap.gap.closed)),
+        where=(),
+        gap=gap.gap,
+        next_manoeuvre=None,
+        suspects=suspects(everything.view),
+        tracks=gap.tracks,
+        remarks=_remarks(log, vessel, effects),
+        provenance={**(provenance or {}), **_granted(naming, noise)},
+    )
+    return Examined(diagnosis, log, noise, naming, tuple(found))
+
+
+def _standing_out(naming: Naming) -> list[Remainder]:
+    """What remains beside the named effects and is no mere trace of their own form."""
+    explained = naming.view.fit(naming.names).gain
+    return [
+        each for each in remainders(naming.view, naming.names) if each.found and each.gain > _NEGLIGIBLE * explained
+    ]
+
+
+def _steady(naming: Naming, found: Sequence[Remainder]) -> Naming:
+    """The naming without effects that are themselves what varies."""
+    uneven = {each.what for each in found}
+    names = tuple(name for name in naming.names if name not in uneven)
+    return replace(naming, names=names, tests={name: naming.tests[name] for name in names})
+
+
+def _named_effect(naming: Naming, name: str, gap: HeldOut) -> NamedEffect:
+    effect, test = naming.view.examination.model.catalogue[name], naming.tests[name]
+    parameters = estimates(naming, name)
+    share = float(gap.shares.get(name, 0.0))
+    evidence = naming.view.evidence(naming.names) - naming.view.evidence([n for n in naming.names if n != name])
+    return NamedEffect(
+        name, effect.family, effect.kind, parameters, share, test.p_value, evidence,
+        sentence(effect, parameters, share),
+    )  # fmt: skip
+
+
+def suspects(view: View) -> tuple[Suspect, ...]:
+    """Every effect of the catalogue by how much better the model is with it alone."""
+    result = []
+    for name in view.names:
+        effect = view.examination.model.catalogue[name]
+        fit = view.fit([name])
+        chance = view.chance(fit.gain, len(fit.columns))
+        result.append(
+            Suspect(name, effect.family, view.evidence([name]), chance, float("nan"), effect.parameters[0].unit)
+        )
+    return tuple(sorted(result, key=lambda each: -each.evidence))
+
+
+def _remarks(log: Log, vessel: Vessel, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
+    remarks = []
+    if not log.wind[:, 1].any():
+        remarks.append("no wind was recorded: what the wind does cannot be told from other causes")
+    if log.setting_step_s > 0.5:
+        remarks.append(
+            f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
+        )
+    if log.refused:
+        remarks.append(f"{log.refused} samples lay off by themselves and were refused")
+    for each in effects:
+        if each.name in vessel.effects:
+            remarks.append(
+                f"{each.name} stands in the vessel's file already: its value here takes that one's place"
+            )
+    return tuple(remarks)
+
+
+def _granted(naming: Naming, noise: Noise) -> dict[str, Any]:
+    """What every verdict states: the catalogue, the force range of which the tolerance is a share, the noise."""
+    extent = naming.view.examination.range
+    return {
+        "catalogue_version": VERSION,
+        "effects_in_catalogue": len(naming.view.names),
+        "force_range": {"surge_n": extent.surge_n, "sway_n": extent.sway_n, "yaw_nm": extent.yaw_nm},
+        "noise": noise.as_dict(),
+    }
+
+
+__all__ = ["TOLERANCE", "Examined", "diagnose", "suspects"]

@@ -1,0 +1,122 @@
+"""How far predictions are off before and after, on windows that took no part in naming or fitting.
+
+The legs are dealt into folds. What is predicted on a fold's windows is predicted by the model with the effects that
+the other folds ask for, at the sizes that they give, so that every window judges once and none judges itself.
+Windows start from the smoothed motion and run with the measured thruster settings, held or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.baselines import present_motion_held
+from hybrid.diagnosis.evidence import Ints
+from hybrid.diagnosis.linearise import DT_S, driven, unreported
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.diagnosis.name import FALSE_ALARM, View, moved_to, searched, view_without
+from hybrid.diagnosis.result import Gap, Tracks
+from hybrid.vessel.compiling import Floats
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.sensors import measured
+from hybrid.vessel.simulate import simulate_batch
+
+HORIZON_S = 15
+FOLDS = 4
+
+At = Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """The gap, each named effect's share of it, and the tracks."""
+
+    gap: Gap
+    shares: Mapping[str, float]
+    tracks: Tracks
+
+
+def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
+    """Rows at which a window of so many seconds begins that stays in one leg, one window after the other."""
+    starts, row = [], 0
+    while row + horizon_s < len(log):
+        end = row + horizon_s
+        if log.leg[row] == log.leg[end] and log.time_s[end] - log.time_s[row] == horizon_s:
+            starts.append(row)
+            row = end
+        else:
+            row += 1
+    return np.array(starts, dtype=np.int64)
+
+
+def predicted(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+    """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN out of its range."""
+    states = unreported(log, plant)[starts]
+    controls, acting = driven(log, plant)
+    rows = starts[:, None] + np.arange(horizon_s)
+    settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, 5)
+    wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
+    runs = simulate_batch(replace(plant, command_delay_s=0.0), states, settings, wind, DT_S, 1, acting[starts])
+    return measured(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
+
+
+def measured_tracks(log: Log, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+    """What was measured over each window [N, H+1, 3]."""
+    return log.measured[starts[:, None] + np.arange(horizon_s + 1), :3]
+
+
+def distances(track: Floats, seen: Floats) -> Floats:
+    """How far tracks are from what was measured at seconds 1 to H [N, H]; NaN where either is unknown."""
+    away = track[:, 1:, :2] - seen[:, 1:, :2]
+    return np.hypot(away[..., 0], away[..., 1])
+
+
+def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
+    """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give."""
+    starts = window_starts(log)
+    seen, model = measured_tracks(log, starts), replace(view.examination.model, at={})
+    fold = log.leg[starts] % min(FOLDS, max(log.legs, 1))
+    before = predicted(log, model.plant(), starts)
+    after, without = before.copy(), {name: before.copy() for name in names}
+    for number in np.unique(fold):
+        mine = fold == number
+        legs = np.arange(log.legs) % min(FOLDS, log.legs) == number
+        at = _named_without(view, legs)
+        after[mine] = predicted(log, replace(model, at=at).plant(), starts[mine])
+        for name in names:
+            less = {other: free for other, free in at.items() if other != name}
+            without[name][mine] = predicted(log, replace(model, at=less).plant(), starts[mine])
+    best = predicted(log, replace(model, at=final).plant(), starts)
+    known = (
+        np.isfinite(distances(before, seen))
+        & np.isfinite(distances(after, seen))
+        & np.isfinite(distances(best, seen))
+    )
+
+    def mean(track: Floats) -> float:
+        return float(np.nanmean(distances(track, seen)[known])) if known.any() else 0.0
+
+    gap = Gap(mean(before), mean(after), min(mean(best), mean(after)), int(known.any(axis=1).sum()), HORIZON_S)
+    shares = {name: max(mean(track) - gap.after_m, 0.0) for name, track in without.items()}
+    whole = sum(shares.values())
+    closed = max(gap.closed, 0.0)
+    shares = {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
+    still = present_motion_held(log.nominal[starts], HORIZON_S)
+    return HeldOut(gap, shares, Tracks(seen, before, after, still, log.leg[starts], log.time_s[starts]))
+
+
+def _named_without(view: View, legs: NDArray[np.bool_]) -> At:
+    """What the other legs ask for, and how much of it."""
+    rest = view_without(view.examination, legs)
+    names = searched(rest)
+    while names:
+        gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}
+        chance = {name: rest.chance(gain[name], len(rest.columns([name]))) for name in names}
+        worst = max(names, key=lambda name: chance[name])
+        if chance[worst] < FALSE_ALARM:
+            break
+        names = tuple(name for name in names if name != worst)
+    return moved_to(rest, names)
