@@ -1,0 +1,168 @@
+"""The disturbed ship as one Gaussian vector, written out: what filter and smoother are judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from hybrid.diagnosis.disturbed import FREE
+from hybrid.diagnosis.linearise import Linear
+from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.whiten import Columns
+
+Floats = NDArray[np.float64]
+GRAVITY_MPS2 = 9.81
+CALM_SEA = Noise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)
+SWELL = Noise(
+    waves=(0.4, 0.3, 0.01), wave_correlation=0.35, wave_frequency_radps=0.9, wave_damping=0.15, wave_towards_rad=0.7
+)
+
+
+def a_ship(seconds: int, seed: int) -> Linear:
+    """A linear model of a ship's size that changes from second to second; sensors that mix; nothing measured."""
+    random = np.random.default_rng(seed)
+    turn = 0.03 * np.sin(np.arange(seconds) / 15.0) + 0.005 * random.standard_normal(seconds)
+    psi = random.uniform(0.0, 6.0) + np.cumsum(turn)
+    u, v = 4.0 + 0.5 * random.standard_normal(seconds), 0.2 * random.standard_normal(seconds)
+    cosine, sine = np.cos(psi), np.sin(psi)
+    A, B = np.tile(np.eye(6), (seconds, 1, 1)), np.zeros((seconds, 6, 3))
+    A[:, 0, 2], A[:, 1, 2] = -u * sine - v * cosine, u * cosine - v * sine
+    A[:, 0, 3], A[:, 0, 4], A[:, 1, 3], A[:, 1, 4] = cosine, -sine, sine, cosine
+    A[:, 2, 5] = 1.0
+    A[:, 3:, 3:] = np.diag([0.97, 0.9, 0.85]) + random.uniform(-0.03, 0.03, (seconds, 3, 3))
+    B[:, 3:] = np.diag([1.5e-6, 1.0e-6, 3e-8]) * random.uniform(0.9, 1.1, (seconds, 1, 1))
+    B[:, 2, 2] = 1.5e-8
+    H = np.eye(6) + random.uniform(-0.05, 0.05, (seconds, 6, 6))
+    origin = np.column_stack([np.cumsum(u * cosine), np.cumsum(u * sine), psi, u, v, turn])
+    return Linear(A, B, H, np.zeros((seconds, 6)), np.zeros((seconds, 6)), origin)
+
+
+@dataclass(frozen=True, slots=True)
+class Dense:
+    """One block as a Gaussian: states x [T n] ~ N(driven, root root'), seen y = C x + errors of variance R."""
+
+    root: Floats
+    C: Floats
+    R: Floats
+    onward: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """Of all states [T n, T n]."""
+        return np.asarray(self.root @ self.root.T)
+
+    @property
+    def seen_covariance(self) -> Floats:
+        """Of all samples [6 T, 6 T]."""
+        return np.asarray(self.C @ self.covariance @ self.C.T + np.diag(self.R))
+
+    def driven(self, drive: Floats) -> Floats:
+        """The states [T n, ...] that drives [T, 6, ...] bring, each into the next second."""
+        seconds, n = len(drive), len(self.root) // len(drive)
+        impulse = np.zeros((seconds, n, *drive.shape[2:]))
+        impulse[1:, :6] = drive[:-1]
+        return np.asarray(np.tensordot(self.onward, impulse.reshape(seconds * n, *drive.shape[2:]), axes=1))
+
+
+def dense(linear: Linear, noise: Noise, rows: slice) -> Dense:
+    """The seconds ``rows`` as one block."""
+    seconds = [_second(linear, noise, k) for k in range(rows.start, rows.stop)]
+    count, n = len(seconds), len(seconds[0][0])
+    onward = np.eye(count * n)
+    for k in range(1, count):
+        before, here = slice((k - 1) * n, k * n), slice(k * n, (k + 1) * n)
+        onward[here, : k * n] = seconds[k - 1][0] @ onward[before, : k * n]
+    fresh = block_diag(
+        *(_root(each) for each in [_begins(linear, noise, rows.start), *(Q for _, Q, _ in seconds)][:-1])
+    )
+    C = block_diag(*(h for _, _, h in seconds))
+    return Dense(onward @ fresh, C, np.tile(noise.as_array()[:6] ** 2, count), onward)
+
+
+def _root(covariance: Floats) -> Floats:
+    """R with R R' = covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _second(linear: Linear, noise: Noise, k: int) -> tuple[Floats, Floats, Floats]:
+    """Transition, what is new, and how the sensors see the states, of one second."""
+    A, B = linear.A[k], linear.B[k] * FORCE_UNITS
+    kept, slow = np.exp(-1.0 / noise.slow_s), np.diag((np.array(noise.slow) / FORCE_UNITS) ** 2)
+    gust = np.diag((np.array(noise.gust) / FORCE_UNITS) ** 2)
+    F = np.block([[A, B], [np.zeros((3, 6)), kept * np.eye(3)]])
+    Q, h = block_diag(B @ gust @ B.T, slow * (1.0 - kept**2)), np.hstack([linear.H[k], np.zeros((6, 3))])
+    if not noise.has_waves:
+        return F, Q, h
+    stationary, w = _swing(linear.origin[k], noise)
+    values, vectors = np.linalg.eig([[0.0, 1.0], [-(w**2), -2.0 * noise.wave_damping * w]])
+    swing = np.kron(np.eye(3), ((vectors * np.exp(values)) @ np.linalg.inv(vectors)).real)
+    Q = block_diag(Q, stationary - swing @ stationary @ swing.T)
+    return block_diag(F, swing), Q, np.hstack([h, _swing_seen(linear.origin[k])])
+
+
+def _swing(origin: Floats, noise: Noise) -> tuple[Floats, float]:
+    """Stationary covariance [6, 6] of swing and its speed, north, east and yaw; the frequency met [rad/s]."""
+    north, east, yaw = noise.waves
+    towards = noise.wave_towards_rad - origin[2]
+    ahead = origin[3] * np.cos(towards) + origin[4] * np.sin(towards)
+    w = abs(noise.wave_frequency_radps - noise.wave_frequency_radps**2 / GRAVITY_MPS2 * ahead)
+    share = np.diag([north**2, east**2, yaw**2 * (0.1 + 0.9 * np.sin(towards) ** 2)])
+    share[0, 1] = share[1, 0] = noise.wave_correlation * north * east
+    return np.kron(share, np.diag([1.0, w**2])), float(w)
+
+
+def _swing_seen(origin: Floats) -> Floats:
+    """How the sensors see north, its speed, east, its speed, yaw and its rate [6, 6], by differences.
+
+    The swing moves the ship over ground; her sensors report along axes that swing with her.
+    """
+
+    def seen(swing: Floats) -> Floats:
+        north, north_speed, east, east_speed, yaw, rate = swing
+        psi, u, v = origin[2:5]
+        to_north = u * np.cos(psi) - v * np.sin(psi) + north_speed
+        to_east = u * np.sin(psi) + v * np.cos(psi) + east_speed
+        now = psi + yaw
+        ahead, aside = (
+            to_north * np.cos(now) + to_east * np.sin(now),
+            to_east * np.cos(now) - to_north * np.sin(now),
+        )
+        return np.array([north, east, yaw, ahead, aside, rate])
+
+    steps = 1e-6 * np.eye(6)
+    return np.column_stack([(seen(step) - seen(-step)) / 2e-6 for step in steps])
+
+
+def _begins(linear: Linear, noise: Noise, k: int) -> Floats:
+    """Covariance of a block's first state: anything, and what is stationary."""
+    slow = (np.array(noise.slow) / FORCE_UNITS) ** 2
+    begins = np.diag([*FREE**2, *slow])
+    return block_diag(begins, _swing(linear.origin[k], noise)[0]) if noise.has_waves else begins
+
+
+def drawn(linear: Linear, noise: Noise, edges: NDArray[np.int64], seed: int) -> Columns:
+    """One column of data drawn second by second from exactly this system; drives are zero."""
+    random, seen = np.random.default_rng(seed), np.empty((len(linear.A), 6))
+    errors = noise.as_array()[:6]
+    starts = set(edges[:-1].tolist())
+    F, Q, state = np.zeros(0), np.zeros(0), np.zeros(0)
+    for k in range(len(linear.A)):
+        fresh = _begins(linear, noise, k) if k in starts else Q
+        came = _root(fresh) @ random.standard_normal(len(fresh))
+        state = came if k in starts else F @ state + came
+        F, Q, h = _second(linear, noise, k)
+        seen[k] = h @ state + errors * random.standard_normal(6)
+    return one_column(seen)
+
+
+def one_column(seen: Floats, drive: Floats | None = None) -> Columns:
+    """Data alone."""
+    return Columns(
+        np.zeros((*seen.shape, 1)) if drive is None else drive[:, :, None].copy(),
+        seen[:, :, None].copy(),
+        np.zeros((len(seen), 0)),
+    )

@@ -1,0 +1,119 @@
+"""Noise levels found again in data drawn with known ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from hybrid.diagnosis.linearise import Linear
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.noise_fit import fitted_noise
+from hybrid.diagnosis.whiten import Columns, whitened
+from tests.hybrid.diagnosis.linear_by_hand import Floats, a_ship, drawn
+
+EDGES = 60 * np.arange(21)
+FAR = 3
+"""Standard errors that an estimate may be off by."""
+
+CALM = Noise(
+    position_m=0.05, heading_rad=0.002, surge_mps=0.03, sway_mps=0.015, yaw_rate_radps=0.0008,
+    gust=(2e4, 1.5e4, 2e5), slow=(2e4, 3e4, 3e5), slow_s=25.0,
+)  # fmt: skip
+SWELL = replace(
+    CALM, waves=(0.5, 0.35, 0.01), wave_correlation=0.5, wave_frequency_radps=1.0, wave_damping=0.2,
+    wave_towards_rad=0.6,
+)  # fmt: skip
+SCALES = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps", "slow_s")
+SWING = ("wave_frequency_radps", "wave_damping")
+
+
+def levels(noise: Noise) -> Floats:
+    """What can be found: logarithms of levels and times; of waves also where they go and what they share."""
+    scales = [*(getattr(noise, name) for name in SCALES), *noise.gust, *noise.slow]
+    if not noise.has_waves:
+        return np.log(scales)
+    scales += [*noise.waves, *(getattr(noise, name) for name in SWING)]
+    return np.append(np.log(scales), [np.arctanh(noise.wave_correlation), noise.wave_towards_rad])
+
+
+def with_levels(noise: Noise, at: Floats) -> Noise:
+    """The inverse of :func:`levels`."""
+    scales = [float(each) for each in np.exp(at)]
+    named = dict(zip(SCALES, scales, strict=False))
+    gust, slow = tuple(scales[6:9]), tuple(scales[9:12])
+    plain = replace(noise, **named, gust=gust, slow=slow)  # type: ignore[arg-type]
+    if not noise.has_waves:
+        return plain
+    swing = dict(zip(SWING, scales[15:17], strict=True))
+    swing |= {"wave_correlation": float(np.tanh(at[17])), "wave_towards_rad": float(at[18])}
+    return replace(plain, waves=tuple(scales[12:15]), **swing)  # type: ignore[arg-type]
+
+
+def minus_log_likelihood(linear: Linear, data: Columns, noise: Noise) -> float:
+    """Of the data, up to a constant: all of the innovations, however large."""
+    z, spread = whitened(linear, data, noise, EDGES)
+    return 0.5 * float((z**2).sum() + np.log(spread).sum())
+
+
+def standard_errors(linear: Linear, data: Columns, noise: Noise) -> Floats:
+    """From the expected information (Fisher): how whitened data and their spread hang on each level."""
+    at, step, by_log, by_z = levels(noise), 1e-3, [], []
+    for number in range(len(at)):
+        ends = []
+        for side in (1.0, -1.0):
+            moved = at.copy()
+            moved[number] += side * step
+            z, spread = whitened(linear, data, with_levels(noise, moved), EDGES)
+            ends.append((z.ravel(), np.log(spread).ravel()))
+        by_z.append((ends[0][0] - ends[1][0]) / (2.0 * step))
+        by_log.append((ends[0][1] - ends[1][1]) / (2.0 * step))
+    slope, own = np.array(by_log), np.array(by_z)
+    errors = own + 0.5 * whitened(linear, data, noise, EDGES)[0].ravel() * slope
+    return np.sqrt(np.diag(np.linalg.inv(0.5 * slope @ slope.T + errors @ errors.T)))
+
+
+@pytest.fixture(scope="module", params=[CALM, SWELL], ids=["calm", "swell"])
+def case(request: pytest.FixtureRequest) -> tuple[Noise, Linear, Columns, Noise]:
+    """True levels, a system, data drawn from it, and the levels fitted to them from a start that is far off."""
+    truth: Noise = request.param
+    linear = a_ship(int(EDGES[-1]), 31)
+    data = drawn(linear, truth, EDGES, 32)
+    away = np.random.default_rng(33).uniform(-0.7, 0.7, len(levels(truth)))
+    if truth.has_waves:
+        away[15:] *= 0.4
+    fitted, _ = fitted_noise(linear, data, EDGES, with_levels(truth, levels(truth) + away), 25)
+    return truth, linear, data, fitted
+
+
+def test_every_level_is_found_within_its_error(case: tuple[Noise, Linear, Columns, Noise]) -> None:
+    truth, linear, data, fitted = case
+    off = (levels(fitted) - levels(truth)) / standard_errors(linear, data, truth)
+    assert np.abs(off).max() < FAR, dict(enumerate(off.round(1)))
+
+
+def test_the_fit_is_likelier_than_the_truth_by_what_chance_brings(
+    case: tuple[Noise, Linear, Columns, Noise],
+) -> None:
+    """Twice the gain in log likelihood is chi-square with as many degrees as there are levels (Wilks)."""
+    truth, linear, data, fitted = case
+    gain = 2.0 * (minus_log_likelihood(linear, data, truth) - minus_log_likelihood(linear, data, fitted))
+    assert 0.0 < gain < chi2.ppf(0.9999, len(levels(truth)))
+
+
+def test_a_few_outliers_do_not_pass_for_noise() -> None:
+    linear = a_ship(600, 34)
+    edges: NDArray[np.int64] = 60 * np.arange(11)
+    data = drawn(linear, CALM, edges, 35)
+    sound, _ = fitted_noise(linear, data, edges, CALM, 15)
+    data.seen[[140, 440], 2, 0] += 30.0 * CALM.heading_rad
+    spoilt, _ = fitted_noise(linear, data, edges, CALM, 15)
+    assert spoilt.heading_rad == pytest.approx(sound.heading_rad, rel=0.15)
+
+
+def test_no_waves_stay_no_waves(case: tuple[Noise, Linear, Columns, Noise]) -> None:
+    truth, *_, fitted = case
+    assert fitted.has_waves == truth.has_waves
