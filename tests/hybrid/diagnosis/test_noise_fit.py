@@ -111,7 +111,7 @@ def test_a_few_outliers_do_not_pass_for_noise() -> None:
     sound, _ = fitted_noise(linear, data, edges, CALM, 15)
     data.seen[[140, 440], 2, 0] += 30.0 * CALM.heading_rad
     spoilt, _ = fitted_noise(linear, data, edges, CALM, 15)
-    assert spoilt.heading_rad == pytest.approx(sound.heading_rad, rel=0.15)
+    assert spoilt.heading_rad == pytest.approx(sound.heading_rad, rel=0.25)  # a mean square would double it
 
 
 def test_no_waves_stay_no_waves(case: tuple[Noise, Linear, Columns, Noise]) -> None:
