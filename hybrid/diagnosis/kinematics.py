@@ -1,0 +1,162 @@
+"""Which sensors contradict each other, found with no ship model at all.
+
+Speeds over ground turned by the heading must add up to the track, and yaw rates to the heading, whatever moves the
+ship. So the filter is asked with forces so irregular that the dynamics say nothing, and only what sensors do is
+searched. Water, hull and thrusters cannot show here; nor can an error that all sensors share, such as one delay
+of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hybrid.diagnosis.examine import Examination, Layout, products_of
+from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.name import Tested, View, moved_to, rivals_of, searched, tested, view_of
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.tolerance import ForceRange
+from hybrid.diagnosis.tolerated import tolerances
+from hybrid.diagnosis.whiten import columns_of
+from hybrid.effects import Catalogue
+
+ALIKE = 4.5
+"""Log odds within which another sensor's error explains a contradiction as well (2 d log L < 9)."""
+
+_UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
+_LOOKS = 6
+_SETTLED = 0.5  # of a standard error
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """One contradiction: the sensor effect that explains it best, and its size.
+
+    ``free`` and ``standard_errors`` are of its free coordinates, in ``units``; ``p_value`` is corrected for
+    the number of effects tested. ``alike`` are effects that without a ship model look the same.
+    """
+
+    effect: str
+    free: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    units: tuple[str, ...]
+    p_value: float
+    alike: tuple[str, ...]
+    sentence: str
+
+
+def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
+    """What must be wrong with the sensors of ``log``, the surest first; empty where they agree.
+
+    ``model`` gives the catalogue, and the plant only what happens within a second; its effects are left out.
+    """
+    sensors = motion_sensors(log, model)
+    if not sensors:
+        return ()
+    given = {name: free for name, free in model.given.items() if name in sensors}
+    model = Model(model.base, sensors, given=given)
+    view, names = _found(log, model, noise)
+    results = [_stated(view, names, tested(view, names, name)) for name in names]
+    return tuple(sorted(results, key=lambda each: each.p_value))
+
+
+def motion_sensors(log: Log, model: Model) -> Catalogue:
+    """The sensor effects that change what is reported of the motion: not those of the wind sensor."""
+    sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
+    plain = replace(model, at={})
+    seen = {each.effect for each in signatures(log, plain, log.nominal, sensors) if np.abs(each.E).max() > 0.0}
+    return {name: model.catalogue[name] for name in sensors if name in seen}
+
+
+def without_dynamics(noise: Noise, linear: Linear) -> Noise:
+    """``noise`` with forces so irregular that a second's speed says nothing of the next one's."""
+    answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
+    surge, sway, yaw = (float(each) for each in _UNKNOWN / np.maximum(answer, 1e-12))
+    return replace(noise, gust=(surge, sway, yaw))
+
+
+def _found(log: Log, model: Model, noise: Noise) -> tuple[View, tuple[str, ...]]:
+    """The effects that stand their tests, with the equations linear about them."""
+    barred: frozenset[str] = frozenset()
+    at: Mapping[str, tuple[float, ...]] = {}
+    for _ in range(_LOOKS):
+        view = view_of(_examined(log, replace(model, at=at), noise), by_leg=True)
+        names = searched(view, barred)
+        tests = [tested(view, names, name) for name in names]
+        failed = [each for each in tests if not each.accepted]
+        if not failed and _settled(view, names, at):
+            return view, names
+        if failed:
+            barred |= {max(failed, key=lambda each: each.p_value).name}
+        names = searched(view, barred)
+        at = moved_to(view, names)
+    return view, tuple(name for name in names if tested(view, names, name).accepted)
+
+
+def _examined(log: Log, model: Model, noise: Noise) -> Examination:
+    """The log through the sensors' effects only; what is tolerated of each sensor is a nuisance.
+
+    The motion that the equations are linear about stays: sensors that err are no reason to doubt where the ship
+    went, and only what they report of it moves with the effects.
+    """
+    plain = replace(model, at={}).plant()
+    linear = linear_model(log, plain)
+    moved = reported(log, model.plant(), linear.origin) - reported(log, plain, linear.origin)
+    linear = replace(linear, observed=linear.observed - moved)
+    effects = signatures(log, model, linear.origin, list(model.catalogue))
+    granted = tolerances(log, model.catalogue, effects)
+    scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
+    layout = Layout(
+        effect=tuple(each.effect for each in effects),
+        prior=scales,
+        tolerated=granted,
+        wind=0,
+        features=0,
+        varied=(),
+        varied_prior=np.zeros(0),
+        varied_granted=np.zeros(0),
+        depends=(),
+    )
+    loose = without_dynamics(noise, linear)
+    products = products_of(log, linear, columns_of(linear, effects), loose)
+    some = np.flatnonzero(granted > 0.0)
+    none = ForceRange(0.0, 0.0, 0.0)
+    return Examination(
+        log, model, linear, tuple(effects), none, 0.0, loose, layout, products, 1 + some, granted[some]
+    )
+
+
+def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]]) -> bool:
+    if set(names) != set(at):
+        return False
+    fit, new = view.fit(names), moved_to(view, names)
+    moved = np.array([a - b for name in names for a, b in zip(new[name], at[name], strict=True)])
+    return bool((np.abs(moved) <= _SETTLED * np.sqrt(np.diag(fit.covariance))).all())
+
+
+def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
+    effect = view.examination.model.catalogue[test.name]
+    fit = view.fit(names)
+    places = [fit.columns.index(column) for column in view.columns([test.name])]
+    free = tuple(float(fit.values[place]) for place in places)
+    errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
+    rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < ALIKE)
+    alike = tuple(rival for _, rival in rivals)
+    units = tuple(each.unit for each in effect.parameters)
+    words = ", ".join(
+        f"{each.name.rsplit('_', 1)[0] if each.unit != '1' else each.name} "
+        f"{each.neutral + value:.4g}{'' if each.unit == '1' else ' ' + each.unit} (± {1.96 * error:.2g})"
+        for each, value, error in zip(effect.parameters, free, errors, strict=True)
+    )
+    sentence = f"The sensors contradict each other as with {test.name.replace('_', ' ')}: {words}"
+    if alike:
+        sentence += f"; without a ship model {_listed(alike)} would look the same"
+    return Consistency(test.name, free, errors, units, test.p_value, alike, sentence + ".")
+
+
+def _listed(names: Sequence[str]) -> str:
+    words = [name.replace("_", " ") for name in names]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " or " + words[-1]
