@@ -1,0 +1,303 @@
+"""Raw tables to the log: means against the samples themselves, at any rate, through north, gaps and outliers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_simpson, quad
+
+from acquisition.angles import wrap_360
+from acquisition.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
+from acquisition.errors import DataShortageError, InputError
+from analysis.smoothing.noise_levels import NoiseLevels
+from analysis.smoothing.smooth import smooth
+from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, log_of
+from hybrid.vessel.channels import as_table
+
+Floats = NDArray[np.float64]
+START_S = 1_800_000_000
+MOTION = (*POSE, *VELOCITY)
+ERRORS = np.array([0.03, 0.03, 0.001, 0.02, 0.02, 0.0005])
+FINE_S = 0.01
+
+
+def motion_at(times_s: Floats, heading_rad: float = 6.2) -> Floats:
+    """A ship that swings about a heading near north, speeds up and slows down: states [n, 6]."""
+    fine = np.arange(0.0, times_s.max() + 2.0 * FINE_S, FINE_S)
+    psi = heading_rad + 0.3 * np.sin(fine / 15.0) + 0.001 * fine
+    u, v = 4.0 + 0.4 * np.sin(fine / 20.0), 0.15 * np.cos(fine / 12.0)
+    north = cumulative_simpson(u * np.cos(psi) - v * np.sin(psi), dx=FINE_S, initial=0.0)
+    east = cumulative_simpson(u * np.sin(psi) + v * np.cos(psi), dx=FINE_S, initial=0.0)
+    states = np.column_stack([north, east, psi, u, v, 0.02 * np.cos(fine / 15.0) + 0.001])
+    return np.column_stack([np.interp(times_s, fine, column) for column in states.T])
+
+
+def controls_at(times_s: Floats) -> Floats:
+    """Shafts that ramp, azimuths that swing, one of them through astern; a tunnel that steps on: [n, 5]."""
+    port, starboard = 2.5 + 0.5 * np.sin(times_s / 25.0), 2.4 + 0.3 * np.cos(times_s / 18.0)
+    tunnel = np.where(times_s > 70.0, 300.0, 0.0)
+    return np.column_stack(
+        [port, 0.3 * np.sin(times_s / 9.0), starboard, np.pi + 0.2 * np.sin(times_s / 11.0), tunnel]
+    )
+
+
+def a_table(times_s: Floats, start_s: int = START_S, errors: float = 1.0, seed: int = 1) -> pd.DataFrame:
+    """That ship as recorded at these times after the start, wind 8 m/s from about north."""
+    noise = errors * ERRORS * np.random.default_rng(seed).standard_normal((len(times_s), 6))
+    wind = np.column_stack([0.1 * np.sin(times_s / 30.0), 8.0 + np.cos(times_s / 7.0)])
+    stamps = start_s * 1_000_000_000 + np.round(times_s * 1e9).astype(np.int64)
+    index = pd.DatetimeIndex(stamps.astype("datetime64[ns]"), name="time").tz_localize("UTC")
+    return as_table(motion_at(times_s) + noise, controls_at(times_s), wind, index)
+
+
+def every(rate_hz: float, duration_s: float = 200.0) -> Floats:
+    """Times at a steady rate."""
+    return np.arange(round(duration_s * rate_hz)) / rate_hz
+
+
+def irregular(duration_s: float = 200.0) -> Floats:
+    """Times with steps of any size about a quarter of a second, none of them round."""
+    steps = np.random.default_rng(2).uniform(0.05, 0.45, round(4.0 * duration_s))
+    times = np.cumsum(steps)
+    return np.asarray(times[times < duration_s])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> Iterator[None]:
+    """The smoother told the noise, which it would search for each time: that is tested where it is done."""
+    known = NoiseLevels(0.03, 0.001, 0.02, 0.0005, jerk=0.01, yaw_jerk=0.001)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hybrid.diagnosis.log.smooth", partial(smooth, levels=known, engine="compiled"))
+        yield
+
+
+SAMPLED = {"1 Hz": every(1.0), "2 Hz": every(2.0), "10 Hz": every(10.0), "irregular": irregular()}
+
+
+@pytest.mark.parametrize("sampling", SAMPLED)
+def test_measured_is_the_mean_of_the_samples_about_each_second(sampling: str) -> None:
+    times_s = SAMPLED[sampling]
+    table = a_table(times_s)
+    log = log_of([table])
+    assert len(log) > 190
+    assert log.refused == 0
+    values = table[list(MOTION)].to_numpy() * [1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0]
+    values[:, 2] = np.unwrap(values[:, 2])
+    for row, second in enumerate(log.time_s - START_S):
+        near = (times_s >= second - 0.5) & (times_s < second + 0.5)
+        if not near.any():
+            assert np.isnan(log.measured[row]).all()
+            continue
+        expected = values[near].mean(axis=0)
+        off = log.measured[row] - expected
+        off[2] -= 2.0 * np.pi * round(off[2] / (2.0 * np.pi))
+        np.testing.assert_allclose(off, 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("sampling", SAMPLED)
+def test_weights_say_when_the_samples_were(sampling: str) -> None:
+    """Quarters of the true motion under the weights are its mean at the samples' times."""
+    times_s = SAMPLED[sampling]
+    log = log_of([a_table(times_s)])
+    there = np.isfinite(log.measured)
+    np.testing.assert_allclose(log.weight.sum(axis=2), there.astype(float), atol=1e-12)
+    seconds = (log.time_s - START_S).astype(float)
+    quarters = motion_at(np.maximum(seconds[:, None] + np.arange(-2, 3) / 4.0, 0.0).ravel()).reshape(-1, 5, 6)
+    states, nearest = motion_at(times_s), np.floor(times_s + 0.5)
+    for row in np.flatnonzero(there.all(axis=1) & (seconds > 1.0) & (seconds < 198.0)):
+        mean = states[nearest == seconds[row]].mean(axis=0)
+        np.testing.assert_allclose(np.einsum("cq,qc->c", log.weight[row], quarters[row]), mean, atol=1e-3)
+
+
+@pytest.mark.parametrize("sampling", ["2 Hz", "10 Hz", "irregular"])
+def test_the_nominal_motion_is_near_the_true_one(sampling: str) -> None:
+    log = log_of([a_table(SAMPLED[sampling])])
+    off = log.nominal - motion_at((log.time_s - START_S).astype(float))
+    off[:, 2] -= 2.0 * np.pi * np.round(off[:, 2] / (2.0 * np.pi))
+    assert (np.sqrt((off**2).mean(axis=0)) < ERRORS).all()
+    assert np.abs(np.diff(log.nominal[:, 2])).max() < 0.1  # through north without a jump
+    assert (np.diff(np.sign(np.sin(log.nominal[:, 2]))) != 0.0).any()
+
+
+@pytest.mark.parametrize("sampling", ["2 Hz", "10 Hz", "irregular"])
+def test_settings_are_means_over_quarters_of_a_second(sampling: str) -> None:
+    log = log_of([a_table(SAMPLED[sampling])])
+    second = np.flatnonzero(log.time_s - START_S == 40)[0]
+    for quarter in range(4):
+        begins = 40.0 + 0.25 * quarter
+        for column in range(4):
+            mean = quad(lambda t, c=column: controls_at(np.array([t]))[0, c], begins, begins + 0.25)[0] / 0.25
+            off = log.controls[second, quarter, column] - mean
+            off -= 2.0 * np.pi * round(off / (2.0 * np.pi)) if column in (1, 3) else 0.0
+            assert abs(off) < 2e-3
+    tunnel = log.controls[:, :, 4].ravel()
+    times = np.repeat((log.time_s - START_S).astype(float), 4) + np.tile(np.arange(4) / 4.0, len(log))
+    assert tunnel[times < 69.0] == pytest.approx(0.0, abs=1e-6)
+    assert tunnel[times > 71.0] == pytest.approx(300.0, abs=1e-6)  # a step is no outlier
+
+
+def piecewise(knots: list[tuple[float, float]]) -> tuple[Floats, Floats]:
+    """Times [s] and values at the ends of straight pieces."""
+    steps, values = (np.array(each) for each in zip(*knots, strict=True))
+    return np.cumsum(steps), values
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.lists(st.tuples(st.floats(1.0, 2.0), st.floats(-1e3, 1e3)), min_size=30, max_size=40))
+def test_means_of_straight_pieces_are_exact(knots: list[tuple[float, float]]) -> None:
+    """Settings recorded now and then are straight between; their means are those of the pieces' integral."""
+    at_s, values = piecewise(knots)
+    table = a_table(every(2.0, 24.0))
+    table[COMMAND[4]] = np.nan
+    stamps = pd.DatetimeIndex(table.index[0] + pd.to_timedelta(np.round(at_s * 1e9).astype("int64"), unit="ns"))
+    sparse = pd.DataFrame({COMMAND[4]: values}, index=stamps)
+    table = pd.concat([table.drop(columns=COMMAND[4]), sparse]).sort_index()
+    table.index.name = "time"
+    log = log_of([table])
+    times = np.repeat((log.time_s - START_S).astype(float), 4) + np.tile(np.arange(4) / 4.0, len(log))
+    inside = times >= at_s[0]
+    fine = (np.arange(2000) + 0.5) / 2000.0 * 0.25
+    expected = [np.interp(begins + fine, at_s, values).mean() for begins in times[inside]]
+    size = np.abs(values).max() + 1.0
+    np.testing.assert_allclose(log.controls[:, :, 4].ravel()[inside], expected, atol=1e-5 * size)
+
+
+def test_outliers_are_refused_counted_and_leave_no_trace() -> None:
+    """A log with outliers is the log without these samples."""
+    holed, spoilt = a_table(every(10.0)), a_table(every(10.0))
+    for number, row in enumerate(np.random.default_rng(3).choice(np.arange(30, 1950, 7), 40, replace=False)):
+        name, jump = MOTION[number % 6], [50.0, -50.0, 30.0, 3.0, -3.0, 5.0][number % 6]
+        spoilt.loc[spoilt.index[row], name] += jump
+        holed.loc[holed.index[row], name] = np.nan
+    spoilt["heading_deg"] = wrap_360(spoilt["heading_deg"].to_numpy())
+    without, log = log_of([holed]), log_of([spoilt])
+    assert without.refused == 0
+    assert log.refused == 40
+    np.testing.assert_allclose(log.measured, without.measured, atol=1e-6)
+    np.testing.assert_allclose(log.weight, without.weight, atol=1e-12)
+
+
+def test_a_blip_of_a_thruster_is_not_believed_and_a_step_is() -> None:
+    table, spoilt = a_table(every(10.0)), a_table(every(10.0))
+    for number, row in enumerate(range(100, 1900, 60)):
+        column = number % 5
+        spoilt.iloc[row, spoilt.columns.get_loc(COMMAND[column])] += [150.0, 90.0, -120.0, 60.0, 400.0][column]
+    clean, log = log_of([table]), log_of([spoilt])
+    off = log.controls - clean.controls
+    off[:, :, (1, 3)] -= 2.0 * np.pi * np.round(off[:, :, (1, 3)] / (2.0 * np.pi))
+    assert np.abs(off).max(axis=(0, 1)) == pytest.approx(np.zeros(5), abs=0.02)
+
+
+def assert_whole(log: Log) -> None:
+    """Blocks are of consecutive seconds and legs of whole blocks, numbered from nought."""
+    for number in range(int(log.block.max()) + 1):
+        rows = np.flatnonzero(log.block == number)
+        assert (np.diff(log.time_s[rows]) == 1).all()
+        assert len(np.unique(log.leg[rows])) == 1
+    assert (np.diff(log.block) >= 0).all()
+    assert (np.diff(log.leg) >= 0).all()
+    np.testing.assert_array_equal(log.edges, [*np.flatnonzero(np.diff(log.block, prepend=-1)), len(log)])
+
+
+@pytest.mark.parametrize("missing_s", [40.0, 100.0])
+def test_a_gap_splits_blocks_and_no_leg_crosses_a_long_one(missing_s: float) -> None:
+    times_s, ends_s = every(10.0, 450.0), 150.0 + missing_s
+    log = log_of([a_table(times_s[(times_s < 150.0) | (times_s > ends_s)])])
+    assert_whole(log)
+    seconds = log.time_s - START_S
+    assert not ((seconds > 152) & (seconds < ends_s - 2.0)).any()
+    assert (seconds < 152).sum() > 145
+    assert (seconds > ends_s - 2.0).sum() > 448.0 - ends_s
+    if missing_s > 60.0:
+        assert not set(log.leg[seconds < 152]) & set(log.leg[seconds > ends_s - 2.0])
+
+
+def test_blocks_and_legs_are_about_as_long_as_they_say() -> None:
+    log = log_of([a_table(every(2.0, 900.0))])
+    assert_whole(log)
+    lengths = np.diff(log.edges)
+    assert 0.75 * BLOCK_S < lengths.min() <= lengths.max() < 1.25 * BLOCK_S
+    assert log.legs == pytest.approx(900.0 / LEG_S, abs=1)
+
+
+def test_a_channel_that_falls_silent_is_missing_and_the_rest_is_there() -> None:
+    table = a_table(every(10.0))
+    silent = (every(10.0) >= 60.0) & (every(10.0) < 90.0)
+    table.loc[table.index[silent], "surge_mps"] = np.nan
+    log = log_of([table])
+    rows = (log.time_s - START_S > 60) & (log.time_s - START_S < 89)
+    assert np.isnan(log.measured[rows, 3]).all()
+    assert not log.weight[rows, 3].any()
+    others = [column for column in range(6) if column != 3]
+    assert np.isfinite(log.measured[:, others]).all()
+    assert np.isfinite(log.nominal).all()
+
+
+def test_thrusters_that_fall_silent_end_a_block() -> None:
+    table = a_table(every(10.0))
+    silent = (every(10.0) >= 60.0) & (every(10.0) < 90.0)
+    table.loc[table.index[silent], COMMAND[0]] = np.nan
+    log = log_of([table])
+    assert_whole(log)
+    assert not ((log.time_s - START_S > 60) & (log.time_s - START_S < 88)).any()
+    assert np.isfinite(log.controls).all()
+
+
+def test_wind_is_averaged_as_a_vector_and_none_where_none_was_recorded() -> None:
+    table = a_table(every(10.0))
+    log = log_of([table])
+    second = int(np.flatnonzero(log.time_s - START_S == 50)[0])
+    direction, speed = 0.1 * np.sin(50.5 / 30.0), 8.0 + np.cos(50.5 / 7.0)
+    assert log.wind[second] == pytest.approx([direction, speed], abs=2e-3)
+    assert not log_of([table.drop(columns=list(ENVIRONMENT))]).wind.any()
+    table[list(ENVIRONMENT)] = np.nan
+    assert not log_of([table]).wind.any()
+
+
+def test_no_precision_is_lost_so_long_after_1970() -> None:
+    early, late = (log_of([a_table(irregular(), start_s)]) for start_s in (1000, START_S))
+    assert np.array_equal(late.time_s - START_S, early.time_s - 1000)
+    np.testing.assert_allclose(late.measured, early.measured, atol=1e-7)
+    np.testing.assert_allclose(late.weight, early.weight, atol=1e-6)
+    size = np.abs(early.controls).max(axis=(0, 1))
+    np.testing.assert_allclose(late.controls / size, early.controls / size, atol=1e-6)
+    np.testing.assert_allclose(late.wind, early.wind, atol=1e-5)
+
+
+def test_trials_together_keep_apart() -> None:
+    first, second = a_table(every(2.0, 200.0)), a_table(every(2.0, 100.0), START_S + 200)
+    log = log_of([first, second])
+    assert_whole(log)
+    assert set(log.recording[log.time_s < START_S + 199]) == {0}
+    assert set(log.recording[log.time_s > START_S + 201]) == {1}
+    assert not set(log.leg[log.recording == 0]) & set(log.leg[log.recording == 1])
+
+
+def test_a_subset_is_whole_blocks_numbered_anew() -> None:
+    log = log_of([a_table(every(2.0, 600.0))])
+    some = log.subset(np.isin(log.block, [1, 2, 5]))
+    assert set(some.block) == {0, 1, 2}
+    assert set(some.leg) == set(range(some.legs))
+    np.testing.assert_array_equal(some.measured, log.measured[np.isin(log.block, [1, 2, 5])])
+
+
+def test_how_often_settings_came_is_noted() -> None:
+    table = a_table(every(10.0))
+    table.loc[table.index[np.arange(len(table)) % 20 != 0], COMMAND[1]] = np.nan
+    assert log_of([table]).setting_step_s == pytest.approx(2.0, abs=1e-6)
+
+
+def test_what_cannot_be_a_log_is_said() -> None:
+    with pytest.raises(DataShortageError, match="no stretch of"):
+        log_of([a_table(every(10.0, 8.0))])
+    with pytest.raises(InputError, match="heading_deg"):
+        log_of([a_table(every(10.0)).drop(columns="heading_deg")])
+    with pytest.raises(InputError, match=COMMAND[0]):
+        log_of([a_table(every(10.0)).assign(**{COMMAND[0]: np.nan})])
