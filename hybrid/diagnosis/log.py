@@ -40,7 +40,9 @@ LEG_S = 180
 """Blocks of so long a stretch are kept together when some are left out."""
 
 _SHORTEST_BLOCK_S = 12
-_LONGEST_GAP_S = 5.0
+_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded more seldom: what moved meanwhile is anyone's guess
+_GAP_STEPS = 2.5
+_LONGEST_BREAK_S = 60
 _OUTLIER = 6.0
 _MOTION = (*POSE, *VELOCITY)
 _UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
@@ -133,7 +135,7 @@ def _one(table: pd.DataFrame, block_s: int) -> Log:
     controls = _settings(table, seconds)
     usable = np.asarray(np.isfinite(motion).all(axis=1) & np.isfinite(controls).all(axis=(1, 2)))
     block = _blocks(usable, block_s)
-    leg = np.where(block >= 0, _legs(block, seconds, block_s), -1)
+    leg = np.where(block >= 0, _legs(block, seconds), -1)
     rows = block >= 0
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], _air(table, seconds)[rows], seconds[rows],
@@ -249,16 +251,24 @@ def _setting_step_s(table: pd.DataFrame) -> float:
 
 
 def _air(table: pd.DataFrame, seconds: Ints) -> Floats:
-    """Direction the wind comes from [rad] and its speed [m/s] in the second after each node; none where unknown."""
+    """Direction the wind comes from [rad] and its speed [m/s] in the second after each node, 0 if not recorded."""
     edges = np.arange(len(seconds) + 1) + float(seconds[0])
     if not set(ENVIRONMENT) <= set(table.columns):
         return np.zeros((len(seconds), 2))
     direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
     towards = pd.DataFrame({"n": speed * np.cos(np.deg2rad(direction)), "e": speed * np.sin(np.deg2rad(direction))})
     towards.index = table.index
-    north, east = (np.nan_to_num(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
+    north, east = (_filled(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
     # The mean of the vane's own noise makes no wind: components, not speeds, are averaged.
     return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
+
+
+def _filled(values: Floats) -> Floats:
+    """Unknown values taken from between the known ones; none where nothing is known."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not known.size:
+        return np.zeros(len(values))
+    return np.interp(np.arange(len(values)), known, values[known])
 
 
 def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
@@ -270,27 +280,29 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
         return np.full(len(edges_s) - 1, np.nan)
     if name in CIRCULAR:
         values = unwrap(values)
-    times, values = _without_blips(times, values)
+    values = _without_blips(times, values)
     steps = np.diff(times)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
     index = np.clip(np.searchsorted(times, edges_s, side="right") - 1, 0, times.size - 2)
     into = edges_s - times[index]
     slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
     upto = area[index] + values[index] * into + 0.5 * slope * into**2
-    gap = np.where(steps > _LONGEST_GAP_S, 1.0, 0.0)
+    gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
     in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
     crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
     return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
 
 
-def _without_blips(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """The samples without those that jump away from their neighbours and back at once."""
+def _without_blips(times_s: Floats, values: Floats) -> Floats:
+    """The values with those that jump away from their neighbours and back at once taken from between the others."""
     if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # more seldom, a jump may be true
-        return times_s, values
+        return values
     away = np.abs(values - median_filter(values, 5, mode="nearest"))
-    good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
-    return times_s[good], values[good]
+    # A drive that turns back is away from its neighbours too, by what it moves in a step.
+    moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
+    good = away <= _OUTLIER * 1.4826 * np.median(away) + 3.0 * moves + 1e-9
+    return np.asarray(np.interp(times_s, times_s[good], values[good]))
 
 
 def _blocks(usable: NDArray[np.bool_], block_s: int) -> Ints:
@@ -309,16 +321,14 @@ def _blocks(usable: NDArray[np.bool_], block_s: int) -> Ints:
     return block
 
 
-def _legs(block: Ints, seconds: Ints, block_s: int) -> Ints:
-    """Number of the leg of each second: so many blocks one after the other, never across a break in time."""
+def _legs(block: Ints, seconds: Ints) -> Ints:
+    """Number of the leg of each second: blocks together until they are long enough, never across a long break."""
     leg = np.zeros(len(block), dtype=np.int64)
-    each = max(1, round(LEG_S / block_s))
-    number, since, before = -1, each, None
+    number, length, before = -1, np.inf, 0
     for current in range(int(block.max(initial=-1)) + 1):
         rows = np.flatnonzero(block == current)
-        apart = before is not None and seconds[rows[0]] - before > 1
-        if since >= each or apart:
-            number, since = number + 1, 0
+        if length >= LEG_S - 0.5 * len(rows) or seconds[rows[0]] - before > _LONGEST_BREAK_S:
+            number, length = number + 1, 0
         leg[rows] = number
-        since, before = since + 1, seconds[rows[-1]]
+        length, before = length + len(rows), int(seconds[rows[-1]])
     return leg
