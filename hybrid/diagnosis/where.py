@@ -1,0 +1,186 @@
+"""Where model and trial disagree: the force that the model lacks, and its errors of a second, cell by cell.
+
+In force space each cell has a steady force of its own in each body axis, estimated through the filter with all that
+disturbs the ship and all that is granted to the sensors; in state space the errors of one second are averaged, and
+how they scatter from leg to leg says what that is worth. A map for people: naming does not look at it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm, t
+
+from hybrid.diagnosis.cells import LEAST_S, Cell, cells_of, quantities
+from hybrid.diagnosis.evidence import Ints, fitted, reduced
+from hybrid.diagnosis.examine import Examination, products_of
+from hybrid.diagnosis.linearise import Signature
+from hybrid.diagnosis.noise import FORCE_UNITS
+from hybrid.diagnosis.reconstruct import reconstructed
+from hybrid.diagnosis.result import Place
+from hybrid.diagnosis.tolerated import WIND_MPS, wind_errors
+from hybrid.diagnosis.whiten import Columns, columns_of
+from hybrid.vessel.compiling import Floats
+
+FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
+MOTIONS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
+
+SIGNIFICANT = 0.05
+"""The chance that a map of a model without error shows anything."""
+
+_MOST, _LEAST = 40, 10
+_ENOUGH_LEGS = 10
+_DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
+_WIDE = 10.0  # times the force range: what a cell's force may be before any data
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """All cells of both spaces, and the force that the model lacks second by second.
+
+    ``force`` [T, 3] is the reconstructed slow force [N, N, N m], ``quantities`` [T] what the cells are of.
+    """
+
+    places: tuple[Place, ...]
+    force: Floats
+    quantities: dict[str, Floats]
+
+
+def where(examination: Examination) -> tuple[Place, ...]:
+    """The notable cells of the model without its added effects, the surest first."""
+    return notable(map_of(examination).places)
+
+
+def notable(places: Sequence[Place]) -> tuple[Place, ...]:
+    """Those that stand out for so many cells, forty at most; of any map the ten largest."""
+    ranked = sorted(places, key=lambda each: -abs(each.z))
+    limit = float(norm.isf(0.5 * SIGNIFICANT / max(len(ranked), 1)))
+    sure = sum(abs(each.z) > limit for each in ranked)
+    return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
+
+
+def map_of(examination: Examination, repaired: bool = False) -> Map:
+    """The whole map: of the reference model, or ``repaired`` of the model with the effects that were added."""
+    linear, log = examination.linear, examination.log
+    data = columns_of(linear, []) if repaired else _without_effects(examination)
+    cells = cells_of(log, linear.origin)
+    granted, scale = _granted(examination)
+    places = _forces(examination, data, cells, granted, scale) + _errors(examination, data, cells, granted, scale)
+    force = reconstructed(linear, data, examination.noise, log.edges)[0][:, 6:]
+    return Map(tuple(places), force, quantities(log, linear.origin))
+
+
+def _without_effects(examination: Examination) -> Columns:
+    """The data as the model without its added effects leaves them, one column."""
+    data = columns_of(examination.linear, [])
+    added = [
+        (value, signature)
+        for name, free in examination.model.at.items()
+        for value, signature in zip(
+            free, (each for each in examination.effects if each.effect == name), strict=True
+        )
+    ]
+    drive = data.drive - sum(value * each.D[:, :, None] for value, each in added)
+    seen = data.seen + sum(value * each.E[:, :, None] for value, each in added)
+    return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(seen), data.features)
+
+
+def _granted(examination: Examination) -> tuple[list[Signature], Floats]:
+    """What is tolerated of sensors, drives and wind, with its standard deviations."""
+    layout = examination.layout
+    some = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
+    winds = wind_errors(examination.log, examination.model, examination.linear.origin)
+    scale = np.append(layout.tolerated[some], np.full(len(winds), WIND_MPS))
+    return [*(examination.effects[number] for number in some), *winds], scale
+
+
+def _forces(
+    examination: Examination, data: Columns, cells: Sequence[Cell], granted: list[Signature], scale: Floats
+) -> list[Place]:
+    """The steady force of each cell by generalised least squares, a quantity's cells and axes together."""
+    extra = columns_of(examination.linear, granted)
+    columns = Columns(
+        np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
+        np.concatenate([data.seen, extra.seen[:, :, 1:]], axis=2),
+        np.column_stack([each.rows.astype(float) for each in cells]),
+    )
+    products = products_of(examination.log, examination.linear, columns, examination.noise).total
+    nuisance, first = 1 + np.arange(len(granted)), 1 + len(granted)
+    result: list[Place] = []
+    for quantity in dict.fromkeys(each.quantity for each in cells):
+        mine = [number for number, each in enumerate(cells) if each.quantity == quantity]
+        kept = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
+        inner, _ = reduced(products, np.append(0, kept), nuisance, scale)
+        force, error = _fitted_forces(inner, examination, len(mine))
+        for place, number in enumerate(mine):
+            for axis, channel in enumerate(FORCES):
+                z = force[axis, place] / error[axis, place]
+                result.append(_place(channel, cells[number], force[axis, place], z))
+    return result
+
+
+def _fitted_forces(inner: Floats, examination: Examination, number: int) -> tuple[Floats, Floats]:
+    """Forces [3, cells] that the model lacks and their standard errors, which hold what the model is granted."""
+    extent = examination.range.as_array()
+    fit = fitted(inner, range(1, 1 + 3 * number), np.repeat(_WIDE * extent / FORCE_UNITS, number))
+    unit = FORCE_UNITS[:, None]
+    force = fit.values.reshape(3, number) * unit
+    error = np.sqrt(np.diag(fit.covariance)).reshape(3, number) * unit
+    return force, np.hypot(error, examination.tolerance * extent[:, None])
+
+
+def _errors(
+    examination: Examination, data: Columns, cells: Sequence[Cell], granted: list[Signature], scale: Floats
+) -> list[Place]:
+    """The mean error of a prediction of one second in each cell and motion channel: measured less predicted."""
+    log = examination.log
+    error = -data.drive[:, :, 0]
+    within = np.append(np.diff(log.block) == 0, False)  # a block's last second is predicted by none
+    cluster = log.leg if log.legs >= _ENOUGH_LEGS else log.block
+    tolerated = _tolerated(examination, granted, scale)
+    result: list[Place] = []
+    for cell in cells:
+        rows = cell.rows & within
+        if rows.sum() < LEAST_S or len(np.unique(cluster[rows])) < 3:
+            continue
+        mean, deviation = _clustered(error[rows], cluster[rows])
+        deviation = np.hypot(deviation, np.sqrt((tolerated[rows].mean(axis=0) ** 2).sum(axis=1)))
+        result += [
+            _place(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
+            for number, name in enumerate(MOTIONS)
+        ]
+    return result
+
+
+def _tolerated(examination: Examination, granted: list[Signature], scale: Floats) -> Floats:
+    """What each tolerated thing at its standard deviation does to the errors of a second [T, 6, n].
+
+    A sensor that is off shifts where a second seems to begin and where it seems to end.
+    """
+    linear = examination.linear
+    force = linear.B * (examination.tolerance * examination.range.as_array())
+    parts = [force]
+    for each, size in zip(granted, scale, strict=True):
+        later = np.vstack([each.E[1:], each.E[-1:]])
+        parts.append((size * (each.D + later - np.einsum("tij,tj->ti", linear.A, each.E)))[:, :, None])
+    return np.concatenate(parts, axis=2)
+
+
+def _clustered(values: Floats, cluster: Ints) -> tuple[Floats, Floats]:
+    """Means [C] of values [n, C] and their standard errors by the scatter of clusters (White 1980).
+
+    Few clusters know little of their scatter: the error is widened so that it bounds 95 % like a normal one.
+    """
+    mean = values.mean(axis=0)
+    number = np.unique(cluster, return_inverse=True)[1]
+    count = int(number.max()) + 1
+    sums = np.zeros((count, values.shape[1]))
+    np.add.at(sums, number, values - mean)
+    error = np.sqrt((sums**2).sum(axis=0) * count / (count - 1)) / len(values)
+    return mean, np.asarray(error * t.isf(0.025, count - 1) / norm.isf(0.025))
+
+
+def _place(channel: str, cell: Cell, error: float, z: float) -> Place:
+    return Place(channel, cell.span, int(cell.rows.sum()), float(error), float(z))
