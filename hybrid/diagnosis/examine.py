@@ -121,9 +121,9 @@ def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambd
         view = _view(log, model, tolerance, _FEW)
         noise = estimated_noise(log, view, noise)
         progress(0.3 + 0.5 * round_)
-        rest = _rest(log, view, noise, seed=None)
+        rest, sensors = _rest(log, view, noise, seed=None)
         moved = view.linear.origin + reconstructed(view.linear, rest, noise, log.edges)[0][:, :6]
-        log = replace(log, nominal=reported(log, model.plant(), moved))
+        log = replace(log, nominal=reported(log, model.plant(), moved) + sensors)
         progress(0.5 + 0.5 * round_)
     assert noise is not None
     return log, noise
@@ -229,7 +229,7 @@ def estimated_noise(log: Log, view: _View, start: Noise | None = None) -> Noise:
     some = replace(view, linear=linear, columns=_some_columns(view.columns, chosen))
     noise = start or first_guess(log)
     for round_ in range(1 if start else _ROUNDS):
-        rest = _rest(part, some, noise, seed=round_)
+        rest, _ = _rest(part, some, noise, seed=round_)
         starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
         tried = [fitted_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
         noise = min(tried, key=lambda each: each[1])[0]
@@ -277,8 +277,8 @@ def _spread_out(log: Log) -> NDArray[np.bool_]:
     return np.asarray(np.isin(log.block, chosen))
 
 
-def _rest(log: Log, view: _View, noise: Noise, seed: int | None) -> Columns:
-    """The data with all effects and force features taken off, one column.
+def _rest(log: Log, view: _View, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
+    """The data with all effects and force features taken off, one column, and what of it is in the sensors [T, 6].
 
     With a ``seed`` a likely draw of them, without one the likeliest values.
     """
@@ -299,5 +299,6 @@ def _rest(log: Log, view: _View, noise: Noise, seed: int | None) -> Columns:
     plain, forces = fit[:few], fit[few:].reshape(3, features)
     drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain
     drive += np.einsum("tid,dm,tm->ti", view.linear.B * FORCE_UNITS, forces, columns.features)
-    seen = columns.seen[:, :, 0] - columns.seen[:, :, 1:] @ plain
-    return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(log), 0)))
+    sensors = columns.seen[:, :, 1:] @ plain
+    seen = columns.seen[:, :, 0] - sensors
+    return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(log), 0))), sensors

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hybrid.baselines import present_motion_held
 from hybrid.diagnosis.evidence import Ints
-from hybrid.diagnosis.linearise import DT_S, driven, unreported
+from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.name import FALSE_ALARM, View, moved_to, searched, view_without
 from hybrid.diagnosis.result import Gap, Tracks
@@ -63,9 +63,10 @@ def predicted(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZON_S) 
     return measured(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
-def measured_tracks(log: Log, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
-    """What was measured over each window [N, H+1, 3]."""
-    return log.measured[starts[:, None] + np.arange(horizon_s + 1), :3]
+def measured_tracks(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+    """What was measured over each window [N, H+1, 3], brought from the samples' times to full seconds."""
+    at_seconds = log.measured - between(log, paths(log, plant, unreported(log, plant)))
+    return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
 
 
 def distances(track: Floats, seen: Floats) -> Floats:
@@ -76,8 +77,8 @@ def distances(track: Floats, seen: Floats) -> Floats:
 
 def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
     """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give."""
-    starts = window_starts(log)
-    seen, model = measured_tracks(log, starts), replace(view.examination.model, at={})
+    starts, model = window_starts(log), replace(view.examination.model, at={})
+    seen = measured_tracks(log, model.plant(), starts)
     fold = log.leg[starts] % min(FOLDS, max(log.legs, 1))
     before = predicted(log, model.plant(), starts)
     after, without = before.copy(), {name: before.copy() for name in names}

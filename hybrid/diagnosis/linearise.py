@@ -126,12 +126,12 @@ def linear_model(log: Log, plant: Plant) -> Linear:
         B[:, :, column] = (ahead - behind) / (2.0 * size)
     defect = np.zeros_like(origin)
     defect[:-1] = ways[:-1, -1] - origin[1:]
-    seen = reported(log, plant, origin) + _between(log, ways)
+    seen = reported(log, plant, origin) + between(log, ways)
     return Linear(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
 
 
-def _between(log: Log, ways: Floats) -> Floats:
-    """How the mean state at the samples' times differs from that at the full second [T, 6]."""
+def between(log: Log, ways: Floats) -> Floats:
+    """How the mean state at the samples' times differs from that at the full second [T, 6], by :func:`paths`."""
     half = STEPS_PER_SECOND // 2
     ahead = ways[:, 1 : half + 1] - ways[:, :1]
     behind = np.empty_like(ahead)
