@@ -209,10 +209,10 @@ def _averaged(table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
 
 
 def _running_median(values: Floats, times_s: Floats) -> Floats:
-    """The median of the values within about a second of each, of five at least."""
+    """The median of the values within a third of a second of each, less than any wave takes; of five at least."""
     if values.size < 5:
         return np.full(values.size, np.median(values) if values.size else 0.0)
-    number = int(np.clip(2.0 / max(np.median(np.diff(times_s)), 1e-3), 4, 200)) // 2 * 2 + 1
+    number = int(np.clip(0.7 / max(np.median(np.diff(times_s)), 1e-3), 4, 200)) // 2 * 2 + 1
     return np.asarray(median_filter(values, number, mode="nearest"))
 
 
