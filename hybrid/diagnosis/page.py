@@ -1,0 +1,370 @@
+"""A diagnosis on a page, for a naval architect: what the model lacks, how sure that is, and what it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from analysis.page import Page
+from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Place, Suspect
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from hybrid.diagnosis.kinematics import Consistency
+    from hybrid.diagnosis.where import Map
+
+PAGE_FILE = "report.html"
+
+_CELLS_SHOWN = 12
+_SMALL = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class Extras:
+    """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, and the
+    sensors' contradictions (None where nobody looked)."""
+
+    map: Map | None = None
+    map_after: Map | None = None
+    consistency: Sequence[Consistency] | None = None
+
+
+def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
+    """Write the page into ``folder`` and return its path. Raises :class:`StorageError`."""
+    return page_of(diagnosis, extras).write(folder / PAGE_FILE)
+
+
+def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
+    """The page, not yet written."""
+    page = Page(verdict_sentence(diagnosis), _about(diagnosis))
+    page.headline(_headline(diagnosis))
+    page.text(_meaning(diagnosis))
+    _add_effects(page, diagnosis)
+    _add_unknown(page, diagnosis)
+    _add_rivals(page, diagnosis)
+    _add_gap(page, diagnosis)
+    _add_map(page, diagnosis, extras)
+    _add_suspects(page, diagnosis)
+    _add_consistency(page, extras)
+    _add_granted(page, diagnosis)
+    return page
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """The verdict in one plain sentence."""
+    names = [plain(each.name) for each in diagnosis.effects]
+    if diagnosis.verdict == "nothing_missing":
+        return "Nothing is missing that this trial could show"
+    if diagnosis.verdict == "unknown":
+        beside = f"The model lacks {listed(names)}, and something" if names else "The model lacks something"
+        return f"{beside} that no effect of the catalogue explains"
+    if diagnosis.verdict == "indistinguishable":
+        groups = [listed([plain(name) for name in group], "or") for group in diagnosis.indistinguishable]
+        return f"The model lacks {listed(groups)}: this trial cannot say which"
+    return f"The model lacks {listed(names)}"
+
+
+def plain(name: str) -> str:
+    """An effect's or a channel's name for people.
+
+    >>> plain("ocean_current")
+    'ocean current'
+    """
+    return name.replace("_", " ")
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Words as a sentence lists them.
+
+    >>> listed(["trim", "skeg", "loading"])
+    'trim, skeg and loading'
+    """
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
+
+
+def _about(diagnosis: Diagnosis) -> str:
+    known = diagnosis.provenance
+    files = [Path(str(each)).name for each in known.get("files", ())]
+    parts = [", ".join(files), f"vessel {known['vessel']}" if "vessel" in known else ""]
+    return "; ".join(["Diagnosis", *(each for each in parts if each)])
+
+
+def _headline(diagnosis: Diagnosis) -> dict[str, str]:
+    gap = diagnosis.gap
+    figures = {
+        f"error over {gap.horizon_s} s before": f"{gap.before_m:.2f} m",
+        "after": f"{gap.after_m:.2f} m",
+        "what noise alone leaves": f"{gap.floor_m:.2f} m",
+    }
+    if diagnosis.effects:
+        figures["of what could be closed is closed"] = f"{gap.closed:.0%}"
+    figures["of the force range granted to the model"] = f"{diagnosis.tolerance:.1%}"
+    return figures
+
+
+def _meaning(diagnosis: Diagnosis) -> str:
+    gap = diagnosis.gap
+    judged = (
+        f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
+        f"{gap.horizon_s} s that took no part in naming or fitting."
+    )
+    says = {
+        "named": "Every effect named stands by itself: it is no chance among all that were tried, and it predicts "
+        "legs that were left out.",
+        "nothing_missing": "That holds within what the model and the sensors are granted; how large each effect "
+        "could be and stay hidden stands in the ranking below.",
+        "unknown": "Something remains above the noise that has structure; what it depends on stands below. A name "
+        "is not given to it, because none fits.",
+        "indistinguishable": "What is listed together explains the trial equally well. The manoeuvre that would "
+        "separate them stands below.",
+    }
+    return f"{says[diagnosis.verdict]} {judged}"
+
+
+def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
+    effects = diagnosis.effects
+    if not effects:
+        return
+    page.heading("What the model lacks")
+    for each in effects:
+        page.statement(plain(each.name), _certainty(each), each.sentence)
+    rows = [
+        [plain(each.name), plain(name), number(estimate.value), _interval(estimate), unit_of(estimate)]
+        for each in effects
+        for name, estimate in each.parameters.items()
+    ]
+    page.table(["effect", "parameter", "value", "95 % interval", "unit"], rows)
+
+    def draw(figure: Figure) -> None:
+        from hybrid.diagnosis import plots
+
+        plots.parameters(figure, effects)
+
+    caption = "Every parameter with its 95 % interval; the line is where the effect would be absent."
+    page.figure(draw, (8, 0.35 + 0.75 * len(rows)), caption)
+
+
+def _certainty(effect: NamedEffect) -> str:
+    kind = {"physics": "physics", "actuator": "thrusters", "sensor": "a sensor"}.get(effect.kind, effect.kind)
+    return (
+        f"{effect.family}, {kind}; {effect.share_of_gap:.0%} of the gap; by chance {_chance(effect.p_value)}; "
+        f"log evidence {effect.evidence:.3g}"
+    )
+
+
+def _chance(p_value: float) -> str:
+    return f"p < {_SMALL:g}" if p_value < _SMALL else f"p = {p_value:.2g}"
+
+
+def _add_unknown(page: Page, diagnosis: Diagnosis) -> None:
+    unknown = diagnosis.unknown
+    page.heading("What remains")
+    if unknown is None:
+        page.text("Nothing that stands out of the noise and of what the model is granted.")
+        return
+    page.note(f"It looks like {unknown.looks_like}; it keeps {unknown.share_of_gap:.0%} of the gap open.")
+    if unknown.where:
+        page.text(f"It goes with {listed([plain(each) for each in unknown.where])}.")
+
+
+def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
+    if not diagnosis.rivals and not diagnosis.indistinguishable and diagnosis.next_manoeuvre is None:
+        return
+    page.heading("What could stand in its place")
+    for group in diagnosis.indistinguishable:
+        page.note(f"This trial cannot tell {listed([plain(each) for each in group], 'from')}.")
+    if diagnosis.rivals:
+        count = min(len(diagnosis.rivals), 15)
+
+        def draw(figure: Figure) -> None:
+            from hybrid.diagnosis import plots
+
+            plots.confusion(figure.subplots(), diagnosis.rivals)
+
+        page.figure(
+            draw,
+            (8, 0.9 + 0.36 * count),
+            "How much log evidence each rival lacks against what was named in its place. Left of the line the trial "
+            "cannot tell the two apart.",
+        )
+    after = diagnosis.next_manoeuvre
+    if after is not None:
+        one, other = (plain(each) for each in after.separates)
+        page.text(
+            f"To tell {one} from {other}: {after.what}, {after.minutes:.0f} minutes; expected log evidence "
+            f"{after.expected_evidence:.0f}."
+        )
+
+
+def _add_gap(page: Page, diagnosis: Diagnosis) -> None:
+    from hybrid.diagnosis import plots
+
+    page.heading("The gap, before and after")
+    page.figure(
+        lambda figure: _drawn(plots.gap(figure.subplots(), diagnosis)),
+        (8, 1.0 + 0.34 * (3 + len(diagnosis.effects))),
+        "What each named effect takes off the error on held-out windows. The floor is the error of the model with "
+        "all that was named at its best: noise, gusts and waves that nobody can predict.",
+    )
+    tracks = diagnosis.tracks
+    if tracks is None or not len(tracks.measured):
+        return
+    page.figure(
+        lambda figure: _drawn(plots.error_by_second(figure.subplots(), tracks)),
+        (8, 3.4),
+        "How the error grows with the time predicted, mean over all held-out windows.",
+    )
+    page.figure(
+        lambda figure: _drawn(plots.window_tracks(figure, tracks)),
+        (9.5, 3.6),
+        "Some held-out windows, bow up at their start and to scale; each with its mean distance before and after.",
+    )
+
+
+def _add_map(page: Page, diagnosis: Diagnosis, extras: Extras) -> None:
+    if extras.map is None and not diagnosis.where:
+        return
+    page.heading("Where the gap was")
+    if extras.map is not None:
+        _draw_map(
+            page,
+            extras.map,
+            "The steady force that the model lacks in each cell of the trial. The colour says how sure it is, in "
+            "standard errors that hold what model and sensors are granted: red to starboard, ahead or clockwise, "
+            "blue the other way; grey numbers do not stand out.",
+        )
+        _draw_residual(page, extras.map)
+    if diagnosis.where:
+        with page.details(f"The {len(diagnosis.where)} cells that stand out most, forces and errors of one second"):
+            page.table(["channel", "cell", "seconds", "error", "z"], [_cell_row(each) for each in diagnosis.where])
+    if extras.map_after is not None and extras.map_after.places:
+        with page.details("The same map with the named effects in the model"):
+            _draw_map(page, extras.map_after, "What the model still lacks when the named effects are in it.")
+
+
+def _draw_map(page: Page, made: Map, caption: str) -> None:
+    from hybrid.diagnosis import map_plots
+
+    if made.places:
+        page.figure(
+            lambda figure: _drawn(map_plots.force_map(figure, made.places)),
+            (9.5, map_plots.map_height_inch(made.places)),
+            caption,
+        )
+
+
+def _draw_residual(page: Page, made: Map) -> None:
+    from hybrid.diagnosis import map_plots
+
+    most = map_plots.depends_most(made)
+    if most is not None:
+        page.figure(
+            lambda figure: _drawn(map_plots.residual_force(figure.subplots(), made, *most)),
+            (8, 3.2),
+            "The force that differs most between cells, against what it differs with.",
+        )
+
+
+def _cell_row(place: Place) -> list[str]:
+    from hybrid.diagnosis.map_plots import QUANTITIES, cell_name, quantity_of
+
+    cell = f"{QUANTITIES.get(quantity_of(place), plain(quantity_of(place)))}: {cell_name(place)}"
+    return [plain(place.channel), cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
+
+
+def _add_suspects(page: Page, diagnosis: Diagnosis) -> None:
+    suspects = diagnosis.suspects
+    if not suspects:
+        return
+    page.heading("All suspects")
+
+    def draw(figure: Figure) -> None:
+        from hybrid.diagnosis import plots
+
+        plots.ranking(figure.subplots(), suspects, [each.name for each in diagnosis.effects])
+
+    page.figure(
+        draw,
+        (8, 1.0 + 0.27 * min(len(suspects), 15)),
+        "Each effect of the catalogue alone in the model; what was named has a dark edge. Effects that look alike "
+        "share their evidence here: what counts is what is left when the named ones are in the model.",
+    )
+    with page.details(f"All {len(suspects)} effects, and how large each must be to be found in such a trial"):
+        page.table(["effect", "family", "log evidence alone", "chance", "found from"], _suspect_rows(suspects))
+
+
+def _suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
+    return [
+        [plain(each.name), each.family, f"{each.evidence:.1f}", _chance(each.p_value),
+         f"{number(each.limit)} {'' if each.unit == '1' else each.unit}" if each.limit == each.limit else ""]
+        for each in suspects
+    ]  # fmt: skip
+
+
+def _add_consistency(page: Page, extras: Extras) -> None:
+    if extras.consistency is None:
+        return
+    page.heading("Do the sensors agree?")
+    page.text(
+        "Whatever moves the ship, speeds turned by the heading must add up to the track, and yaw rates to the "
+        "heading. This needs no ship model."
+    )
+    if not extras.consistency:
+        page.text("They do, within what each is granted.")
+    for each in extras.consistency:
+        page.statement(plain(each.effect), _chance(each.p_value), each.sentence)
+
+
+def _add_granted(page: Page, diagnosis: Diagnosis) -> None:
+    page.heading("What was granted, and what was said on the way")
+    known = dict(diagnosis.provenance)
+    extent, noise = known.pop("force_range", None), known.pop("noise", None)
+    rows = [["tolerance", f"{diagnosis.tolerance:.1%} of the range of the forces in the trial"]]
+    if extent:
+        share = diagnosis.tolerance
+        rows.append(
+            ["which is", f"{number(share * extent['surge_n'] / 1e3)} kN ahead, {number(share * extent['sway_n'] / 1e3)}"
+             f" kN across, {number(share * extent['yaw_nm'] / 1e3)} kN m in yaw"]
+        )  # fmt: skip
+    rows += [[plain(str(key)), _words(value)] for key, value in known.items()]
+    page.table(["", ""], rows, words=True)
+    for each in diagnosis.remarks:
+        page.text(f"{each[:1].upper()}{each[1:]}.")
+    if noise:
+        with page.details("Levels of noise, as the data have them"):
+            page.table(["", ""], [[plain(key), _words(value)] for key, value in noise.items()], words=True)
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{plain(str(key))} {_words(each)}" for key, each in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_words(each) for each in value)
+    return number(value) if isinstance(value, float) else str(value)
+
+
+def number(value: float) -> str:
+    """Three figures, without exponents where people read none.
+
+    >>> number(-0.01234), number(12345.6)
+    ('−0.0123', '12,346')
+    """
+    size = abs(value)
+    text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
+    return text.replace("-", "\u2212") if "e" not in text else text
+
+
+def unit_of(estimate: Estimate) -> str:
+    """The unit for people: none of a factor."""
+    return "" if estimate.unit == "1" else estimate.unit
+
+
+def _interval(estimate: Estimate) -> str:
+    return f"{number(estimate.low)} to {number(estimate.high)}"
+
+
+def _drawn(artists: object) -> None:
+    """A figure's drawing returns nothing."""

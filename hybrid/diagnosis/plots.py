@@ -1,0 +1,192 @@
+"""Figures of a diagnosis, in the house's style: functions take axes and its values and return what they drew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
+
+from analysis.plots import FAINT, INK, PALETTE
+from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
+from hybrid.effects import FAMILIES
+from hybrid.plots import title_of
+from hybrid.reproduction.plots import plain_numbers, start_frame
+from hybrid.vessel.compiling import Floats
+
+FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
+"""One colour a family of effects, in every figure."""
+
+BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
+SAME = 4.5
+"""A rival that lacks less log evidence cannot be told from what was named."""
+
+_LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
+_SHOWN = 15
+
+
+def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> list[Artist]:
+    """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
+    shown = list(suspects)[:_SHOWN]
+    bars = axes.barh(
+        range(len(shown)),
+        [each.evidence for each in shown],
+        color=[FAMILY_COLOUR.get(each.family, FAINT) for each in shown],
+        edgecolor=[INK if each.name in named else "none" for each in shown],
+        linewidth=1.6,
+    )
+    axes.axvline(0.0, color=INK, linewidth=1.0)
+    axes.set_yticks(range(len(shown)), [title_of(each.name) for each in shown])
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
+    axes.set_xlabel("log odds by which the model is better with this effect alone; right of the line it is better")
+    families = [family for family in FAMILIES if any(each.family == family for each in shown)]
+    handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
+    axes.grid(visible=False, axis="y")
+    return [*bars]
+
+
+def parameters(figure: Figure, effects: Sequence[NamedEffect]) -> list[Artist]:
+    """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
+    every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
+    artists: list[Artist] = []
+    for axes, (effect, name, estimate) in zip(
+        figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
+    ):
+        artists += _interval(axes, estimate, FAMILY_COLOUR.get(effect.family, INK))
+        axes.set_yticks([0.0], [f"{title_of(effect.name)}\n{title_of(name)}"])
+    return artists
+
+
+def _interval(axes: Axes, estimate: Estimate, colour: str) -> list[Artist]:
+    reach = np.maximum([[estimate.value - estimate.low], [estimate.high - estimate.value]], 0.0)
+    drawn = axes.errorbar(estimate.value, 0.0, xerr=reach, fmt="o", color=colour, capsize=4, markersize=6)
+    neutral = 1.0 if estimate.unit == "1" else 0.0
+    if estimate.unit != "deg" or estimate.low <= 0.0 <= estimate.high or abs(estimate.value) < 30.0:
+        axes.axvline(neutral, color=INK, linewidth=1.0)  # a direction has no neutral value
+    axes.margins(x=0.15)
+    axes.set_ylim(-1.0, 1.0)
+    axes.locator_params(axis="x", nbins=7)
+    axes.set_xlabel(f"[{estimate.unit}]", loc="right", labelpad=0.0)
+    axes.grid(visible=False, axis="y")
+    return [drawn.lines[0]]
+
+
+def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
+    """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
+    shown = sorted(rivals, key=lambda each: (each.instead_of, each.evidence))[:_SHOWN]
+    bars = axes.barh(
+        range(len(shown)),
+        [max(each.evidence, 0.02) for each in shown],
+        color=[PALETTE[1] if each.evidence < SAME else PALETTE[0] for each in shown],
+        height=0.6,
+    )
+    line = axes.axvline(SAME, color=INK, linewidth=1.0)
+    labels = [f"{title_of(each.name)}\nfor {title_of(each.instead_of)}" for each in shown]
+    axes.set_yticks(range(len(shown)), labels, fontsize=8)
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * SAME))
+    axes.set_xlabel("log evidence that it lacks")
+    handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    axes.grid(visible=False, axis="y")
+    return [*bars, line]
+
+
+def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
+    """The mean distance before, what each effect takes off it, the rest of the fall, after, and the floor."""
+    whole = diagnosis.gap
+    could = whole.before_m - whole.floor_m
+    steps = [(title_of(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
+             for each in diagnosis.effects]  # fmt: skip
+    names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [BEFORE]
+    level = whole.before_m
+    for name, fall, colour in steps:
+        names, starts, widths = [*names, name], [*starts, level - fall], [*widths, fall]
+        colours, level = [*colours, colour], level - fall
+    names, starts = [*names, "after", "floor"], [*starts, 0.0, 0.0]
+    widths, colours = [*widths, whole.after_m, whole.floor_m], [*colours, AFTER, FAINT]
+    bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
+    for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
+        sign = "" if start == 0.0 else "\u2212"
+        axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.3g} m", va="center", fontsize=8, color=INK)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(0.0, 1.18 * max(whole.before_m, whole.after_m, 1e-6))
+    axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
+    axes.grid(visible=False, axis="y")
+    return [*bars]
+
+
+def error_by_second(axes: Axes, tracks: Tracks) -> list[Artist]:
+    """The mean distance from what was measured against the second of the prediction."""
+    artists: list[Artist] = []
+    for label, track, colour in _predictions(tracks):
+        mean = np.nanmean(distances_m(track, tracks.measured), axis=0)
+        artists += axes.plot(np.arange(1, len(mean) + 1), mean, color=colour, label=label)
+    axes.set_yscale("log")
+    plain_numbers(axes.yaxis)
+    axes.set_xlim(0, tracks.measured.shape[1] - 1)
+    axes.set_xlabel("prediction time [s]")
+    axes.set_ylabel("mean distance [m]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderpad=0.0)
+    return artists
+
+
+def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
+    """Some held-out windows, bow up and to scale."""
+    chosen = chosen_windows(tracks)
+    start = tracks.before[:, 0]
+    artists: list[Artist] = []
+    for axes, (title, number) in zip(
+        figure.subplots(1, len(chosen), squeeze=False)[0], chosen.items(), strict=True
+    ):
+        drawn = [("measured", tracks.measured, INK), *_predictions(tracks)]
+        for label, track, colour in drawn:
+            seen = start_frame(track[number], start[number])
+            style = "-" if label == "measured" else "--"
+            artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
+        before, after = (
+            np.nanmean(distances_m(track, tracks.measured)[number]) for track in (tracks.before, tracks.after)
+        )
+        axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.locator_params(nbins=4)
+        axes.set_xlabel("starboard [m]")
+    figure.axes[0].set_ylabel("ahead [m]")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    return artists
+
+
+def chosen_windows(tracks: Tracks) -> dict[str, int]:
+    """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now."""
+    before, after = (
+        np.nan_to_num(distances_m(track, tracks.measured)).mean(axis=1) for track in (tracks.before, tracks.after)
+    )
+    middle = int(np.argsort(before, kind="stable")[len(before) // 2])
+    return {
+        "worst before": int(np.argmax(before)),
+        "median before": middle,
+        "improved most": int(np.argmax(before - after)),
+        "worst after": int(np.argmax(after)),
+    }
+
+
+def distances_m(track: Floats, measured: Floats) -> Floats:
+    """How far tracks are from what was measured at seconds 1 to H [N, H]."""
+    away = track[:, 1:, :2] - measured[:, 1:, :2]
+    return np.hypot(away[..., 0], away[..., 1])
+
+
+def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
+    return [
+        ("before", tracks.before, BEFORE),
+        ("after", tracks.after, AFTER),
+        ("constant velocity", tracks.constant_velocity, HELD),
+    ]
