@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import expm1, inf, log, log1p
+from math import expm1, inf, log, log1p, sqrt
 
 import numpy as np
+from scipy.linalg import lapack
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2, norm
 
@@ -28,6 +29,7 @@ POWER = 0.9
 TOLD_APART = 9.0
 """Twice the log likelihood by which the wrong one of two effects has to be worse to be left out (chance 0.13 %)."""
 
+_UNHEARD = 1e-2  # of its prior's information: what a trial adds to it is nothing
 _NONE = 1e-12  # of the prior's: information below it is rounding
 
 
@@ -57,15 +59,60 @@ def _together(information: Information, names: Sequence[str]) -> Ints:
     return np.concatenate([np.zeros(0, dtype=np.int64), *(information.columns[name] for name in names)])
 
 
-def information_of(examination: Examination, legs: Sequence[int] | None = None) -> Information:
-    """The information in all legs of an examination, or in some; one that is named twice is sailed twice."""
-    products = examination.products
-    total = products.total if legs is None else products.legs[np.array(legs, dtype=int)].sum(axis=0)
+def information_of(examination: Examination) -> Information:
+    """The information in all legs of an examination."""
     kept = 1 + np.arange(len(examination.layout.effect))
-    matrix, _ = reduced(total, kept, examination.nuisance, examination.nuisance_scale)
+    matrix, _ = reduced(examination.products.total, kept, examination.nuisance, examination.nuisance_scale)
+    return Information(matrix, _columns(examination), examination.model.catalogue)
+
+
+def _columns(examination: Examination) -> dict[str, Ints]:
     names = examination.model.catalogue
-    columns = {name: np.array(examination.layout.of(name), dtype=np.int64) - 1 for name in names}
-    return Information(matrix, columns, names)
+    return {name: np.array(examination.layout.of(name), dtype=np.int64) - 1 for name in names}
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """Legs [L, P+K, P+K] from which any trial may be put together: products of effects and of what is tolerated.
+
+    The K last are those combinations of all that is tolerated that any leg says anything of, each of unit variance.
+    """
+
+    legs: Floats
+    columns: Mapping[str, Ints]
+    catalogue: Catalogue
+
+    def information(self, legs: Sequence[int]) -> Information:
+        """The information in some legs; one that is named twice is sailed twice."""
+        total = self.legs[np.array(legs, dtype=int)].sum(axis=0)
+        effects = sum(len(each) for each in self.columns.values())
+        rest = np.arange(effects, len(total))
+        matrix, _ = reduced(total, np.arange(effects), rest, np.ones(len(rest)))
+        return Information(matrix, self.columns, self.catalogue)
+
+
+def design_of(examination: Examination) -> Design:
+    """An examination's legs, ready to be put together in other numbers, many times over."""
+    scale, nuisance = examination.nuisance_scale, examination.nuisance
+    heard = _heard(examination.products.total[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
+    effects = 1 + np.arange(len(examination.layout.effect))
+    change = np.zeros((examination.products.legs.shape[1], len(effects) + heard.shape[1]))
+    change[effects, np.arange(len(effects))] = 1.0
+    # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
+    change[nuisance, len(effects) :] += heard * scale[:, None]
+    legs = np.array([change.T @ leg @ change for leg in examination.products.legs])
+    return Design(legs, _columns(examination), examination.model.catalogue)
+
+
+def _heard(granted: Floats) -> Floats:
+    """Orthonormal combinations [n, K] of coordinates of unit variance that ``granted`` [n, n] says anything of.
+
+    By Cholesky's decomposition with pivots, which stops at what is too small (Higham 1990).
+    """
+    factor, order, rank, _ = lapack.dpstrf(granted, tol=_UNHEARD, lower=1)
+    spanned = np.zeros((len(granted), rank))
+    spanned[order - 1] = np.tril(factor)[:, :rank]
+    return np.asarray(np.linalg.qr(spanned)[0])
 
 
 def separation(
@@ -116,15 +163,15 @@ def free_limits(information: Information) -> dict[str, float]:
 def _limit(information: Information, name: str) -> float:
     effect, block = information.catalogue[name], information.of(name)
     prior = np.array(effect.free_scale)
-    relative = np.linalg.eigvalsh(block * np.outer(prior, prior))
+    relative = np.asarray(np.linalg.eigvalsh(block * np.outer(prior, prior)), dtype=np.float64)
     if relative[0] < _NONE:
         return inf
     needed = noncentrality(needed_gain(relative, len(information.catalogue)), len(prior))
     shape = _shape(effect)
     worst = float(np.linalg.eigvalsh(block * np.outer(shape, shape))[0])
     # The interval of one that is found has to reach what anyone cares about.
-    reach = effect.smallest_free[0] - (1.96 - float(norm.ppf(POWER))) / np.sqrt(worst)
-    return max(float(np.sqrt(needed / worst)), reach)
+    reach = effect.smallest_free[0] - (1.96 - float(norm.ppf(POWER))) / sqrt(worst)
+    return max(sqrt(needed / worst), reach)
 
 
 def _shape(effect: Effect) -> Floats:

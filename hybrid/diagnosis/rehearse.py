@@ -1,4 +1,4 @@
-"""A manoeuvre rehearsed on the simulator, as a log: what the ship would do, without noise and without sensors' rates.
+"""A manoeuvre rehearsed on the simulator, as a log: what the ship would do, without noise or gaps.
 
 How much a trial says of an effect hangs on where it takes the ship, not on what the sensors happen to read. So a
 rehearsal needs no smoothing and no chance: its true motion is its measured one.
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from hybrid.truth.manoeuvres import Manoeuvre
@@ -87,9 +87,5 @@ def behind(first: Log, others: Sequence[Log]) -> Log:
             )
         )  # fmt: skip
     arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]
-    return replace(first, **{name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays})
-
-
-def legs_of(log: Log, recording: int) -> NDArray[np.int64]:
-    """The legs of one of the logs that :func:`behind` has joined, counted from 0."""
-    return np.unique(log.leg[log.recording == recording])
+    together: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+    return replace(first, **together)

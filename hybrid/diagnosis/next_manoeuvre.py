@@ -1,0 +1,136 @@
+"""Which manoeuvre to make next so that effects which now look alike do so no longer.
+
+Every candidate is rehearsed on the ship as she is thought to be, in the wind of the recording and at its noise, and
+examined behind the recording in one pass: so that the tolerance granted to the model is the same error in both. The
+best one is where the worst pair gains the most evidence by the minute (T-optimality: Atkinson and Fedorov 1975,
+with the rival's size fitted).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.errors import ModelRangeError
+from hybrid.diagnosis.examine import Examination, Progress, examined
+from hybrid.diagnosis.information import Information, design_of, separation
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.rehearse import behind, one_leg, rehearsed
+from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.diagnosis.result import Manoeuvre
+from hybrid.effects import apply_effects
+from hybrid.effects.effect import Values
+from hybrid.truth.sea_state import SeaState
+from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant
+
+_IDLE_SHARE = 0.2  # of the fastest: shafts that turn slower than this are stopped
+_LONGEST_S = 7200  # of a recording goes into the comparison: more of the same changes nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """A candidate and the log odds that each pair would stand at with it, and stands at without it."""
+
+    candidate: Candidate
+    with_it: tuple[float, ...]
+    without: tuple[float, ...]
+
+    @property
+    def per_minute(self) -> float:
+        """What the pair that gains least gains a minute."""
+        return min(a - b for a, b in zip(self.with_it, self.without, strict=True)) / MINUTES
+
+
+def next_manoeuvre(
+    examination: Examination,
+    vessel: Vessel,
+    values: Mapping[str, Values],
+    pairs: Sequence[tuple[str, str]],
+    progress: Progress = lambda share: None,
+) -> Manoeuvre | None:
+    """The manoeuvre that separates ``pairs`` best, or None where no candidate separates them at all.
+
+    ``values`` has the parameters of everything that is named, and of each pair's first at least; the second is what
+    might be in its place. The evidence is in log odds, of the pair that stays the closest, recording and manoeuvre
+    together.
+    """
+    ranking = ranked(examination, vessel, values, pairs, progress)
+    if not ranking or ranking[0].per_minute <= 0.0:
+        return None
+    best = ranking[0]
+    worst = int(np.argmin(best.with_it))
+    what = f"{best.candidate.what} ({MINUTES} minutes)"
+    return Manoeuvre(what, pairs[worst], best.with_it[worst], float(MINUTES))
+
+
+def ranked(
+    examination: Examination,
+    vessel: Vessel,
+    values: Mapping[str, Values],
+    pairs: Sequence[tuple[str, str]],
+    progress: Progress = lambda share: None,
+) -> list[Ranked]:
+    """Every candidate that the ship can make, the best first."""
+    model, log = examination.model, _shortened(examination.log)
+    ship = apply_effects(model.base, values, model.catalogue)
+    candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
+    made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
+    joined = behind(log, [one_leg(each) for each in made.values()])
+    whole = examined(joined, model, examination.tolerance, examination.noise, progress=progress)
+    design, recorded = design_of(whole), range(log.legs)
+    now = _evidence(design.information(recorded), values, pairs)
+    result = []
+    for number, candidate in enumerate(made):
+        both = design.information([*recorded, log.legs + number])
+        result.append(Ranked(candidate, _evidence(both, values, pairs), now))
+    return sorted(result, key=lambda each: -each.per_minute)
+
+
+def rehearsals(
+    candidates: Sequence[Candidate], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
+) -> dict[Candidate, Log]:
+    """The log of every candidate that does not take the ship out of the range of her model."""
+    made = {}
+    for candidate in candidates:
+        try:
+            made[candidate] = rehearsed(candidate.legs, vessel, ship, sea, 60 * MINUTES, heading_deg)
+        except ModelRangeError:  # such a manoeuvre cannot be judged, and had better not be asked for
+            continue
+    return made
+
+
+def usual_rpm(log: Log) -> float:
+    """The shaft speed [rpm] of most of the time under way: the median of the faster thruster's."""
+    fastest = np.abs(log.controls[:, :, (0, 2)]).mean(axis=1).max(axis=1) * RPM_PER_RPS
+    return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
+
+
+def wind_in(log: Log) -> SeaState:
+    """The mean wind of a log, as a sea state that has nothing else."""
+    direction, speed = log.wind.T
+    north, east = float((speed * np.cos(direction)).mean()), float((speed * np.sin(direction)).mean())
+    from_deg = float(np.rad2deg(np.arctan2(east, north)) % 360.0)
+    return SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
+
+
+def _shortened(log: Log) -> Log:
+    """Legs spread over a log, of about so long in all as is worth examining."""
+    kept = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))
+    chosen = np.unique(np.linspace(0, log.legs - 1, kept).round().astype(int))
+    return log.subset(np.isin(log.leg, chosen))
+
+
+def _evidence(
+    information: Information, values: Mapping[str, Values], pairs: Sequence[tuple[str, str]]
+) -> tuple[float, ...]:
+    """The log odds of each pair's first, at its value, against its second at any; the others named are fitted."""
+    result = []
+    for name, rival in pairs:
+        free = information.catalogue[name].free(values[name])
+        given = [other for other in values if other not in (name, rival)]
+        result.append(0.5 * separation(information, name, rival, free, given))
+    return tuple(result)
