@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
@@ -201,19 +202,20 @@ def _averaged(table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
         off = values[rows] - expected
         if name in CIRCULAR:
             off = (off + np.pi) % (2.0 * np.pi) - np.pi
-        away = np.abs(off - _running_median(off, times))
+        away = np.abs(off - _near(off, times))
         good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
         refused += int((~good).sum())
         measured[:, column], weight[:, column] = _binned(times[good], (expected + off)[good], len(nodes))
     return measured, weight, refused
 
 
-def _running_median(values: Floats, times_s: Floats) -> Floats:
-    """The median of the values within a third of a second of each, less than any wave takes; of five at least."""
+def _near(values: Floats, times_s: Floats) -> Floats:
+    """The median of the neighbours within a third of a second of each sample, without itself; of four at least."""
     if values.size < 5:
         return np.full(values.size, np.median(values) if values.size else 0.0)
-    number = int(np.clip(0.7 / max(np.median(np.diff(times_s)), 1e-3), 4, 200)) // 2 * 2 + 1
-    return np.asarray(median_filter(values, number, mode="nearest"))
+    reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
+    around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
+    return np.asarray(np.median(np.delete(around, reach, axis=1), axis=1))
 
 
 def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
