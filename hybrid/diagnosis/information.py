@@ -130,6 +130,11 @@ def separation(
 def told_apart(information: Information, name: str, rival: str, sizes: float = 1.0) -> float:
     """The least :func:`separation` over all directions, of an effect ``sizes`` times as large as is typical."""
     spread = sizes * np.array(information.catalogue[name].free_scale)
+    own, other = information.columns[name], information.columns[rival]
+    if len(own) == len(other) == 1:  # most are, and a programme is weighed by thousands of them
+        (i,), (j,), matrix = own, other, information.matrix
+        shared = matrix[i, j] ** 2 / matrix[j, j] if matrix[j, j] > 0.0 else 0.0
+        return max(0.0, float((matrix[i, i] - shared) * spread[0] ** 2))
     least = np.linalg.eigvalsh(information.of(name, (rival,)) * np.outer(spread, spread))[0]
     return max(0.0, float(least))
 
