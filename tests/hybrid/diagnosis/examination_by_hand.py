@@ -1,0 +1,103 @@
+"""Examinations with columns drawn at random and data whose truth is known: the statistics without a ship."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.diagnosis.evidence import Products
+from hybrid.diagnosis.examine import Examination, Layout
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.tolerance import ForceRange
+from hybrid.effects import CATALOGUE
+from hybrid.vessel.plant import Plant
+
+Floats = NDArray[np.float64]
+SMALL_CATALOGUE = {
+    name: CATALOGUE[name]
+    for name in (
+        "ocean_current", "heading_bias", "yaw_inertia", "hull_fouling", "thrust_loss_port", "sway_bias",
+        "wind_load", "yaw_rate_bias",
+    )
+}  # fmt: skip
+NEEDLESS: Any = None
+"""For the fields of an examination that its statistics do not look at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """Whitened columns of some legs [L, rows, C], the data's, column 0, still empty; their products by leg."""
+
+    columns: Floats
+    layout: Layout
+    nuisance: NDArray[np.int64]
+    scale: Floats
+    plant: Plant
+    products: Floats
+
+    def data(self, random: np.random.Generator, effects: Mapping[str, tuple[float, ...]] | None = None) -> Floats:
+        """Data [L, rows] with these effects, what is tolerated and noise, all as the statistics assume."""
+        z = random.standard_normal(self.columns.shape[:2])
+        z += self.columns[:, :, self.nuisance] @ (self.scale * random.standard_normal(len(self.scale)))
+        for name, free in (effects or {}).items():
+            z += self.columns[:, :, self.layout.of(name)] @ np.array(free)
+        return z
+
+    def examination(self, data: Floats) -> Examination:
+        """As if a filter had given these columns."""
+        legs = self.products.copy()
+        legs[:, 0, 1:] = legs[:, 1:, 0] = np.einsum("lrc,lr->lc", self.columns, data)[:, 1:]
+        legs[:, 0, 0] = (data**2).sum(axis=1)
+        products = Products(legs, np.full(len(legs), data.shape[1]))
+        return Examination(
+            log=NEEDLESS, model=Model(self.plant, SMALL_CATALOGUE), linear=NEEDLESS, effects=(),
+            range=ForceRange(1e5, 1e5, 1e6), tolerance=0.01, noise=Noise(), layout=self.layout, products=products,
+            nuisance=self.nuisance, nuisance_scale=self.scale,
+        )  # fmt: skip
+
+
+def a_design(plant: Plant, legs: int, seed: int, sigmas: float = 20.0, rows: int = 60) -> Design:
+    """Columns in which an effect of ordinary size stands out by so many standard deviations."""
+    effect = tuple(name for name, each in SMALL_CATALOGUE.items() for _ in each.free_scale)
+    prior = np.array([size for each in SMALL_CATALOGUE.values() for size in each.free_scale])
+    varied = ("heading_bias*time",) * 2
+    layout = Layout(
+        effect=effect, prior=prior, tolerated=np.zeros(len(prior)), wind=1, features=4, varied=varied,
+        varied_prior=np.full(2, prior[2]), varied_granted=np.full(2, 0.02),
+        depends=("heading",) * 3 + ("time",) * 2,
+    )  # fmt: skip
+    count = layout.first_feature + 3 * (layout.features + len(layout.depends))
+    columns = np.random.default_rng(seed).standard_normal((legs, rows, count)) / np.sqrt(legs * rows)
+    columns[:, :, 0] = 0.0
+    columns[:, :, 1 : 1 + len(prior)] *= sigmas / prior
+    columns[:, :, layout.first_varied : layout.first_feature] *= sigmas / layout.varied_prior
+    nuisance = np.arange(layout.first_wind, count)
+    scale = np.full(len(nuisance), 2.0)
+    scale[layout.first_varied - layout.first_wind : layout.first_feature - layout.first_wind] = (
+        layout.varied_granted
+    )
+    return Design(columns, layout, nuisance, scale, plant, products_of(columns))
+
+
+def products_of(columns: Floats) -> Floats:
+    """Leg by leg [L, C, C]."""
+    return np.asarray(columns.transpose(0, 2, 1) @ columns)
+
+
+def with_columns(design: Design, columns: Floats) -> Design:
+    """The same design with other columns."""
+    return replace(design, columns=columns, products=products_of(columns))
+
+
+def in_other_units(design: Design, name: str, factor: float) -> Design:
+    """The same columns when an effect's free coordinates are counted in units so many times as large."""
+    columns, prior = design.columns.copy(), design.layout.prior.copy()
+    for column in design.layout.of(name):
+        columns[:, :, column] *= factor
+        prior[column - 1] /= factor
+    return replace(with_columns(design, columns), layout=replace(design.layout, prior=prior))

@@ -1,0 +1,202 @@
+"""Naming on columns whose truth is known: the right set, bounds, units, and chances that are what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2, kstest
+
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.name import FALSE_ALARM, View, rivals_of, searched, unseen_gains, view_of
+from hybrid.diagnosis.name import tested as stands
+from hybrid.vessel.plant import Plant
+from tests.hybrid.diagnosis.examination_by_hand import (
+    SMALL_CATALOGUE,
+    Design,
+    Floats,
+    a_design,
+    in_other_units,
+    with_columns,
+)
+
+Effects = dict[str, tuple[float, ...]]
+CURRENT, BIAS, LOSS = (0.2, -0.1), (1.2,), (-0.12,)
+SETS: tuple[Effects, ...] = (
+    {},
+    {"heading_bias": BIAS},
+    {"ocean_current": CURRENT, "thrust_loss_port": LOSS},
+    {"ocean_current": CURRENT, "heading_bias": BIAS, "sway_bias": (0.15,)},
+)
+
+
+@pytest.fixture(scope="module")
+def design(plant: Plant) -> Design:
+    """Eight legs."""
+    return a_design(plant, 8, 41)
+
+
+def seen(
+    design: Design, seed: int, effects: dict[str, tuple[float, ...]] | None = None, by_leg: bool = False
+) -> View:
+    """A view of data drawn with these effects."""
+    return view_of(design.examination(design.data(np.random.default_rng(seed), effects)), by_leg)
+
+
+@pytest.mark.parametrize("effects", SETS)
+def test_the_set_that_is_there_is_found_and_stands_its_tests(
+    design: Design, effects: dict[str, tuple[float, ...]]
+) -> None:
+    for seed in range(3):
+        view = seen(design, seed, effects, by_leg=True)
+        names = searched(view)
+        assert set(names) == set(effects)
+        for name in names:
+            assert stands(view, names, name).accepted
+
+
+def test_parameters_are_within_their_intervals(design: Design) -> None:
+    """Squared errors under the covariance of the fit are chi-square."""
+    effects, names = SETS[3], tuple(SETS[3])
+    truth = np.array([number for free in effects.values() for number in free])
+    distances = []
+    for seed in range(150):
+        fit = seen(design, seed, effects).fit(names)
+        off = fit.values - truth
+        distances.append(float(off @ np.linalg.solve(fit.covariance, off)))
+    assert kstest(distances, chi2(len(truth)).cdf).pvalue > 1e-3
+
+
+@pytest.mark.parametrize(("legs", "name"), [(3, "ocean_current"), (3, "sway_bias")])
+def test_chances_are_uniform_where_nothing_is_hidden(plant: Plant, legs: int, name: str) -> None:
+    few = a_design(plant, legs, 42)
+    chances = np.array([stands(seen(few, seed, by_leg=True), (name,), name).p_value for seed in range(150)])
+    alone = 1.0 - (1.0 - chances) ** (1.0 / len(SMALL_CATALOGUE))  # of one effect, not of any of them
+    assert kstest(alone, "uniform").pvalue > 1e-3
+
+
+def test_legs_that_scatter_never_make_a_chance_smaller(design: Design) -> None:
+    """With many legs their scatter is looked at too: fewer small chances than there could be, never more."""
+    chances = np.array(
+        [stands(seen(design, s, by_leg=True), ("sway_bias",), "sway_bias").p_value for s in range(150)]
+    )
+    alone = 1.0 - (1.0 - chances) ** (1.0 / len(SMALL_CATALOGUE))
+    for level in (0.01, 0.05, 0.2, 0.5):
+        assert (alone < level).sum() <= binom.ppf(0.9999, len(alone), level)
+
+
+def test_the_likeliest_of_all_effects_is_a_false_alarm_as_seldom_as_stated(design: Design) -> None:
+    """Over draws of nothing: any effect by itself below the level at which it would be named."""
+    alarms, draws = 0, 400
+    for seed in range(draws):
+        view = seen(design, seed)
+        alarms += any(view.chance(view.fit([each]).gain, len(view.columns([each]))) < 0.05 for each in view.names)
+    low, high = binom.ppf([1e-4, 1.0 - 1e-4], draws, 0.05)
+    assert low <= alarms <= high
+    assert FALSE_ALARM < 0.05
+
+
+def test_nothing_is_found_where_nothing_is(design: Design) -> None:
+    """Searched and tested: a share of false alarms that the level allows."""
+    named = 0
+    for seed in range(60):
+        view = seen(design, seed, by_leg=True)
+        names = searched(view)
+        named += any(stands(view, names, name).accepted for name in names)
+    assert named <= binom.ppf(0.9999, 60, FALSE_ALARM)
+
+
+def test_an_effect_that_only_one_leg_shows_is_not_accepted(design: Design) -> None:
+    data = design.data(np.random.default_rng(3))
+    column = design.layout.of("sway_bias")[0]
+    data[4] += 0.5 * design.columns[4, :, column]
+    view = view_of(design.examination(data), by_leg=True)
+    assert searched(view) != ()
+    assert not stands(view, ("sway_bias",), "sway_bias").accepted
+
+
+def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant) -> None:
+    """Far above the noise in a very long trial, and still nothing to name."""
+    long = a_design(plant, 8, 43, sigmas=2000.0)
+    view = seen(long, 1, {"heading_bias": (0.1,)}, by_leg=True)
+    result = stands(view, ("heading_bias",), "heading_bias")
+    assert result.p_value < 1e-9
+    assert not result.large_enough
+    assert not result.accepted
+
+
+def test_what_is_out_of_bounds_is_not_named(design: Design) -> None:
+    """Ten times the typical loss would push astern: whatever is named instead, it is within its bounds."""
+    effect = SMALL_CATALOGUE["thrust_loss_port"].parameters[0]
+    beyond = (effect.low - effect.neutral - 0.5,)
+    view = seen(design, 2, {"thrust_loss_port": beyond})
+    assert view.values(["thrust_loss_port"])["thrust_loss_port"] is None
+    names = searched(view)
+    assert "thrust_loss_port" not in names
+    assert view.possible(names)
+
+
+def test_a_barred_effect_is_not_named(design: Design) -> None:
+    view = seen(design, 4, SETS[3])
+    assert "heading_bias" not in searched(view, frozenset({"heading_bias"}))
+
+
+@pytest.mark.parametrize("factor", [1e-3, 57.3, 1e4])
+def test_nothing_depends_on_the_unit_of_a_parameter(design: Design, factor: float) -> None:
+    other = in_other_units(design, "ocean_current", factor)
+    data = design.data(np.random.default_rng(5), SETS[2])
+    before, after = (view_of(each.examination(data)) for each in (design, other))
+    for names in (["ocean_current"], ["ocean_current", "sway_bias"], ["heading_bias"]):
+        assert after.evidence(names) == pytest.approx(before.evidence(names), rel=1e-7)
+        assert after.fit(names).gain == pytest.approx(before.fit(names).gain, rel=1e-7)
+    np.testing.assert_allclose(
+        after.fit(["ocean_current"]).values * factor, before.fit(["ocean_current"]).values, rtol=1e-6
+    )
+
+
+def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
+    """Data with an effect taken off by the model, put back: the same fit and evidence."""
+    data = design.data(np.random.default_rng(6), SETS[1])
+    column = design.layout.of("heading_bias")[0]
+    examination = design.examination(data - 0.9 * design.columns[:, :, column])
+    moved = replace(examination, model=Model(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
+    before, after = view_of(design.examination(data), True), view_of(moved, True)
+    np.testing.assert_allclose(after.inner, before.inner, rtol=1e-7, atol=1e-7 * np.abs(before.inner).max())
+    mine, other = (stands(each, ("heading_bias",), "heading_bias") for each in (before, after))
+    assert other.gain == pytest.approx(mine.gain, rel=1e-6)
+    assert other.spread == pytest.approx(mine.spread, rel=1e-6)
+
+
+def test_gains_on_unseen_legs_are_those_of_a_fit_to_the_others(design: Design) -> None:
+    """Leg by leg, with nuisances of their own: the log density of each, written out."""
+    data = design.data(np.random.default_rng(7), SETS[1])
+    view = view_of(design.examination(data), by_leg=True)
+    column, prior = design.layout.of("heading_bias")[0], view.prior(["heading_bias"])[0]
+    gains = unseen_gains(view, (), ("heading_bias",))
+
+    def weighed(columns: Floats, z: Floats) -> tuple[float, float]:
+        N = columns[:, design.nuisance] * design.scale
+        solved = np.linalg.solve(np.eye(len(z)) + N @ N.T, np.column_stack([columns[:, column], z]))
+        return float(columns[:, column] @ solved[:, 0]), float(columns[:, column] @ solved[:, 1])
+
+    for leg in range(3):
+        others = [each for each in range(8) if each != leg]
+        information, say = weighed(
+            design.columns[others].reshape(-1, design.columns.shape[2]), data[others].ravel()
+        )
+        value = say / (information + prior**-2)
+        own_information, own_say = weighed(design.columns[leg], data[leg])
+        assert gains[leg] == pytest.approx(value * own_say - 0.5 * value**2 * own_information, rel=1e-5, abs=1e-8)
+
+
+def test_a_twin_is_a_rival_and_a_stranger_is_not(design: Design) -> None:
+    columns = design.columns.copy()
+    twin, own = design.layout.of("yaw_inertia")[0], design.layout.of("heading_bias")[0]
+    ratio = design.layout.prior[own - 1] / design.layout.prior[twin - 1]
+    columns[:, :, twin] = columns[:, :, own] * ratio * 1.001
+    alike = with_columns(design, columns)
+    view = seen(alike, 8, {"heading_bias": (0.8,)})
+    less = rivals_of(view, ("heading_bias",), "heading_bias")
+    assert abs(less["yaw_inertia"]) < 0.1
+    assert min(value for name, value in less.items() if name != "yaw_inertia") > 20.0

@@ -1,0 +1,94 @@
+"""What remains beyond the catalogue: chances that are what they say, and shapes that are found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from hybrid.diagnosis.name import view_of
+from hybrid.diagnosis.remainder import Remainder, families, remainders
+from hybrid.vessel.plant import Plant
+from tests.hybrid.diagnosis.examination_by_hand import Design, Floats, a_design
+
+DRAWS = 150
+
+
+@pytest.fixture(scope="module")
+def design(plant: Plant) -> Design:
+    """Eight legs."""
+    return a_design(plant, 8, 51)
+
+
+def judged(design: Design, data: Floats, names: tuple[str, ...] = ()) -> list[Remainder]:
+    """What remains of these data beside effects of these names."""
+    return remainders(view_of(design.examination(data), by_leg=True), names)
+
+
+@pytest.mark.parametrize("names", [(), ("ocean_current", "sway_bias")])
+def test_chances_of_families_are_what_they_say(design: Design, names: tuple[str, ...]) -> None:
+    """Nothing beyond what is granted: each family's chance, times their number, is uniform below one."""
+    effects = {"ocean_current": (0.2, 0.1), "sway_bias": (0.1,)} if names else {}
+    random = np.random.default_rng(52)
+    results = [judged(design, design.data(random, effects), names) for _ in range(DRAWS)]
+    number = len(results[0])
+    for family in families(design.examination(design.data(random))):
+        chances = np.array([
+            each.p_value for result in results for each in result
+            if (each.depends, each.what) == (family.depends, family.what)
+        ])  # fmt: skip
+        assert len(chances) == DRAWS
+        for level in (0.3, 1.0 - 1e-9):
+            low, high = binom.ppf([1e-5, 1.0 - 1e-5], DRAWS, level / number)
+            assert low <= (chances < level).sum() <= high
+    anything = sum(min(each.p_value for each in result) < 0.05 for result in results)
+    assert anything <= binom.ppf(0.9999, DRAWS, 0.05)
+
+
+def test_a_family_that_is_there_is_the_first_and_has_its_size(design: Design) -> None:
+    data, random = design.data(np.random.default_rng(53)), np.random.default_rng(54)
+    column = design.layout.beyond(2)[1]  # in yaw, on heading
+    size = 40.0
+    first = judged(design, data + size * design.columns[:, :, column])[0]
+    assert (first.depends, first.what) == ("heading", "yaw")
+    assert first.found
+    assert first.size == pytest.approx(size * 1e4, rel=0.2)  # in N m; the filter reckons in 10 kN m
+    column = design.layout.beyond(0)[4]
+    first = judged(design, design.data(random) - size * design.columns[:, :, column])[0]
+    assert (first.depends, first.what) == ("time", "surge")
+
+
+def test_a_bias_that_drifts_is_found_as_such(design: Design) -> None:
+    data = design.data(np.random.default_rng(55))
+    first = judged(design, data + 1.0 * design.columns[:, :, design.layout.first_varied])[0]
+    assert (first.depends, first.what) == ("time", "heading_bias")
+    assert first.size == pytest.approx(1.0, rel=0.3)
+    assert first.found
+
+
+def test_a_bias_that_drifts_by_nothing_that_matters_is_not_found(plant: Plant) -> None:
+    long = a_design(plant, 8, 56, sigmas=2000.0)
+    data = long.data(np.random.default_rng(57)) + 0.1 * long.columns[:, :, long.layout.first_varied]
+    drifts = next(each for each in judged(long, data) if each.what == "heading_bias")
+    assert drifts.p_value < 1e-3
+    assert not drifts.found
+
+
+def test_named_effects_take_their_part_away(design: Design) -> None:
+    """An effect fitted beside the families leaves them as they are; not fitted, they share it."""
+    data = design.data(np.random.default_rng(58))
+    with_current = data + design.columns[:, :, design.layout.of("ocean_current")[0]] * 0.5
+    before, after = (judged(design, each, ("ocean_current",)) for each in (data, with_current))
+    for one, other in zip(before, after, strict=True):
+        assert (one.depends, one.what) == (other.depends, other.what)
+        assert other.gain == pytest.approx(one.gain, rel=1e-4, abs=1e-6)
+
+
+def test_a_model_that_is_off_by_more_than_granted_is_told_so(design: Design) -> None:
+    """Forces of speeds and thrusters eight times what is granted."""
+    random = np.random.default_rng(59)
+    features = np.concatenate([design.layout.axis(axis) for axis in range(3)])
+    data = design.data(random) + design.columns[:, :, features] @ (30.0 * random.standard_normal(len(features)))
+    off = next(each for each in judged(design, data) if each.depends == "operating point")
+    assert off.found
+    assert off.size > 0.01
