@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow lint types benchmark benchmark-day benchmark-quality load soak fuzz check clean
+.PHONY: help install demo test test-slow lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ :/' | column -t -s:
@@ -41,6 +41,10 @@ benchmark-day: $(STAMP) ## 24 h of 13 channels at 20 Hz, from MCAP to held windo
 
 benchmark-quality: $(STAMP) ## false alarms on sound simulated trials, faults found in spoilt ones
 	$(BIN)/python tests/benchmarks/quality_trials.py 4
+
+benchmark-diagnosis: $(STAMP) ## hidden effects named blind, scored; a night (some ten minutes with SIZE=small)
+	$(BIN)/python -m tests.benchmarks.diagnosis_trials -o $(or $(RESULTS),diagnosis_$(or $(SIZE),full).jsonl) \
+	  --size $(or $(SIZE),full) --page docs/diagnosis_benchmark.md
 
 load: $(STAMP)   ## ten minutes of a saturated bus, a busy line and an autopilot: losses, CPU, memory
 	$(BIN)/python tests/benchmarks/recorder_load.py 600
