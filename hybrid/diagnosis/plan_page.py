@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE_FILE = "plan.html"
-_MOST = 1000.0  # twice the log likelihood: more than this is plenty in any picture
-_LEAST = 0.1
+_MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
+_LEAST = 1.0
 
 
 def write_page(plan: Plan, folder: Path) -> Path:

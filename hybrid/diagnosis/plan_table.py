@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import isfinite
 
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hybrid.diagnosis.plan import Part, Plan, Programme
+from hybrid.diagnosis.plan import Plan, Programme
 from hybrid.effects import Effect
 
 _MOST_PAIRS = 12
@@ -18,8 +17,8 @@ _MOST_PAIRS = 12
 def plan_tables(plan: Plan) -> RenderableType:
     """Both programmes, the size from which each effect is seen, and what could not be told apart."""
     return Group(
-        _parts("Your programme", plan.asked.parts),
-        _parts("A better one", plan.better.parts),
+        _parts("Your programme", plan.asked),
+        _parts("A better one", plan.better),
         Text(f"\n{heading_of(plan)}\n"),
         _limits(plan),
         _alike("Your programme", plan.asked),
@@ -50,15 +49,13 @@ def ordinary_text(effect: Effect) -> str:
     return limit_text(effect, size).removeprefix("<")
 
 
-def _parts(title: str, parts: Sequence[Part]) -> Table:
-    minutes = sum(part.minutes for part in parts)
-    table = Table(title=f"{title}, {minutes:g} minutes", title_justify="left", title_style="bold", box=None,
-                  show_header=False)  # fmt: skip
+def _parts(title: str, programme: Programme) -> RenderableType:
+    table = Table(box=None, show_header=False)
     table.add_column(justify="right", no_wrap=True)
     table.add_column()
-    for part in parts:
+    for part in programme.parts:
         table.add_row(f"{part.minutes:.3g} min", part.what)
-    return table
+    return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
 
 
 def _limits(plan: Plan) -> Table:
