@@ -21,6 +21,7 @@ from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.tolerance import ForceRange
 from hybrid.diagnosis.tolerated import tolerances
 from hybrid.diagnosis.whiten import columns_of
+from hybrid.diagnosis.words import listed, number, parameter_title, plain
 from hybrid.effects import Catalogue
 
 ALIKE = 4.5
@@ -138,7 +139,8 @@ def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...
 
 
 def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
-    effect = view.examination.model.catalogue[test.name]
+    model = view.examination.model
+    effect = model.catalogue[test.name]
     fit = view.fit(names)
     places = [fit.columns.index(column) for column in view.columns([test.name])]
     free = tuple(float(fit.values[place]) for place in places)
@@ -146,17 +148,13 @@ def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
     rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < ALIKE)
     alike = tuple(rival for _, rival in rivals)
     units = tuple(each.unit for each in effect.parameters)
+    values = model.values(test.name, free)
     words = ", ".join(
-        f"{each.name.rsplit('_', 1)[0] if each.unit != '1' else each.name} "
-        f"{each.neutral + value:.4g}{'' if each.unit == '1' else ' ' + each.unit} (± {1.96 * error:.2g})"
-        for each, value, error in zip(effect.parameters, free, errors, strict=True)
+        f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
+        f"{'' if each.unit == '1' else each.unit}".rstrip()
+        for each, error in zip(effect.parameters, errors, strict=True)
     )
-    sentence = f"The sensors contradict each other as with {test.name.replace('_', ' ')}: {words}"
+    sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
     if alike:
-        sentence += f"; without a ship model {_listed(alike)} would look the same"
+        sentence += f"; without a ship model {listed([plain(each) for each in alike], 'or')} would look the same"
     return Consistency(test.name, free, errors, units, test.p_value, alike, sentence + ".")
-
-
-def _listed(names: Sequence[str]) -> str:
-    words = [name.replace("_", " ") for name in names]
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " or " + words[-1]

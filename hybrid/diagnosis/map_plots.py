@@ -109,7 +109,7 @@ def cell_name(place: Place) -> str:
     if quantity in ("heading_deg", "relative_wind_deg"):
         return f"{0.5 * (low + high):.0f} ± {0.5 * (high - low):.0f}"
     scale = _MINUTE_S if quantity == "time_s" else 1.0
-    digits = 0 if max(abs(low), abs(high)) / scale >= 30.0 else 1 if high - low >= scale else 2
+    digits = 1 if max(abs(low), abs(high)) / scale >= 5.0 else 2
     return f"{_plain(low / scale, digits)} to {_plain(high / scale, digits)}"
 
 
@@ -119,7 +119,9 @@ def quantity_of(place: Place) -> str:
 
 
 def _plain(value: float, digits: int) -> str:
-    return f"{value:.{digits}f}".replace("-", "\u2212") if round(value, digits) else "0"
+    text = f"{value:.{digits}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return text.replace("-", "\u2212") if text != "-0" else "0"
 
 
 def _rows(places: Sequence[Place]) -> Rows:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.page import Page
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Place, Suspect
+from hybrid.diagnosis.words import listed, number, parameter_title, percent, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 PAGE_FILE = "report.html"
 
-_CELLS_SHOWN = 12
 _SMALL = 0.001
 
 
@@ -55,34 +55,25 @@ def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one plain sentence."""
-    names = [plain(each.name) for each in diagnosis.effects]
+    named = _named(diagnosis.effects)
     if diagnosis.verdict == "nothing_missing":
         return "Nothing is missing that this trial could show"
     if diagnosis.verdict == "unknown":
-        beside = f"The model lacks {listed(names)}, and something" if names else "The model lacks something"
-        return f"{beside} that no effect of the catalogue explains"
+        return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
     if diagnosis.verdict == "indistinguishable":
         groups = [listed([plain(name) for name in group], "or") for group in diagnosis.indistinguishable]
-        return f"The model lacks {listed(groups)}: this trial cannot say which"
-    return f"The model lacks {listed(names)}"
+        return f"This trial cannot say which is missing: {'; '.join(groups)}"
+    return named
 
 
-def plain(name: str) -> str:
-    """An effect's or a channel's name for people.
-
-    >>> plain("ocean_current")
-    'ocean current'
-    """
-    return name.replace("_", " ")
-
-
-def listed(words: Sequence[str], last: str = "and") -> str:
-    """Words as a sentence lists them.
-
-    >>> listed(["trim", "skeg", "loading"])
-    'trim, skeg and loading'
-    """
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
+def _named(effects: Sequence[NamedEffect]) -> str:
+    """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
+    lacks = [plain(each.name) for each in effects if each.kind != "sensor"]
+    shown = [plain(each.name) for each in effects if each.kind == "sensor"]
+    parts = [f"the model lacks {listed(lacks)}"] if lacks else []
+    parts += [f"the sensors show {listed(shown)}"] if shown else []
+    sentence = ", and ".join(parts)
+    return sentence[:1].upper() + sentence[1:]
 
 
 def _about(diagnosis: Diagnosis) -> str:
@@ -100,8 +91,8 @@ def _headline(diagnosis: Diagnosis) -> dict[str, str]:
         "what noise alone leaves": f"{gap.floor_m:.2f} m",
     }
     if diagnosis.effects:
-        figures["of what could be closed is closed"] = f"{gap.closed:.0%}"
-    figures["of the force range granted to the model"] = f"{diagnosis.tolerance:.1%}"
+        figures["of what could be closed is closed"] = f"{percent(gap.closed)}"
+    figures["of the force range granted to the model"] = f"{percent(diagnosis.tolerance)}"
     return figures
 
 
@@ -128,11 +119,17 @@ def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
     effects = diagnosis.effects
     if not effects:
         return
-    page.heading("What the model lacks")
+    page.heading("What was named")
     for each in effects:
         page.statement(plain(each.name), _certainty(each), each.sentence)
     rows = [
-        [plain(each.name), plain(name), number(estimate.value), _interval(estimate), unit_of(estimate)]
+        [
+            plain(each.name),
+            parameter_title(name, estimate.unit),
+            number(estimate.value),
+            _interval(estimate),
+            unit_of(estimate),
+        ]
         for each in effects
         for name, estimate in each.parameters.items()
     ]
@@ -148,10 +145,10 @@ def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
 
 
 def _certainty(effect: NamedEffect) -> str:
-    kind = {"physics": "physics", "actuator": "thrusters", "sensor": "a sensor"}.get(effect.kind, effect.kind)
+    family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
     return (
-        f"{effect.family}, {kind}; {effect.share_of_gap:.0%} of the gap; by chance {_chance(effect.p_value)}; "
-        f"log evidence {effect.evidence:.3g}"
+        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {_chance(effect.p_value)}; "
+        f"log evidence {number(effect.evidence)}"
     )
 
 
@@ -165,7 +162,7 @@ def _add_unknown(page: Page, diagnosis: Diagnosis) -> None:
     if unknown is None:
         page.text("Nothing that stands out of the noise and of what the model is granted.")
         return
-    page.note(f"It looks like {unknown.looks_like}; it keeps {unknown.share_of_gap:.0%} of the gap open.")
+    page.note(f"It looks like {unknown.looks_like}; it keeps {percent(unknown.share_of_gap)} of the gap open.")
     if unknown.where:
         page.text(f"It goes with {listed([plain(each) for each in unknown.where])}.")
 
@@ -187,8 +184,8 @@ def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
         page.figure(
             draw,
             (8, 0.9 + 0.36 * count),
-            "How much log evidence each rival lacks against what was named in its place. Left of the line the trial "
-            "cannot tell the two apart.",
+            "How much log evidence each rival lacks against what was named in its place. Left of the line the "
+            "trial cannot tell the two apart.",
         )
     after = diagnosis.next_manoeuvre
     if after is not None:
@@ -322,13 +319,10 @@ def _add_granted(page: Page, diagnosis: Diagnosis) -> None:
     page.heading("What was granted, and what was said on the way")
     known = dict(diagnosis.provenance)
     extent, noise = known.pop("force_range", None), known.pop("noise", None)
-    rows = [["tolerance", f"{diagnosis.tolerance:.1%} of the range of the forces in the trial"]]
+    rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
     if extent:
-        share = diagnosis.tolerance
-        rows.append(
-            ["which is", f"{number(share * extent['surge_n'] / 1e3)} kN ahead, {number(share * extent['sway_n'] / 1e3)}"
-             f" kN across, {number(share * extent['yaw_nm'] / 1e3)} kN m in yaw"]
-        )  # fmt: skip
+        kilo = [number(diagnosis.tolerance * extent[name] / 1e3) for name in ("surge_n", "sway_n", "yaw_nm")]
+        rows.append(["which is", f"{kilo[0]} kN ahead, {kilo[1]} kN across, {kilo[2]} kN m in yaw"])
     rows += [[plain(str(key)), _words(value)] for key, value in known.items()]
     page.table(["", ""], rows, words=True)
     for each in diagnosis.remarks:
@@ -344,17 +338,6 @@ def _words(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_words(each) for each in value)
     return number(value) if isinstance(value, float) else str(value)
-
-
-def number(value: float) -> str:
-    """Three figures, without exponents where people read none.
-
-    >>> number(-0.01234), number(12345.6)
-    ('−0.0123', '12,346')
-    """
-    size = abs(value)
-    text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
-    return text.replace("-", "\u2212") if "e" not in text else text
 
 
 def unit_of(estimate: Estimate) -> str:

@@ -13,6 +13,7 @@ from matplotlib.ticker import FuncFormatter
 
 from analysis.plots import FAINT, INK, PALETTE
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
+from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
 from hybrid.plots import title_of
 from hybrid.reproduction.plots import plain_numbers, start_frame
@@ -48,7 +49,7 @@ def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> li
     families = [family for family in FAMILIES if any(each.family == family for each in shown)]
     handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
-    axes.grid(visible=False, axis="y")
+    _on_grid(axes)
     return [*bars]
 
 
@@ -60,7 +61,8 @@ def parameters(figure: Figure, effects: Sequence[NamedEffect]) -> list[Artist]:
         figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
     ):
         artists += _interval(axes, estimate, FAMILY_COLOUR.get(effect.family, INK))
-        axes.set_yticks([0.0], [f"{title_of(effect.name)}\n{title_of(name)}"])
+        title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
+        axes.set_yticks([0.0], [f"{title_of(effect.name)}\n{title}"])
     return artists
 
 
@@ -73,7 +75,6 @@ def _interval(axes: Axes, estimate: Estimate, colour: str) -> list[Artist]:
     axes.margins(x=0.15)
     axes.set_ylim(-1.0, 1.0)
     axes.locator_params(axis="x", nbins=7)
-    axes.set_xlabel(f"[{estimate.unit}]", loc="right", labelpad=0.0)
     axes.grid(visible=False, axis="y")
     return [drawn.lines[0]]
 
@@ -95,7 +96,7 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
     axes.set_xlabel("log evidence that it lacks")
     handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
-    axes.grid(visible=False, axis="y")
+    _on_grid(axes)
     return [*bars, line]
 
 
@@ -105,13 +106,13 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     could = whole.before_m - whole.floor_m
     steps = [(title_of(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
              for each in diagnosis.effects]  # fmt: skip
-    names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [BEFORE]
+    names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [INK]
     level = whole.before_m
     for name, fall, colour in steps:
         names, starts, widths = [*names, name], [*starts, level - fall], [*widths, fall]
         colours, level = [*colours, colour], level - fall
     names, starts = [*names, "after", "floor"], [*starts, 0.0, 0.0]
-    widths, colours = [*widths, whole.after_m, whole.floor_m], [*colours, AFTER, FAINT]
+    widths, colours = [*widths, whole.after_m, whole.floor_m], [*colours, INK, FAINT]
     bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 else "\u2212"
@@ -120,7 +121,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlim(0.0, 1.18 * max(whole.before_m, whole.after_m, 1e-6))
     axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
-    axes.grid(visible=False, axis="y")
+    _on_grid(axes)
     return [*bars]
 
 
@@ -176,6 +177,12 @@ def chosen_windows(tracks: Tracks) -> dict[str, int]:
         "improved most": int(np.argmax(before - after)),
         "worst after": int(np.argmax(after)),
     }
+
+
+def _on_grid(axes: Axes) -> None:
+    """Bars that lie on the grid, not under it."""
+    axes.set_axisbelow(True)
+    axes.grid(visible=False, axis="y")
 
 
 def distances_m(track: Floats, measured: Floats) -> Floats:

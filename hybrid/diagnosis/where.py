@@ -8,7 +8,7 @@ how they scatter from leg to leg says what that is worth. A map for people: nami
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm, t
@@ -17,7 +17,7 @@ from hybrid.diagnosis.cells import LEAST_S, Cell, cells_of, quantities
 from hybrid.diagnosis.evidence import Ints, fitted, reduced
 from hybrid.diagnosis.examine import Examination, products_of
 from hybrid.diagnosis.linearise import Signature
-from hybrid.diagnosis.noise import FORCE_UNITS
+from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.reconstruct import reconstructed
 from hybrid.diagnosis.result import Place
 from hybrid.diagnosis.tolerated import WIND_MPS, wind_errors
@@ -32,6 +32,7 @@ SIGNIFICANT = 0.05
 
 _MOST, _LEAST = 40, 10
 _ENOUGH_LEGS = 10
+_SLOW_S = 60.0
 _DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
 _WIDE = 10.0  # times the force range: what a cell's force may be before any data
 
@@ -68,8 +69,14 @@ def map_of(examination: Examination, repaired: bool = False) -> Map:
     cells = cells_of(log, linear.origin)
     granted, scale = _granted(examination)
     places = _forces(examination, data, cells, granted, scale) + _errors(examination, data, cells, granted, scale)
-    force = reconstructed(linear, data, examination.noise, log.edges)[0][:, 6:]
+    force = reconstructed(linear, data, _any_force(examination), log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
+
+
+def _any_force(examination: Examination) -> Noise:
+    """The noise with a slow force that may be as large as the trial's own forces, so that none is held back."""
+    surge, sway, yaw = (float(each) for each in examination.range.as_array())
+    return replace(examination.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
 
 
 def _without_effects(examination: Examination) -> Columns:

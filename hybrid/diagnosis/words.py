@@ -1,0 +1,52 @@
+"""Names and numbers of a diagnosis as people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def plain(name: str) -> str:
+    """An effect's or a channel's name for people.
+
+    >>> plain("ocean_current")
+    'ocean current'
+    """
+    return name.replace("_", " ")
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Words as a sentence lists them.
+
+    >>> listed(["trim", "skeg", "loading"])
+    'trim, skeg and loading'
+    """
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
+
+
+def number(value: float) -> str:
+    """Three figures, without exponents where people read none.
+
+    >>> number(-0.01234), number(12345.6)
+    ('−0.0123', '12,346')
+    """
+    size = abs(value)
+    text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
+    return text.replace("-", "\u2212") if "e" not in text else text
+
+
+def percent(share: float) -> str:
+    """A share in whole percent, or one figure below ten.
+
+    >>> percent(0.834), percent(0.01)
+    ('83 %', '1 %')
+    """
+    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{100.0 * share:.2g} %"
+
+
+def parameter_title(name: str, unit: str) -> str:
+    """A parameter's name without its unit.
+
+    >>> parameter_title("time_constant_s", "s"), parameter_title("resistance_factor", "1")
+    ('time constant', 'resistance factor')
+    """
+    return plain(name if unit == "1" or "_" not in name else name.rsplit("_", 1)[0])
