@@ -19,13 +19,13 @@ _SEEDS = 8
 _OWN_EVERY = 10
 _VARIATIONS: tuple[dict[str, Any], ...] = (
     {},
-    {"model_error_percent": 2.0, "model_error_form": "coefficients"},
-    {"model_error_percent": 2.0, "model_error_form": "polynomial"},
+    {"model_error_percent": 1.3, "model_error_form": "coefficients"},
+    {"model_error_percent": 1.3, "model_error_form": "polynomial"},
     {"noise": 2.0},
     {"correlated": True},
     {"outliers": 0.01},
     {"gaps": 0.03},
-    {"rate_hz": 2.0, "model_error_percent": 2.0},
+    {"rate_hz": 2.0, "model_error_percent": 2.0, "model_error_form": "coefficients"},
     {"rate_hz": 1.0},
     {"outliers": 0.01, "gaps": 0.03, "noise": 2.0},
     {"correlated": True, "model_error_percent": 2.0, "model_error_form": "polynomial"},

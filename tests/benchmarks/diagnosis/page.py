@@ -74,10 +74,16 @@ def _scores(results: Sequence[Result]) -> list[Row]:
     strong = named_alone(groups["singles"])
     alike = [each for each in groups["singles"] if each["multiple"] >= STRONG and each["rivals"]]
     weak = [each for each in groups["singles"] if each["multiple"] < STRONG]
+    off = [
+        against_tolerance(each, each["truth"]["model_error"]["error_rms"])
+        for each in groups["nothing"]
+        if each["model_error_percent"] > 0.0
+    ]
     hidden = [*groups["singles"], *groups["pairs"], *groups["triples"]]
     return [
         ("nothing hidden: an effect named", str(share(groups["nothing"], names_something)), "at most 3 %"),
         ("nothing hidden: `unknown`", str(share(groups["nothing"], says_unknown)), ""),
+        ("nothing hidden: model error, rms, median of those that have one", _tolerances(off), ""),
         ("singles at 1.2 times the limit: something missing", str(share(weak, detected)), "90 %"),
         ("singles at 2 times and more: named, nothing else", str(share(strong, exact)), "95 %"),
         ("singles at 2 times and more: right family", str(share(strong, right_family)), "98 %"),
@@ -97,8 +103,7 @@ def _scores(results: Sequence[Result]) -> list[Row]:
 
 def _outside_scores(results: Sequence[Result]) -> list[Row]:
     outside, without = of_group(results, "outside"), of_group(results, "without")
-    ratios = [against_tolerance(each) for each in outside]
-    size = f"{np.median(ratios):.2g} times the tolerance" if ratios else "no case"
+    size = _tolerances([against_tolerance(each, each["truth"]["outside_rms"]) for each in outside])
     unknown = [each for each in outside if says_unknown(each)]
     return [
         ("outside the catalogue: `unknown`", str(share(outside, says_unknown)), "90 %"),
@@ -112,6 +117,10 @@ def _outside_scores(results: Sequence[Result]) -> list[Row]:
         ("taken out of the catalogue: named in the right family", str(share(without, right_family)), ""),
         ("taken out of the catalogue: nothing said", str(share(without, lambda each: not detected(each))), ""),
     ]
+
+
+def _tolerances(ratios: Sequence[float]) -> str:
+    return f"{np.median(ratios):.2g} times the tolerance (at most {max(ratios):.2g})" if ratios else "no case"
 
 
 def _design_scores(results: Sequence[Result]) -> list[Row]:

@@ -187,7 +187,7 @@ def gap_closed(result: Result) -> float:
     return float(result["said"]["gap"]["closed"])
 
 
-def against_tolerance(result: Result) -> float:
-    """How large the forces outside the catalogue were in units of the tolerance, where they were largest."""
-    ratio = np.array(result["truth"]["outside_rms"]) / np.array(result["said"]["force_range"])
+def against_tolerance(result: Result, rms: Sequence[float]) -> float:
+    """How large forces [N, N, N m] were in units of the tolerance, on the axis on which they were largest."""
+    ratio = np.array(rms) / np.array(result["said"]["force_range"])
     return float(ratio.max()) / float(result["tolerance"])

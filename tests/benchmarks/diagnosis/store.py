@@ -45,6 +45,8 @@ def carried_out(
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context) as pool, path.open("a", encoding="utf-8") as file:
+        if file.tell() and not path.read_bytes().endswith(b"\n"):
+            file.write("\n")  # the last line was cut off in writing
         futures = [pool.submit(done, job) for job in waiting]
         for number, future in enumerate(as_completed(futures)):
             result = future.result()

@@ -8,7 +8,7 @@ python -m tests.benchmarks.diagnosis_trials -o results.jsonl --size {size} --pag
 ```
 
 simulates trials with effects hidden in them, has each diagnosed from its 13 channels alone, and compares what was
-said with the truth afterwards. This page is written by that command: size `{size}`, {cases} cases, Seatrial
+said with the truth afterwards. This page is written by that command: size `{size}`, {cases} cases,
 {version}, catalogue version {catalogue} with {effects} effects, tolerance 1 %.
 In brackets: how many of how many, and the exact 95 % interval (Clopper and Pearson 1934) in percent."""
 
@@ -26,8 +26,8 @@ shows.
 
 - **nothing**: seas from calm to rough, five programmes; the model exact, or off in the forms of coefficients or
   of a polynomial; sensor noise as usual and doubled, correlated noise, 1 % outliers, 3 % gaps, 1, 2 and 10 Hz.
-  The model error of 2 % is of the root mean square of the thrusters' forces: about 1 % of their range, the
-  tolerance.
+  The simulator's percentage is of the root mean square of the thrusters' forces, which is less than their range:
+  1.3 % brings the error to about the tolerance of 1 % of the range, 2 % beyond it.
 - **singles**: each effect of the catalogue at 1.2, 2 and 4 times the limit predicted for a trial of that kind,
   the size that nine of ten such trials show. Sign and direction are drawn. An effect whose limit is beyond five
   times its ordinary size, or whose size would be out of bounds, cannot be identified by that trial and is no
