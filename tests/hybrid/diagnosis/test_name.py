@@ -61,7 +61,7 @@ def test_parameters_are_within_their_intervals(design: Design) -> None:
     effects, names = SETS[3], tuple(SETS[3])
     truth = np.array([number for free in effects.values() for number in free])
     distances = []
-    for seed in range(150):
+    for seed in range(100):
         fit = seen(design, seed, effects).fit(names)
         off = fit.values - truth
         distances.append(float(off @ np.linalg.solve(fit.covariance, off)))
@@ -71,7 +71,7 @@ def test_parameters_are_within_their_intervals(design: Design) -> None:
 @pytest.mark.parametrize(("legs", "name"), [(3, "ocean_current"), (3, "sway_bias")])
 def test_chances_are_uniform_where_nothing_is_hidden(plant: Plant, legs: int, name: str) -> None:
     few = a_design(plant, legs, 42)
-    chances = np.array([stands(seen(few, seed, by_leg=True), (name,), name).p_value for seed in range(150)])
+    chances = np.array([stands(seen(few, seed, by_leg=True), (name,), name).p_value for seed in range(100)])
     alone = 1.0 - (1.0 - chances) ** (1.0 / len(SMALL_CATALOGUE))  # of one effect, not of any of them
     assert kstest(alone, "uniform").pvalue > 1e-3
 
@@ -79,7 +79,7 @@ def test_chances_are_uniform_where_nothing_is_hidden(plant: Plant, legs: int, na
 def test_legs_that_scatter_never_make_a_chance_smaller(design: Design) -> None:
     """With many legs their scatter is looked at too: fewer small chances than there could be, never more."""
     chances = np.array(
-        [stands(seen(design, s, by_leg=True), ("sway_bias",), "sway_bias").p_value for s in range(150)]
+        [stands(seen(design, s, by_leg=True), ("sway_bias",), "sway_bias").p_value for s in range(100)]
     )
     alone = 1.0 - (1.0 - chances) ** (1.0 / len(SMALL_CATALOGUE))
     for level in (0.01, 0.05, 0.2, 0.5):
@@ -88,7 +88,7 @@ def test_legs_that_scatter_never_make_a_chance_smaller(design: Design) -> None:
 
 def test_the_likeliest_of_all_effects_is_a_false_alarm_as_seldom_as_stated(design: Design) -> None:
     """Over draws of nothing: any effect by itself below the level at which it would be named."""
-    alarms, draws = 0, 400
+    alarms, draws = 0, 300
     for seed in range(draws):
         view = seen(design, seed)
         alarms += any(view.chance(view.fit([each]).gain, len(view.columns([each]))) < 0.05 for each in view.names)
@@ -100,11 +100,11 @@ def test_the_likeliest_of_all_effects_is_a_false_alarm_as_seldom_as_stated(desig
 def test_nothing_is_found_where_nothing_is(design: Design) -> None:
     """Searched and tested: a share of false alarms that the level allows."""
     named = 0
-    for seed in range(60):
+    for seed in range(30):
         view = seen(design, seed, by_leg=True)
         names = searched(view)
         named += any(stands(view, names, name).accepted for name in names)
-    assert named <= binom.ppf(0.9999, 60, FALSE_ALARM)
+    assert named <= binom.ppf(0.9999, 30, FALSE_ALARM)
 
 
 def test_an_effect_that_only_one_leg_shows_is_not_accepted(design: Design) -> None:

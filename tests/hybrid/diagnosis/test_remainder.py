@@ -11,7 +11,7 @@ from hybrid.diagnosis.remainder import Remainder, families, remainders
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import Design, Floats, a_design
 
-DRAWS = 150
+DRAWS = 100
 
 
 @pytest.fixture(scope="module")

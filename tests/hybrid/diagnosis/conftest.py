@@ -1,0 +1,40 @@
+"""Trials of the other simulator, diagnosed; each once in a session."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from hybrid.diagnosis.examine import settled
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.log import log_of
+from hybrid.diagnosis.name import Naming, named
+from hybrid.effects import CATALOGUE
+from hybrid.vessel.plant import Plant
+from tests.benchmarks.other_ship.trial import make_trial
+
+Diagnosed = Callable[..., Naming]
+TOLERANCE = 0.01
+
+
+@pytest.fixture(scope="session")
+def diagnosed(plant: Plant) -> Diagnosed:
+    """What is named in a trial; keywords as those of the simulator, one asked for before is given again."""
+
+    def naming(**trial: Any) -> Naming:
+        table, _ = make_trial(**trial)
+        model = Model(plant, CATALOGUE)
+        log, noise = settled(log_of([table]), model, TOLERANCE)
+        return named(log, model, TOLERANCE, noise)
+
+    known: dict[str, Naming] = {}
+
+    def once(**trial: Any) -> Naming:
+        key = repr(trial)
+        if key not in known:
+            known[key] = naming(**trial)
+        return known[key]
+
+    return once

@@ -1,0 +1,69 @@
+"""From a recorded table to names, on trials that another simulator made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hybrid.diagnosis.name import Naming
+from hybrid.diagnosis.remainder import remainders
+from tests.hybrid.diagnosis.conftest import Diagnosed
+
+Floats = NDArray[np.float64]
+CURRENT = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 200.0}}
+SHORT_S = 1200.0
+
+
+def standard_error(naming: Naming, name: str) -> Floats:
+    """Of the free coordinates of a named effect."""
+    fit = naming.view.fit(naming.names)
+    places = [fit.columns.index(column) for column in naming.view.columns([name])]
+    return np.sqrt(np.diag(fit.covariance)[places])
+
+
+def error(naming: Naming, name: str, **truth: float) -> Floats:
+    """Estimate less truth in free coordinates."""
+    fit, model = naming.view.fit(naming.names), naming.view.examination.model
+    places = [fit.columns.index(column) for column in naming.view.columns([name])]
+    return np.asarray(fit.values[places] - np.array(model.catalogue[name].free(truth)))
+
+
+def test_a_current_is_named_with_its_speed_and_direction(diagnosed: Diagnosed) -> None:
+    naming = diagnosed(seed=3, hidden=CURRENT, sea="calm", duration_s=SHORT_S)
+    assert naming.names == ("ocean_current",)
+    off, sigma = error(naming, "ocean_current", **CURRENT["ocean_current"]), standard_error(naming, "ocean_current")
+    assert (np.abs(off) < 4.0 * sigma + 0.002).all()
+    assert sigma.max() < 0.01
+    assert naming.tests["ocean_current"].accepted
+
+
+@pytest.mark.slow
+def test_nothing_is_named_where_nothing_is_hidden(diagnosed: Diagnosed) -> None:
+    naming = diagnosed(seed=4, hidden={}, sea="calm", duration_s=SHORT_S)
+    assert naming.names == ()
+    view = naming.view
+    assert view.inner[0, 0] == pytest.approx(view.examination.products.rows.sum(), rel=0.15)
+    assert not any(each.found for each in remainders(view, ()))
+
+
+@pytest.mark.slow
+def test_a_biased_compass_is_named_in_a_sea(diagnosed: Diagnosed) -> None:
+    naming = diagnosed(seed=5, hidden={"heading_bias": {"angle_deg": 1.5}}, sea="gentle", duration_s=SHORT_S)
+    assert naming.names == ("heading_bias",)
+    assert np.abs(error(naming, "heading_bias", angle_deg=1.5)) < 4.0 * standard_error(naming, "heading_bias")
+
+
+@pytest.mark.slow
+def test_two_effects_at_once_are_both_named(diagnosed: Diagnosed) -> None:
+    pair = {**CURRENT, "thrust_loss_port": {"fraction": 0.15}}
+    naming = diagnosed(seed=6, hidden=pair, sea="calm", duration_s=1800.0)
+    assert set(naming.names) == set(pair)
+
+
+@pytest.mark.slow
+def test_a_moment_that_hangs_on_heading_is_no_effect_of_the_catalogue(diagnosed: Diagnosed) -> None:
+    """A yaw moment of sin 4 psi: found beyond the catalogue, in yaw, on heading."""
+    naming = diagnosed(seed=7, hidden={}, outside={"yaw_moment_4psi": 6e4}, sea="calm", duration_s=3600.0)
+    found = [each for each in remainders(naming.view, naming.names) if each.found]
+    assert (found[0].depends, found[0].what) == ("heading", "yaw")
