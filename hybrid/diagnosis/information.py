@@ -15,11 +15,11 @@ from math import expm1, inf, log, log1p, sqrt
 import numpy as np
 from scipy.linalg import lapack
 from scipy.optimize import brentq
-from scipy.stats import chi2, ncx2, norm
+from scipy.stats import chi2, ncx2, norm, t
 
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.name import FALSE_ALARM
+from hybrid.diagnosis.name import FALSE_ALARM, UNSEEN
 from hybrid.effects import Catalogue, Effect
 from hybrid.vessel.compiling import Floats
 
@@ -145,10 +145,21 @@ def limits(examination: Examination) -> dict[str, float]:
     The distance of the first parameter from its neutral value; the largest for one that is absent at infinity.
     Of an effect with a direction, in the worst. Infinite (0 for the latter) where no possible size would do.
     """
-    return {
-        name: as_parameter(examination.model.catalogue[name], size)
-        for name, size in free_limits(information_of(examination)).items()
-    }
+    information, legs = information_of(examination), legs_of(examination)
+    seen = free_limits(information)
+    result = {}
+    for name, effect in examination.model.catalogue.items():
+        own = information.columns[name]
+        again = predicted_limit(information, name, legs[:, own[:, None], own])
+        result[name] = as_parameter(effect, max(seen[name], again))
+    return result
+
+
+def legs_of(examination: Examination) -> Floats:
+    """The information of all effects' coordinates in each leg by itself [L, P, P]."""
+    kept = 1 + np.arange(len(examination.layout.effect))
+    nuisance, scale = examination.nuisance, examination.nuisance_scale
+    return np.array([reduced(leg, kept, nuisance, scale)[0] for leg in examination.products.legs])
 
 
 def as_parameter(effect: Effect, size: float) -> float:
@@ -184,6 +195,30 @@ def _shape(effect: Effect) -> Floats:
     if len({each.unit for each in effect.parameters}) == 1 or effect.chart != "linear":
         return np.ones(len(effect.free_scale))
     return np.asarray(np.array(effect.free_scale) / effect.free_scale[0])
+
+
+def predicted_limit(information: Information, name: str, legs: Floats) -> float:
+    """How large an effect must be, in free coordinates, for its gains on unseen legs to be no chance (Student).
+
+    ``legs`` [L, d, d] is its information in each. A leg gains half its noncentrality, with the noncentrality as
+    variance; and legs that say little beside legs that say much are scatter, too. Infinite where the latter alone
+    hides any size: an effect that shows in one leg of many is not predicted by the others.
+    """
+    shape = _shape(information.catalogue[name])
+    direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
+    each = np.einsum("i,lij,j->l", direction, legs, direction)
+    count, total = len(each), float(each.sum())
+    if count < 2 or total <= 0.0:
+        return inf
+    level, margin = float(t.isf(UNSEEN, count - 1)), float(norm.ppf(POWER))
+    uneven = float(each.var(ddof=1)) * count / total**2 / 4.0
+    # (x / 2 - margin)^2 = level^2 (1 + uneven x^2), with x^2 the noncentrality of all legs
+    leading = 0.25 - level**2 * uneven
+    if leading <= 0.0:
+        return inf
+    constant = margin**2 - level**2
+    root = (margin + sqrt(max(0.0, margin**2 - 4.0 * leading * constant))) / (2.0 * leading)
+    return root / sqrt(total)
 
 
 def needed_gain(relative: Floats, effects: int) -> float:
