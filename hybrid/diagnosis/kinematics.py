@@ -15,7 +15,7 @@ import numpy as np
 
 from hybrid.diagnosis.examine import Examination, Layout, products_of
 from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.name import Tested, View, moved_to, rivals_of, searched, tested, view_of
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.tolerance import ForceRange
@@ -23,6 +23,7 @@ from hybrid.diagnosis.tolerated import tolerances
 from hybrid.diagnosis.whiten import columns_of
 from hybrid.diagnosis.words import listed, number, parameter_title, plain
 from hybrid.effects import Catalogue
+from hybrid.vessel.compiling import Floats
 
 ALIKE = 4.5
 """Log odds within which another sensor's error explains a contradiction as well (2 d log L < 9)."""
@@ -105,8 +106,8 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
-    moved = reported(log, model.plant(), linear.origin) - reported(log, plain, linear.origin)
-    linear = replace(linear, observed=linear.observed - moved)
+    seen = reported(log, model.plant(), linear.origin) + _between(log, linear.origin)
+    linear = replace(linear, observed=log.measured - seen)
     effects = signatures(log, model, linear.origin, list(model.catalogue))
     granted = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
@@ -128,6 +129,29 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
     return Examination(
         log, model, linear, tuple(effects), none, 0.0, loose, layout, products, 1 + some, granted[some]
     )
+
+
+def _between(log: Log, origin: Floats) -> Floats:
+    """How the mean state at the samples' times differs from that at the full second [T, 6], by kinematics alone.
+
+    From second to second speeds change evenly; a ship model that lacks a force would bend them.
+    """
+    inside = np.diff(log.block) == 0
+    gained = np.diff(origin[:, 3:], axis=0) * inside[:, None]
+    ahead, behind = np.vstack([gained, np.zeros((1, 3))]), np.vstack([np.zeros((1, 3)), gained])
+    first, last = np.append(True, ~inside), np.append(~inside, True)
+    ahead[last], behind[first] = behind[last], ahead[first]
+    around = np.empty((len(log), STEPS_PER_SECOND + 1, 6))
+    for quarter in range(STEPS_PER_SECOND + 1):
+        tau = quarter / STEPS_PER_SECOND - 0.5
+        change = behind if tau < 0.0 else ahead
+        u, v, r = (origin[:, 3:] + 0.5 * tau * change).T  # the mean over the way there
+        psi = origin[:, 2] + 0.5 * tau * (origin[:, 5] + 0.25 * tau * change[:, 2])
+        around[:, quarter, 0] = tau * (u * np.cos(psi) - v * np.sin(psi))
+        around[:, quarter, 1] = tau * (u * np.sin(psi) + v * np.cos(psi))
+        around[:, quarter, 2] = tau * r
+        around[:, quarter, 3:] = tau * change
+    return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
 
 
 def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]]) -> bool:

@@ -20,7 +20,7 @@ HIDDEN = {
     "sway_bias": {"speed_mps": 0.12},
     "yaw_rate_bias": {"rate_dps": 0.05},
     "yaw_rate_scale": {"factor": 1.05},
-    "position_delay": {"seconds": 1.0},
+    "position_delay": {"seconds": 0.5},
     "heading_delay": {"seconds": 0.5},
     "position_antenna_offset": {"forward_m": 3.0, "starboard_m": -1.0},
 }
