@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from threadpoolctl import threadpool_limits
 
 from hybrid.diagnosis.examine import settled
 from hybrid.diagnosis.linearise import Model
@@ -17,6 +18,13 @@ from tests.benchmarks.other_ship.trial import make_trial
 
 Diagnosed = Callable[..., Naming]
 TOLERANCE = 0.01
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """Linear algebra on one thread: the matrices here are small, and threads that wait for each other are slow."""
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 @pytest.fixture(scope="session")
