@@ -71,7 +71,7 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> list[A
     if quantity in ("heading_deg", "relative_wind_deg"):
         middle = middle % 360.0
     error = np.array([each.error for each in cells]) / _KILO
-    reach = 1.96 * np.abs(error / np.array([each.z for each in cells]))
+    reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
     drawn = axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xlabel(QUANTITIES[quantity])

@@ -1,0 +1,110 @@
+"""Diagnoses that nobody made: every verdict, with values that a page can be searched for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hybrid.diagnosis.result import (
+    Diagnosis,
+    Estimate,
+    Gap,
+    Manoeuvre,
+    NamedEffect,
+    Place,
+    Rival,
+    Suspect,
+    Tracks,
+    Unexplained,
+)
+from hybrid.diagnosis.where import FORCES, Map
+
+CURRENT = NamedEffect(
+    "ocean_current", "environment", "physics",
+    {"speed_mps": Estimate(0.35, 0.34, 0.36, "m/s"), "direction_deg": Estimate(205.0, 203.0, 207.0, "deg")},
+    0.6, 1e-9, 812.0, "The ship drifts with a current of 0.350 m/s towards 205 deg (0.340-0.360; 203-207).",
+)  # fmt: skip
+BIAS = NamedEffect(
+    "heading_bias", "sensor", "sensor", {"angle_deg": Estimate(-1.5, -1.7, -1.3, "deg")}, 0.3, 2e-4, 31.0,
+    "The compass reads 1.50 deg too little (-1.70 to -1.30).",
+)  # fmt: skip
+SUSPECTS = (
+    Suspect("ocean_current", "environment", 800.0, 1e-9, 0.01, "m/s"),
+    Suspect("wave_drift", "environment", 90.0, 1e-7, 450.0, "N"),
+    Suspect("heading_bias", "sensor", 12.0, 1e-3, 0.15, "deg"),
+    Suspect("trim", "hull", -3.5, 1.0, float("nan"), "m"),
+)
+
+
+def tracks(windows: int = 6, horizon_s: int = 15) -> Tracks:
+    """Turns of several rates: the model before errs aside by a share of the time, after by a tenth of that."""
+    seconds = np.arange(horizon_s + 1.0)
+    rate = np.linspace(-0.03, 0.03, windows)[:, None]
+    heading = 0.5 + rate * seconds
+    measured = np.stack([4.0 * seconds * np.cos(heading), 4.0 * seconds * np.sin(heading), heading], axis=2)
+    aside = (0.02 * (1.0 + np.arange(windows)))[:, None] * seconds
+    before, after, still = measured.copy(), measured.copy(), measured.copy()
+    before[:, :, 1] += aside
+    after[:, :, 1] += 0.1 * aside
+    still[:, :, 0] -= 2.0 * aside
+    return Tracks(measured, before, after, still, np.arange(windows) // 2, 15 * np.arange(windows))
+
+
+def named() -> Diagnosis:
+    """A current and a heading bias, with one far rival."""
+    return Diagnosis(
+        verdict="named",
+        tolerance=0.01,
+        effects=(CURRENT, BIAS),
+        rivals=(Rival("ocean_current", "wave_drift", 11.0),),
+        indistinguishable=(),
+        unknown=None,
+        where=(Place("sway_force_n", {"heading_deg": (67.5, 112.5)}, 210, 5800.0, 14.2),),
+        gap=Gap(1.4, 0.19, 0.06, 110, 15),
+        next_manoeuvre=None,
+        suspects=SUSPECTS,
+        tracks=tracks(),
+        remarks=("71 samples lay off by themselves and were refused",),
+        provenance={
+            "files": ["/data/trial <7>.mcap"], "vessel": "gunnerus_short", "catalogue_version": "2",
+            "force_range": {"surge_n": 70e3, "sway_n": 98e3, "yaw_nm": 1.3e6}, "noise": {"position_m": 0.031},
+        },
+    )  # fmt: skip
+
+
+def of_verdict(verdict: str) -> Diagnosis:
+    """The same with another verdict, nothing in it but what that takes."""
+    bare = replace(named(), suspects=(), tracks=None, where=(), rivals=(), provenance={}, remarks=())
+    if verdict == "nothing_missing":
+        return replace(bare, verdict="nothing_missing", effects=(), gap=Gap(0.06, 0.06, 0.06, 110, 15))
+    if verdict == "unknown":
+        unknown = Unexplained(
+            0.4, ("heading", "place"), "a yaw moment of some 4000 N m that varies with the heading"
+        )
+        return replace(bare, verdict="unknown", effects=(CURRENT,), unknown=unknown)
+    return replace(
+        bare,
+        verdict="indistinguishable",
+        effects=(CURRENT,),
+        rivals=(Rival("ocean_current", "wave_drift", 1.2), Rival("ocean_current", "sway_asymmetry", 9.0)),
+        indistinguishable=(("ocean_current", "wave_drift"),),
+        next_manoeuvre=Manoeuvre(
+            "two straight runs on reciprocal headings", ("ocean_current", "wave_drift"), 25.0, 12.0
+        ),
+    )
+
+
+def a_map() -> Map:
+    """A sway force that goes with the heading, none elsewhere."""
+    random = np.random.default_rng(1)
+    heading, speed = random.uniform(0.0, 360.0, 400), random.uniform(2.0, 5.0, 400)
+    force = np.column_stack([np.zeros(400), 5e3 * np.sin(np.deg2rad(heading)), np.zeros(400)])
+    cells: list[tuple[str, float, float]] = [("heading_deg", 45.0 * n - 22.5, 45.0 * n + 22.5) for n in range(8)]
+    cells += [("speed_mps", each, each + 1.0) for each in (2.0, 3.0, 4.0)]
+    places = []
+    for name, low, high in cells:
+        sway = 5e3 * np.sin(np.deg2rad(0.5 * (low + high))) if name == "heading_deg" else 10.0
+        sizes = dict(zip(FORCES, (20.0, sway, 30.0), strict=True))
+        places += [Place(channel, {name: (low, high)}, 50, size, size / 300.0) for channel, size in sizes.items()]
+    return Map(tuple(places), force, {"heading_deg": heading, "speed_mps": speed})

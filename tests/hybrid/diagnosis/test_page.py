@@ -1,0 +1,166 @@
+"""The page says what the diagnosis says, for every verdict, and shows it in figures that agree with its numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import escape
+
+import numpy as np
+import pytest
+from matplotlib.container import BarContainer
+from matplotlib.figure import Figure
+
+from hybrid.diagnosis import map_plots, plots
+from hybrid.diagnosis.kinematics import Consistency
+from hybrid.diagnosis.page import Extras, page_of, verdict_sentence, write_report
+from hybrid.diagnosis.result import Diagnosis
+from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_map, named, of_verdict, tracks
+
+SENSORS = Consistency(
+    "heading_bias", (-1.5,), (0.1,), ("deg",), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
+)
+
+
+@pytest.fixture(scope="module")
+def html(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The page of a diagnosis with all there is to show."""
+    extras = Extras(a_map(), a_map(), (SENSORS,))
+    return write_report(named(), extras, tmp_path_factory.mktemp("page")).read_text(encoding="utf-8")
+
+
+def test_the_page_needs_nothing_else(html: str) -> None:
+    """No network, no script; pictures inside; names of files are text."""
+    assert not re.search(r"https?://|<script|<link", html)
+    assert html.count("data:image/png;base64,") == 9
+    assert "trial &lt;7&gt;.mcap" in html
+
+
+def test_the_page_says_what_was_named(html: str) -> None:
+    """The verdict first and largest, then each effect's sentence, and what was granted."""
+    assert "<h1>The model lacks ocean current, and the sensors show heading bias</h1>" in html
+    for each in (CURRENT, BIAS):
+        assert escape(each.sentence) in html
+    for words in ("0.34 to 0.36", "60 % of the gap", "1.40 m", "0.19 m", "0.06 m", "90 %", "0.7 kN ahead",
+                  "Heading and track disagree.", "71 samples", "sway force n", "5,800"):  # fmt: skip
+        assert words in html
+
+
+def test_tables_are_within_the_page(html: str) -> None:
+    """No table has more columns than a laptop shows."""
+    for row in re.findall(r"<tr.*?</tr>", html):
+        assert row.count("<td>") <= 7
+
+
+@pytest.mark.parametrize(
+    ("verdict", "sentence", "words"),
+    [
+        ("nothing_missing", "Nothing is missing that this trial could show", ["how large each effect could be"]),
+        (
+            "unknown",
+            "The model lacks ocean current, and something is missing that no effect of the catalogue explains",
+            ["a yaw moment of some 4000 N m", "heading and place", "40 % of the gap"],
+        ),
+        (
+            "indistinguishable",
+            "This trial cannot say which is missing: ocean current or wave drift",
+            ["reciprocal headings", "12 minutes", "cannot tell ocean current from wave drift"],
+        ),
+    ],
+)
+def test_every_verdict(verdict: str, sentence: str, words: list[str]) -> None:
+    """Each has its sentence and what belongs to it."""
+    diagnosis = of_verdict(verdict)
+    page = page_of(diagnosis, Extras(consistency=()))
+    text = "".join(re.sub(r"<img[^>]*>", "", part) for part in page.parts)
+    assert page.title == sentence == verdict_sentence(diagnosis)
+    for each in [*words, "They do, within what each is granted."]:
+        assert each in text
+
+
+def test_unknown_alone() -> None:
+    """Without any name the sentence begins with what is missing."""
+    alone = replace(of_verdict("unknown"), effects=())
+    assert verdict_sentence(alone).startswith("Something is missing")
+
+
+def bars(figure: Figure) -> BarContainer:
+    """The bars of a figure's first axes."""
+    (found,) = [each for each in figure.axes[0].containers if isinstance(each, BarContainer)]
+    return found
+
+
+def test_the_gap_falls_from_before_to_after() -> None:
+    """Each effect takes its share of what could be closed, one where the other ends."""
+    figure = Figure()
+    plots.gap(figure.subplots(), named())
+    before, current, bias, after, floor = bars(figure).patches
+    assert before.get_width() == pytest.approx(1.4)
+    assert current.get_width() == pytest.approx(0.6 * (1.4 - 0.06))
+    assert current.get_x() + current.get_width() == pytest.approx(1.4)
+    assert bias.get_x() + bias.get_width() == pytest.approx(current.get_x())
+    assert (after.get_width(), floor.get_width()) == pytest.approx((0.19, 0.06))
+
+
+def test_the_ranking_marks_what_was_named() -> None:
+    """A bar a suspect, as long as its evidence, a colour a family."""
+    figure = Figure()
+    plots.ranking(figure.subplots(), SUSPECTS, ["ocean_current"])
+    drawn = bars(figure).patches
+    assert [each.get_width() for each in drawn] == [each.evidence for each in SUSPECTS]
+    assert drawn[0].get_edgecolor()[3] == 1.0
+    assert drawn[1].get_edgecolor()[3] == 0.0
+    assert drawn[0].get_facecolor() == drawn[1].get_facecolor() != drawn[2].get_facecolor()
+
+
+def test_rivals_that_cannot_be_told_apart_stand_out() -> None:
+    """Nearer than the line in one colour, the others in another."""
+    figure = Figure()
+    plots.confusion(figure.subplots(), of_verdict("indistinguishable").rivals)
+    near, far = bars(figure).patches
+    assert near.get_facecolor() != far.get_facecolor()
+
+
+def test_error_by_second_is_the_mean_distance() -> None:
+    """After is a tenth of before in the made-up tracks."""
+    figure = Figure()
+    lines = plots.error_by_second(figure.subplots(), tracks())
+    before, after = (np.asarray(each.get_ydata()) for each in lines[:2])  # type: ignore[attr-defined]
+    assert len(before) == 15
+    assert after == pytest.approx(0.1 * before)
+    assert before[-1] == pytest.approx(0.02 * 15 * np.mean(np.arange(1, 7)))
+
+
+def test_chosen_windows_are_what_they_are_called() -> None:
+    """In the made-up tracks the last window is the worst, before and after."""
+    chosen = plots.chosen_windows(tracks())
+    assert chosen == {"worst before": 5, "median before": 3, "improved most": 5, "worst after": 5}
+
+
+def test_the_map_finds_what_the_force_goes_with() -> None:
+    """Of the made-up map, sway with heading; every cell is printed."""
+    made = a_map()
+    assert map_plots.depends_most(made) == ("sway_force_n", "heading_deg")
+    figure = Figure(figsize=(9.5, map_plots.map_height_inch(made.places)))
+    map_plots.force_map(figure, made.places)
+    printed = [each.get_text() for axes in figure.axes for each in axes.texts]
+    assert printed.count("5") == 1
+    assert printed.count("\u22125") == 1
+    assert len(printed) == 2 + 3 * 11
+
+
+def test_json_has_the_contracts_keys() -> None:
+    """What the page shows beside the contract stays out of the JSON."""
+    plain = named().as_dict()
+    assert {
+        "verdict",
+        "effects",
+        "rivals",
+        "indistinguishable",
+        "unknown",
+        "where",
+        "gap",
+        "next_manoeuvre",
+    } <= set(plain)
+    assert isinstance(named(), Diagnosis)
+    assert "tracks" not in plain
