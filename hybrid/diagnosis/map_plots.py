@@ -30,6 +30,19 @@ QUANTITIES = {
 }
 """What the cells are of, for people."""
 
+CHANNELS = {
+    "surge_force_n": "surge force [N]",
+    "sway_force_n": "sway force [N]",
+    "yaw_moment_nm": "yaw moment [N m]",
+    "north_m": "north [m]",
+    "east_m": "east [m]",
+    "heading_deg": "heading [deg]",
+    "surge_mps": "surge [m/s]",
+    "sway_mps": "sway [m/s]",
+    "yaw_rate_dps": "yaw rate [deg/s]",
+}
+"""What may be off there, for people."""
+
 FORCE_TITLES = ("surge [kN]", "sway [kN]", "yaw [kN m]")
 _KILO, _MINUTE_S = 1e3, 60.0
 _FULL = 12.0  # standard errors at full colour
@@ -49,9 +62,11 @@ def force_map(figure: Figure, places: Sequence[Place]) -> list[Artist]:
     """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
     axes = figure.subplots(1, 2, squeeze=False)[0]
     artists: list[Artist] = []
-    for one, rows in zip(axes, _halves(_rows(places)), strict=True):
+    halves = _halves(_rows(places))
+    for one, rows in zip(axes, halves, strict=True):
         if rows:
             artists += _matrix(one, rows)
+            one.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
         else:
             one.set_axis_off()
     return artists

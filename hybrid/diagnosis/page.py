@@ -206,7 +206,7 @@ def _add_gap(page: Page, diagnosis: Diagnosis) -> None:
         "What each named effect takes off the error on held-out windows. The floor is the error of the model with "
         "all that was named at its best: noise, gusts and waves that nobody can predict.",
     )
-    tracks = diagnosis.tracks
+    tracks = None if diagnosis.tracks is None else plots.whole_windows(diagnosis.tracks)
     if tracks is None or not len(tracks.measured):
         return
     page.figure(
@@ -235,7 +235,7 @@ def _add_map(page: Page, diagnosis: Diagnosis, extras: Extras) -> None:
         )
         _draw_residual(page, extras.map)
     if diagnosis.where:
-        with page.details(f"The {len(diagnosis.where)} cells that stand out most, forces and errors of one second"):
+        with page.details("The cells that stand out most, forces and errors of one second"):
             page.table(["channel", "cell", "seconds", "error", "z"], [_cell_row(each) for each in diagnosis.where])
     if extras.map_after is not None and extras.map_after.places:
         with page.details("The same map with the named effects in the model"):
@@ -266,10 +266,16 @@ def _draw_residual(page: Page, made: Map) -> None:
 
 
 def _cell_row(place: Place) -> list[str]:
-    from hybrid.diagnosis.map_plots import QUANTITIES, cell_name, quantity_of
+    from hybrid.diagnosis.map_plots import CHANNELS, QUANTITIES, cell_name, quantity_of
 
     cell = f"{QUANTITIES.get(quantity_of(place), plain(quantity_of(place)))}: {cell_name(place)}"
-    return [plain(place.channel), cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
+    return [
+        CHANNELS.get(place.channel, plain(place.channel)),
+        cell,
+        str(place.windows),
+        number(place.error),
+        f"{place.z:.1f}",
+    ]
 
 
 def _add_suspects(page: Page, diagnosis: Diagnosis) -> None:
@@ -295,7 +301,7 @@ def _add_suspects(page: Page, diagnosis: Diagnosis) -> None:
 
 def _suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
     return [
-        [plain(each.name), each.family, f"{each.evidence:.1f}", _chance(each.p_value),
+        [plain(each.name), each.family, number(each.evidence), _chance(each.p_value),
          f"{number(each.limit)} {'' if each.unit == '1' else each.unit}" if each.limit == each.limit else ""]
         for each in suspects
     ]  # fmt: skip

@@ -126,10 +126,10 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
 
 
 def error_by_second(axes: Axes, tracks: Tracks) -> list[Artist]:
-    """The mean distance from what was measured against the second of the prediction."""
+    """The mean distance from what was measured against the second of the prediction, all of it known."""
     artists: list[Artist] = []
     for label, track, colour in _predictions(tracks):
-        mean = np.nanmean(distances_m(track, tracks.measured), axis=0)
+        mean = distances_m(track, tracks.measured).mean(axis=0)
         artists += axes.plot(np.arange(1, len(mean) + 1), mean, color=colour, label=label)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
@@ -141,7 +141,7 @@ def error_by_second(axes: Axes, tracks: Tracks) -> list[Artist]:
 
 
 def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
-    """Some held-out windows, bow up and to scale."""
+    """Some held-out windows in which all is known, bow up and to scale."""
     chosen = chosen_windows(tracks)
     start = tracks.before[:, 0]
     artists: list[Artist] = []
@@ -154,7 +154,7 @@ def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
             style = "-" if label == "measured" else "--"
             artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
         before, after = (
-            np.nanmean(distances_m(track, tracks.measured)[number]) for track in (tracks.before, tracks.after)
+            distances_m(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
         )
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
         axes.set_aspect("equal", adjustable="datalim")
@@ -166,17 +166,26 @@ def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
 
 
 def chosen_windows(tracks: Tracks) -> dict[str, int]:
-    """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now."""
-    before, after = (
-        np.nan_to_num(distances_m(track, tracks.measured)).mean(axis=1) for track in (tracks.before, tracks.after)
-    )
-    middle = int(np.argsort(before, kind="stable")[len(before) // 2])
-    return {
+    """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
+
+    One that is several of these stands once, under all its titles.
+    """
+    before, after = (distances_m(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
+    chosen = {
         "worst before": int(np.argmax(before)),
-        "median before": middle,
+        "median before": int(np.argsort(before, kind="stable")[len(before) // 2]),
         "improved most": int(np.argmax(before - after)),
         "worst after": int(np.argmax(after)),
     }
+    titles = {number: [title for title, other in chosen.items() if other == number] for number in chosen.values()}
+    return {", ".join(each): number for number, each in titles.items()}
+
+
+def whole_windows(tracks: Tracks) -> Tracks:
+    """The windows in which all is known, measured and predicted, to the end."""
+    every = (tracks.measured, tracks.before, tracks.after, tracks.constant_velocity)
+    known = np.all([np.isfinite(each).all(axis=(1, 2)) for each in every], axis=0)
+    return Tracks(*(getattr(tracks, name)[known] for name in Tracks.__slots__))
 
 
 def _on_grid(axes: Axes) -> None:

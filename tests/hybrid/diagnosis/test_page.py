@@ -42,7 +42,7 @@ def test_the_page_says_what_was_named(html: str) -> None:
     for each in (CURRENT, BIAS):
         assert escape(each.sentence) in html
     for words in ("0.34 to 0.36", "60 % of the gap", "1.40 m", "0.19 m", "0.06 m", "90 %", "0.7 kN ahead",
-                  "Heading and track disagree.", "71 samples", "sway force n", "5,800"):  # fmt: skip
+                  "Heading and track disagree.", "71 samples", "sway force [N]", "5,800"):  # fmt: skip
         assert words in html
 
 
@@ -94,22 +94,22 @@ def test_the_gap_falls_from_before_to_after() -> None:
     """Each effect takes its share of what could be closed, one where the other ends."""
     figure = Figure()
     plots.gap(figure.subplots(), named())
-    before, current, bias, after, floor = bars(figure).patches
+    before, current, bias, after, floor = list(bars(figure).patches)
     assert before.get_width() == pytest.approx(1.4)
     assert current.get_width() == pytest.approx(0.6 * (1.4 - 0.06))
     assert current.get_x() + current.get_width() == pytest.approx(1.4)
     assert bias.get_x() + bias.get_width() == pytest.approx(current.get_x())
-    assert (after.get_width(), floor.get_width()) == pytest.approx((0.19, 0.06))
+    assert [each.get_width() for each in (after, floor)] == pytest.approx([0.19, 0.06])
 
 
 def test_the_ranking_marks_what_was_named() -> None:
     """A bar a suspect, as long as its evidence, a colour a family."""
     figure = Figure()
     plots.ranking(figure.subplots(), SUSPECTS, ["ocean_current"])
-    drawn = bars(figure).patches
+    drawn = list(bars(figure).patches)
     assert [each.get_width() for each in drawn] == [each.evidence for each in SUSPECTS]
-    assert drawn[0].get_edgecolor()[3] == 1.0
-    assert drawn[1].get_edgecolor()[3] == 0.0
+    named_edge, other_edge = (np.asarray(each.get_edgecolor())[-1] for each in drawn[:2])
+    assert (named_edge, other_edge) == (1.0, 0.0)
     assert drawn[0].get_facecolor() == drawn[1].get_facecolor() != drawn[2].get_facecolor()
 
 
@@ -117,7 +117,7 @@ def test_rivals_that_cannot_be_told_apart_stand_out() -> None:
     """Nearer than the line in one colour, the others in another."""
     figure = Figure()
     plots.confusion(figure.subplots(), of_verdict("indistinguishable").rivals)
-    near, far = bars(figure).patches
+    near, far = list(bars(figure).patches)
     assert near.get_facecolor() != far.get_facecolor()
 
 
@@ -132,9 +132,17 @@ def test_error_by_second_is_the_mean_distance() -> None:
 
 
 def test_chosen_windows_are_what_they_are_called() -> None:
-    """In the made-up tracks the last window is the worst, before and after."""
+    """In the made-up tracks the last window is the worst, before and after, and is drawn once."""
     chosen = plots.chosen_windows(tracks())
-    assert chosen == {"worst before": 5, "median before": 3, "improved most": 5, "worst after": 5}
+    assert chosen == {"worst before, improved most, worst after": 5, "median before": 3}
+
+
+def test_windows_with_gaps_are_left_out_of_the_figures() -> None:
+    """A window with a second that nobody measured or could predict."""
+    made = tracks()
+    made.measured[1, 4, 0] = np.nan
+    made.before[3, 15, 1] = np.nan
+    assert plots.whole_windows(made).leg.tolist() == [0, 1, 2, 2]
 
 
 def test_the_map_finds_what_the_force_goes_with() -> None:

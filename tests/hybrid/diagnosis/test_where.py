@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -23,7 +24,9 @@ MOMENT_NM = 2e5
 YAW = {"yaw_asymmetry": CATALOGUE["yaw_asymmetry"]}
 
 
-def looked_at(truth: Plant, plant: Plant, seed: int, at: dict[str, tuple[float, ...]] | None = None) -> Examination:
+def looked_at(
+    truth: Plant, plant: Plant, seed: int, at: Mapping[str, tuple[float, ...]] | None = None
+) -> Examination:
     """An examination of a trial of ``truth`` through ``plant`` with the effects ``at``."""
     return examined(noisy_log(truth, seed), Model(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005, QUIET)
 
