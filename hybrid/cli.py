@@ -10,6 +10,7 @@ import typer
 
 from acquisition.cli import AsJson
 from hybrid.diagnosis import cli as diagnosis
+from hybrid.diagnosis import plan_cli as planning
 from hybrid.evaluation import cli as evaluation
 from hybrid.reproduction import cli as reproduction
 from hybrid.truth import cli as truth_commands
@@ -35,6 +36,7 @@ def mount(app: typer.Typer) -> None:
     app.command("effects", help="List the effects that a model may lack.")(effects)
     evaluation.mount(app)
     diagnosis.mount(app)
+    planning.mount(app)
     truth_commands.mount(app)
     reproduction.mount(app)
 

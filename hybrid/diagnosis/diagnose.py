@@ -11,13 +11,18 @@ import pandas as pd
 from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.examine import settled
 from hybrid.diagnosis.gap import HeldOut, held_out
-from hybrid.diagnosis.linearise import model_of
+from hybrid.diagnosis.information import limits
+from hybrid.diagnosis.kinematics import consistency
+from hybrid.diagnosis.linearise import Model, model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, View, moved_to, named
+from hybrid.diagnosis.next_manoeuvre import next_manoeuvre
 from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.remainder import Remainder, remainders
-from hybrid.diagnosis.result import Diagnosis, NamedEffect, Suspect
-from hybrid.diagnosis.verdict import close_rivals, estimates, groups, sentence, unexplained, verdict_of
+from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
+from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, sentence, unexplained, verdict_of
+from hybrid.diagnosis.where import map_of, notable
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.effects.catalogue import VERSION
 from hybrid.vessel.parameters import Vessel
@@ -26,18 +31,18 @@ Progress = Callable[[float], None]
 TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
 
+_PAIRS = 3
 _NEGLIGIBLE = 0.03  # of what the named effects explain: an effect's own form is not exact either
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """A diagnosis, and what it was made from."""
+    """A diagnosis, what it was made from, and what its page shows beside it."""
 
     diagnosis: Diagnosis
-    log: Log
-    noise: Noise
     naming: Naming
     remaining: tuple[Remainder, ...]
+    extras: Extras
 
 
 def diagnose(
@@ -55,40 +60,76 @@ def diagnose(
     """
     if not 0.0 < tolerance < 1.0:
         raise ConfigurationError(
-            f"a tolerance of {100.0 * tolerance:g} %", fix="give more than 0 and less than 100"
+            f"a tolerance of {100.0 * tolerance:g} % is impossible", fix="give more than 0 and less than 100"
         )
     model = model_of(vessel, catalogue)
     log = log_of(tables)
     progress(0.1)
-    log, noise = settled(log, model, tolerance, lambda share: progress(0.1 + 0.3 * share))
-    naming = named(log, model, tolerance, noise, progress=lambda share: progress(0.4 + 0.3 * share))
-    found = _standing_out(naming)
-    everything = naming
-    if found:
-        loose = frozenset((each.depends, each.what) for each in found)
-        naming = _steady(named(log, model, tolerance, noise, loose), found)
-    progress(0.8)
+    log, noise = settled(log, model, tolerance, _part(progress, 0.1, 0.35))
+    contradictions = consistency(log, model, noise)
+    progress(0.4)
+    first = named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6))
+    naming, found = _with_what_remains(first, log, model, tolerance, noise)
+    progress(0.7)
     rivals = close_rivals(naming)
-    tied = groups(naming.names, rivals)
+    tied = groups(naming.names, rivals) if not found else []
     gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names))
-    progress(0.9)
+    progress(0.8)
+    maps = (
+        map_of(replace(first.view.examination, model=replace(model, at={}))),
+        map_of(naming.view.examination, True),
+    )
     effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
+    progress(0.85)
     diagnosis = Diagnosis(
         verdict=verdict_of(naming.names, tied, found),
         tolerance=tolerance,
         effects=effects,
         rivals=tuple(rivals),
-        indistinguishable=tuple(tied) if not found else (),
+        indistinguishable=tuple(tied),
         unknown=unexplained(found, max(0.0, 1.0 - gap.gap.closed)),
-        where=(),
+        where=notable(maps[0].places),
         gap=gap.gap,
-        next_manoeuvre=None,
-        suspects=suspects(everything.view),
+        next_manoeuvre=_next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
+        suspects=suspects(first.view),
         tracks=gap.tracks,
         remarks=_remarks(log, vessel, effects),
         provenance={**(provenance or {}), **_granted(naming, noise)},
     )
-    return Examined(diagnosis, log, noise, naming, tuple(found))
+    return Examined(diagnosis, naming, tuple(found), Extras(*maps, contradictions))
+
+
+def _part(progress: Progress, first: float, last: float) -> Progress:
+    return lambda share: progress(first + (last - first) * share)
+
+
+def _with_what_remains(
+    naming: Naming, log: Log, model: Model, tolerance: float, noise: Noise
+) -> tuple[Naming, list[Remainder]]:
+    """What stays named beside what no effect explains, and that; as it is where nothing remains.
+
+    A name has to hold out against the unknown: what may be as large as the data make it takes part in the fit.
+    """
+    found = _standing_out(naming)
+    if not found:
+        return naming, []
+    loose = frozenset((each.depends, each.what) for each in found)
+    others = frozenset(model.catalogue) - set(naming.names)
+    again = named(log, model, tolerance, noise, loose, barred=others)
+    uneven = {each.what for each in found}
+    names = tuple(name for name in again.names if name not in uneven)
+    return replace(again, names=names, tests={name: again.tests[name] for name in names}), found
+
+
+def _next_manoeuvre(
+    naming: Naming, vessel: Vessel, rivals: Sequence[Rival], progress: Progress
+) -> Manoeuvre | None:
+    """What to do next where a rival is close; where it is not, but not far either, too."""
+    pairs = [(each.instead_of, each.name) for each in rivals if each.evidence < WEAK]
+    if not pairs:
+        return None
+    values = {name: each for name, each in naming.view.values(naming.names).items() if each is not None}
+    return next_manoeuvre(naming.view.examination, vessel, values, pairs[:_PAIRS], progress)
 
 
 def _standing_out(naming: Naming) -> list[Remainder]:
@@ -97,13 +138,6 @@ def _standing_out(naming: Naming) -> list[Remainder]:
     return [
         each for each in remainders(naming.view, naming.names) if each.found and each.gain > _NEGLIGIBLE * explained
     ]
-
-
-def _steady(naming: Naming, found: Sequence[Remainder]) -> Naming:
-    """The naming without effects that are themselves what varies."""
-    uneven = {each.what for each in found}
-    names = tuple(name for name in naming.names if name not in uneven)
-    return replace(naming, names=names, tests={name: naming.tests[name] for name in names})
 
 
 def _named_effect(naming: Naming, name: str, gap: HeldOut) -> NamedEffect:
@@ -119,14 +153,12 @@ def _named_effect(naming: Naming, name: str, gap: HeldOut) -> NamedEffect:
 
 def suspects(view: View) -> tuple[Suspect, ...]:
     """Every effect of the catalogue by how much better the model is with it alone."""
-    result = []
+    smallest, result = limits(view.examination), []
     for name in view.names:
         effect = view.examination.model.catalogue[name]
         fit = view.fit([name])
-        chance = view.chance(fit.gain, len(fit.columns))
-        result.append(
-            Suspect(name, effect.family, view.evidence([name]), chance, float("nan"), effect.parameters[0].unit)
-        )
+        chance, unit = view.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
+        result.append(Suspect(name, effect.family, view.evidence([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda each: -each.evidence))
 
 

@@ -17,6 +17,7 @@ from analysis.table import select
 from analysis.twins import refuse_twins
 from hybrid.diagnosis.add import repaired
 from hybrid.diagnosis.diagnose import Examined, diagnose
+from hybrid.diagnosis.page import PAGE_FILE, write_report
 from hybrid.effects import Catalogue
 from hybrid.vessel.files import save_vessel
 from hybrid.vessel.parameters import Vessel
@@ -70,10 +71,11 @@ def diagnose_files(
 
 def write_diagnosis(examined: Examined, vessel: Vessel, folder: Path) -> Written:
     """Write ``diagnosis.json``, ``vessel.toml`` and ``report.html``. Raises :class:`StorageError`."""
-    written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / "report.html")
+    written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE)
     try:
         written.json.write_text(json.dumps(examined.diagnosis.as_dict(), indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise storage_error(written.json, error) from error
     save_vessel(repaired(vessel, examined.diagnosis), written.vessel)
+    write_report(examined.diagnosis, examined.extras, folder)
     return written

@@ -34,7 +34,7 @@ UNSEEN = 0.05
 _PAIRS_OF = 8
 _SETTLED = 0.3  # of a standard error
 _MOST = 6
-_LOOKS = 14
+_LOOKS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +173,11 @@ class Tested:
     large_enough: bool
 
     @property
+    def hopeless(self) -> bool:
+        """Whether it would not stand the tests without the others either."""
+        return max(self.p_value, self.p_unseen) > 0.5
+
+    @property
     def accepted(self) -> bool:
         """Whether it stands all tests."""
         return self.p_value < FALSE_ALARM and self.p_unseen < UNSEEN and self.large_enough
@@ -298,6 +303,7 @@ def named(
     tolerance: float,
     noise: Noise,
     loose: Loose = frozenset(),
+    barred: frozenset[str] = frozenset(),
     progress: Progress = lambda share: None,
 ) -> Naming:
     """Search, make linear about what is found, and search again until it stays; then test it.
@@ -305,7 +311,6 @@ def named(
     Who fails a test is barred, and the search goes on without. ``loose`` are families beyond the catalogue that may
     be as large as the data make them (:func:`.examine.examined`).
     """
-    barred: frozenset[str] = frozenset()
     at: Mapping[str, tuple[float, ...]] = {}
     for number in range(_LOOKS):
         view = view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
@@ -319,7 +324,9 @@ def named(
         failed = [each for each in tests.values() if not each.accepted]
         if not failed:
             break
-        barred |= {max(failed, key=lambda each: each.p_value).name}
+        barred |= {each.name for each in failed if each.hopeless} or {
+            max(failed, key=lambda each: each.p_value).name
+        }
         at = moved_to(view, searched(view, barred))
     return Naming(names, tests, view)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.errors import ModelRangeError
 from hybrid.diagnosis.examine import Examination, Progress, examined
-from hybrid.diagnosis.information import Information, design_of, separation
+from hybrid.diagnosis.information import Design, Information, design_of, separation
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.rehearse import behind, one_leg, rehearsed
 from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
@@ -28,6 +28,7 @@ from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 
 _IDLE_SHARE = 0.2  # of the fastest: shafts that turn slower than this are stopped
+_WORTH_A_MINUTE = 0.1  # log odds: less is not worth the fuel
 _LONGEST_S = 7200  # of a recording goes into the comparison: more of the same changes nothing
 
 
@@ -45,6 +46,15 @@ class Ranked:
         return min(a - b for a, b in zip(self.with_it, self.without, strict=True)) / MINUTES
 
 
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """A recording's legs and, behind them, a leg for each candidate that the ship can make."""
+
+    design: Design
+    recorded: range
+    candidates: tuple[Candidate, ...]
+
+
 def next_manoeuvre(
     examination: Examination,
     vessel: Vessel,
@@ -52,41 +62,46 @@ def next_manoeuvre(
     pairs: Sequence[tuple[str, str]],
     progress: Progress = lambda share: None,
 ) -> Manoeuvre | None:
-    """The manoeuvre that separates ``pairs`` best, or None where no candidate separates them at all.
+    """The manoeuvre that separates ``pairs`` best, or None where no candidate does so to any use.
 
     ``values`` has the parameters of everything that is named, and of each pair's first at least; the second is what
     might be in its place. The evidence is in log odds, of the pair that stays the closest, recording and manoeuvre
     together.
     """
-    ranking = ranked(examination, vessel, values, pairs, progress)
-    if not ranking or ranking[0].per_minute <= 0.0:
+    return asked_for(ranked(rehearsal_of(examination, vessel, values, progress), values, pairs), pairs)
+
+
+def asked_for(ranking: Sequence[Ranked], pairs: Sequence[tuple[str, str]]) -> Manoeuvre | None:
+    """The first of a ranking as a request, or None where it is not worth it."""
+    best = next(iter(ranking), None)
+    if best is None or best.per_minute < _WORTH_A_MINUTE:
         return None
-    best = ranking[0]
     worst = int(np.argmin(best.with_it))
-    what = f"{best.candidate.what} ({MINUTES} minutes)"
+    what = f"{best.candidate.what}, {MINUTES} minutes in all"
     return Manoeuvre(what, pairs[worst], best.with_it[worst], float(MINUTES))
 
 
-def ranked(
-    examination: Examination,
-    vessel: Vessel,
-    values: Mapping[str, Values],
-    pairs: Sequence[tuple[str, str]],
-    progress: Progress = lambda share: None,
-) -> list[Ranked]:
-    """Every candidate that the ship can make, the best first."""
+def rehearsal_of(
+    examination: Examination, vessel: Vessel, values: Mapping[str, Values], progress: Progress = lambda share: None
+) -> Rehearsal:
+    """Every candidate rehearsed by the ship with the effects ``values``, behind what was recorded."""
     model, log = examination.model, _shortened(examination.log)
     ship = apply_effects(model.base, values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
     made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
     joined = behind(log, [one_leg(each) for each in made.values()])
     whole = examined(joined, model, examination.tolerance, examination.noise, progress=progress)
-    design, recorded = design_of(whole), range(log.legs)
+    return Rehearsal(design_of(whole), range(log.legs), tuple(made))
+
+
+def ranked(rehearsal: Rehearsal, values: Mapping[str, Values], pairs: Sequence[tuple[str, str]]) -> list[Ranked]:
+    """Every candidate and what it says of ``pairs``, the best first."""
+    design, recorded = rehearsal.design, rehearsal.recorded
     now = _evidence(design.information(recorded), values, pairs)
     result = []
-    for number, candidate in enumerate(made):
-        both = design.information([*recorded, log.legs + number])
-        result.append(Ranked(candidate, _evidence(both, values, pairs), now))
+    for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
+        both = _evidence(design.information([*recorded, leg]), values, pairs)
+        result.append(Ranked(candidate, both, now))
     return sorted(result, key=lambda each: -each.per_minute)
 
 

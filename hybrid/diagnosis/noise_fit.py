@@ -21,6 +21,9 @@ _LIMIT = 4.0
 _DIFFERENCE = 0.02
 _SPREAD = 1.5  # of the logarithm of each level about where the search begins
 _ENOUGH = 0.5  # of the logarithm of the likelihood
+_LEAST = np.log(
+    [1e-3, 5e-5, 1e-3, 1e-3, 1e-5]
+)  # of the sensors: better ones there are none, or they are no sensors
 _BOUNDS = {"slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7)}
 
 
@@ -112,6 +115,7 @@ def _noise(start: Noise, parameters: Floats, waves: bool) -> Noise:
 
 
 def _bounded(parameters: Floats, waves: bool) -> Floats:
+    parameters[: len(_LEAST)] = np.maximum(parameters[: len(_LEAST)], _LEAST)
     places = {"slow_s": 11, **({"wave_frequency_radps": 15, "wave_damping": 16} if waves else {})}
     for name, place in places.items():
         parameters[place] = np.clip(parameters[place], *np.log(_BOUNDS[name]))

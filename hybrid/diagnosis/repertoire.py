@@ -41,6 +41,7 @@ class Shafts:
 def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     """Round figures about a usual shaft speed, within what the drives can do."""
     most = vessel.pods.limit_rpm
+    usual_rpm = min(usual_rpm, most)
     usual, half, slow, fast = (
         min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), most)
         for share in (1.0, 0.5, _SLOW, _FAST)

@@ -15,7 +15,9 @@ from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
 CLOSE = 4.5
-"""A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
+WEAK = 9.0
+"""A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times.
+Below ``WEAK`` a name stands, and another trial is worth its time."""
 
 _WIDTH = 1.96
 
