@@ -13,7 +13,8 @@ from scipy.stats import chi2
 
 from hybrid.diagnosis.information import noncentrality
 from hybrid.diagnosis.name import searched, view_of
-from hybrid.diagnosis.remainder import CHANCE, families, remainders
+from hybrid.diagnosis.remainder import CHANCE, Remainder, families, remainders
+from hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.diagnosis.sound import examination_of
 
@@ -49,5 +50,10 @@ def _ratio(name: str, size: float, design: Design) -> float:
         number = degrees.get((each.depends, each.what))
         if number is not None and each.gain > number:
             needed = noncentrality(float(chi2.isf(CHANCE / (len(every) + 1), number)), number)
-            ratios.append(sqrt(needed / (each.gain - number)))
+            ratios.append(max(sqrt(needed / (each.gain - number)), _least(each) / each.size))
     return min(ratios)
+
+
+def _least(remainder: Remainder) -> float:
+    """The size below which nobody cares for it."""
+    return max(CATALOGUE[remainder.what].smallest_free) if remainder.what in CATALOGUE else 0.0
