@@ -75,10 +75,7 @@ def diagnose(
     tied = groups(naming.names, rivals) if not found else []
     gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names))
     progress(0.8)
-    maps = (
-        map_of(replace(first.view.examination, model=replace(model, at={}))),
-        map_of(naming.view.examination, True),
-    )
+    maps = map_of(first.view.examination), map_of(naming.view.examination, repaired=True)
     effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
     progress(0.85)
     diagnosis = Diagnosis(
