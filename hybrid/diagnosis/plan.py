@@ -25,7 +25,7 @@ from hybrid.diagnosis.next_manoeuvre import rehearsals
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.rehearse import behind, one_leg, rehearsed
 from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
-from hybrid.effects import Catalogue, vessel_plant
+from hybrid.effects import CATALOGUE, Catalogue, vessel_plant
 from hybrid.truth.manoeuvres import CRUISE_RPM, Manoeuvre, manoeuvre_named
 from hybrid.truth.sea_state import SeaState
 from hybrid.truth.trial import simulate_trial
@@ -160,8 +160,9 @@ def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> Noise:
     """The noise that a diagnosis would find in such a sea, from a simulated quarter of an hour with sensors."""
-    table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=catalogue)
-    model = Model(vessel_plant(vessel, catalogue), catalogue)
+    every = {**CATALOGUE, **catalogue}  # what is ruled out as missing may be known to be there
+    table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
+    model = Model(vessel_plant(vessel, every), catalogue)
     return settled(log_of([table]), model, tolerance, progress)[1]
 
 
@@ -179,7 +180,7 @@ def plan(
     ``tolerance`` is the share of the force range that the model may be off by. Raises :class:`ModelRangeError`
     where the programme takes the ship out of the range of her model.
     """
-    ship = vessel_plant(vessel, catalogue)
+    ship = vessel_plant(vessel, {**CATALOGUE, **catalogue})
     asked = [rehearsed(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     joined = _joined([*asked, *made.values()])
