@@ -191,7 +191,7 @@ def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
     if after is not None:
         one, other = (plain(each) for each in after.separates)
         page.text(
-            f"To tell {one} from {other}: {after.what}, {after.minutes:.0f} minutes; expected log evidence "
+            f"To tell {one} from {other}: {after.what}; expected log evidence "
             f"{after.expected_evidence:.0f}."
         )
 
