@@ -190,10 +190,7 @@ def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
     after = diagnosis.next_manoeuvre
     if after is not None:
         one, other = (plain(each) for each in after.separates)
-        page.text(
-            f"To tell {one} from {other}: {after.what}; expected log evidence "
-            f"{after.expected_evidence:.0f}."
-        )
+        page.text(f"To tell {one} from {other}: {after.what}; expected log evidence {after.expected_evidence:.0f}.")
 
 
 def _add_gap(page: Page, diagnosis: Diagnosis) -> None:

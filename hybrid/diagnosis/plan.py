@@ -33,7 +33,7 @@ from hybrid.vessel.compiling import Floats
 from hybrid.vessel.parameters import Vessel
 
 DEFAULT = "programme"
-_NOISE_S = 900.0
+_NOISE_S = 600.0
 _PART = re.compile(r"([a-z_0-9]+?)(?:=([0-9.]+))?")
 
 
@@ -159,7 +159,7 @@ def candidates_of(vessel: Vessel) -> tuple[Candidate, ...]:
 def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> Noise:
-    """The noise that a diagnosis would find in such a sea, from a simulated quarter of an hour with sensors."""
+    """The noise that a diagnosis would find in such a sea, from ten simulated minutes with sensors."""
     every = {**CATALOGUE, **catalogue}  # what is ruled out as missing may be known to be there
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
     model = Model(vessel_plant(vessel, every), catalogue)

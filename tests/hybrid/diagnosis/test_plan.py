@@ -122,6 +122,7 @@ def test_too_many_manoeuvres_for_the_time_are_refused(vessel: Vessel) -> None:
         programme_of(["zigzag=9", "coasting", "drifting"], vessel, 10.0)
 
 
+@pytest.mark.slow
 def test_the_noise_of_a_calm_sea_is_that_of_the_sensors(vessel: Vessel) -> None:
     noise = noise_in(vessel, sea_state_named("calm"), 0.01, {name: CATALOGUE[name] for name in SOME})
     assert noise.position_m == pytest.approx(0.05, rel=0.3)
