@@ -90,7 +90,7 @@ def of_verdict(verdict: str) -> Diagnosis:
         rivals=(Rival("ocean_current", "wave_drift", 1.2), Rival("ocean_current", "sway_asymmetry", 9.0)),
         indistinguishable=(("ocean_current", "wave_drift"),),
         next_manoeuvre=Manoeuvre(
-            "two straight runs on reciprocal headings", ("ocean_current", "wave_drift"), 25.0, 12.0
+            "12 minutes of straight runs on reciprocal headings", ("ocean_current", "wave_drift"), 25.0, 12.0
         ),
     )
 
