@@ -121,7 +121,7 @@ def test_a_compass_is_off_by_something_anyway(examination: Examination) -> None:
 
 def test_who_grants_the_model_more_sees_less(plant: Plant, vessel: Vessel, examination: Examination) -> None:
     strict, loose = limits(examination), limits(examination_at(plant, vessel, 0.03))
-    assert all(loose[name] >= 0.999 * strict[name] for name in SOME)
+    assert all(loose[name] >= 0.97 * strict[name] for name in SOME)
     assert loose["hull_fouling"] > 1.5 * strict["hull_fouling"]
 
 
