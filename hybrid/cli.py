@@ -241,7 +241,7 @@ def demo(
     from rich.console import Console
 
     Console(stderr=True).print(validation_table(done.validation))
-    typer.echo("not yet in the demo: diagnosis, notebook report", err=True)
+    typer.echo("not yet in the demo: notebook report", err=True)
     reduction = done.validation.reduction or 0.0
     typer.echo(
         f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"

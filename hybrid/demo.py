@@ -1,8 +1,8 @@
 """``seatrial demo``: the whole chain on this machine, without hardware and without network.
 
 A simulated ship sails a voyage; the emulator puts what her sensors would say onto a CAN bus, a serial line and
-a MAVLink link; the recorder, a process of its own, records them; the recording is cut into held windows, and a
-calibrator that was trained on earlier voyages is judged on it.
+a MAVLink link; the recorder, a process of its own, records them; the recording is cut into held windows, a
+calibrator that was trained on earlier voyages is judged on it, and a diagnosis names what the model lacks.
 """
 
 from __future__ import annotations
@@ -32,9 +32,13 @@ from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.page import add_quality
 from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
 from hybrid.artefact import Trained, save
+from hybrid.diagnosis.diagnose import TOLERANCE
+from hybrid.diagnosis.files import diagnose_files, write_diagnosis
+from hybrid.diagnosis.result import Diagnosis
+from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import gather
-from hybrid.report import add_validation, headline_of
+from hybrid.report import add_diagnosis, add_validation, headline_of
 from hybrid.train import train
 from hybrid.truth.trial import simulate_trial
 from hybrid.validate import Validation, refuse_seen, validate
@@ -61,6 +65,7 @@ class Demonstration:
     lost: dict[str, int]
     windows: HeldWindows
     validation: Validation
+    diagnosis: Diagnosis
 
 
 def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Progress]) -> Demonstration:
@@ -86,10 +91,23 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     gathered = gather([recording_path], HORIZON_S, STRIDE_S)
     refuse_seen(gathered.sources, trained)
     validation = validate(gathered, vessel_plant(load_vessel(MODEL)), trained)
-    say("7  write the report")
+    say("7  diagnose what the model of the ship before lacks")
+    diagnosis = diagnose_recording(recording_path, folder, progress("diagnosing"))
+    for effect in diagnosis.effects:
+        say(f"   {effect.sentence}")
+    say("8  write the report")
     table = next(iter(tables.values()))
-    report = write_report(folder / "report.html", recording, quality, table, windows, validation, lost)
-    return Demonstration(report, recording_path, played, lost, windows, validation)
+    report = write_report(folder / "report.html", recording, quality, table, windows, validation, diagnosis, lost)
+    return Demonstration(report, recording_path, played, lost, windows, validation, diagnosis)
+
+
+def diagnose_recording(recording: Path, folder: Path, progress: Progress) -> Diagnosis:
+    """Diagnose the recorded voyage against the model of the ship before; a report of its own in ``diagnosis``."""
+    vessel, out = load_vessel(MODEL), folder / "diagnosis"
+    out.mkdir(exist_ok=True)
+    examined = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
+    write_diagnosis(examined, vessel, out)
+    return examined.diagnosis
 
 
 def found_in(quality: DataQuality) -> str:
@@ -192,6 +210,7 @@ def write_report(
     table: pd.DataFrame,
     windows: HeldWindows,
     validation: Validation,
+    diagnosis: Diagnosis,
     lost: dict[str, int],
 ) -> Path:
     """The demo's page."""
@@ -204,6 +223,7 @@ def write_report(
         "knows what was measured before the start."
     )
     add_validation(page, validation)
+    add_diagnosis(page, diagnosis)
     add_recording(page, table, windows.rows)
     page.text(
         f"The lines were played {SPEED:g} times as fast: a hundredth of a second on the way is a quarter of a "
@@ -212,5 +232,5 @@ def write_report(
     add_quality(page, quality)
     add_run_sheet(page, recording.trial.as_metadata())
     page.heading("Still to come")
-    page.text("The diagnosis of the missing effect, and the notebook reports.")
+    page.text("The notebook reports.")
     return page.write(path)

@@ -1,4 +1,4 @@
-"""A validation on a page: the table of methods, the pictures of their errors."""
+"""A validation and a diagnosis on a page: the table of methods, the pictures of their errors, what is missing."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from matplotlib.figure import Figure
 
 from analysis.page import Page
 from hybrid import plots
+from hybrid.diagnosis.page import verdict_sentence
+from hybrid.diagnosis.result import Diagnosis
 from hybrid.scores import distances
 from hybrid.validate import Validation
 
@@ -33,6 +35,20 @@ def add_validation(page: Page, validation: Validation) -> None:
         (9, 8.5),
         "Four windows, from a usual one to the worst 2 % by the reference's error: measured and predicted tracks, "
         "start at (0, 0) with the bow up.",
+    )
+
+
+def add_diagnosis(page: Page, diagnosis: Diagnosis) -> None:
+    """What a diagnosis says, in short; its own report says the rest."""
+    page.heading("What the model lacks")
+    page.text(f"{verdict_sentence(diagnosis)}.")
+    for effect in diagnosis.effects:
+        page.text(effect.sentence)
+    gap = diagnosis.gap
+    page.note(
+        f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} windows that took no part: "
+        f"{gap.before_m:.2f} m before, {gap.after_m:.2f} m with what was named, {gap.floor_m:.2f} m at best. "
+        "The whole of it: diagnosis/report.html."
     )
 
 

@@ -24,7 +24,7 @@ from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
 ROOT = Path(__file__).parents[1]
 COMMANDS = (
     "demo", "record", "mark", "emulate", "import", "info", "recover", "redecode", "export", "windows", "simulate",
-    "train", "validate", "predict",
+    "train", "validate", "predict", "diagnose", "plan",
 )  # fmt: skip
 HEAVY = (
     "torch",

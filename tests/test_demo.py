@@ -23,6 +23,8 @@ def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     assert read_recording(done.recording).closed
     assert done.validation.reduction is not None
     assert done.validation.reduction > 0.3
+    assert "hull_lengthening" in [effect.name for effect in done.diagnosis.effects]
+    assert done.diagnosis.gap.closed > 0.9
     page = done.report.read_text()
     assert page.count("data:image/png;base64,") == 4
     assert "http://" not in page

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from math import isfinite
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,7 +163,10 @@ class Diagnosis:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """The contract's JSON object."""
+        """The contract's JSON object; numbers that are not finite become null."""
+        return cast(dict[str, Any], _finite(self._plain()))
+
+    def _plain(self) -> dict[str, Any]:
         unknown, after = self.unknown, self.next_manoeuvre
         return {
             "verdict": self.verdict,
@@ -201,3 +205,14 @@ class Diagnosis:
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
         }
+
+
+def _finite(value: Any) -> Any:
+    """``value`` with everything in it that JSON knows."""
+    if isinstance(value, dict):
+        return {str(key): _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, float):
+        return float(value) if isfinite(value) else None
+    return value
