@@ -30,7 +30,7 @@ TOLD_APART = 9.0
 """Twice the log likelihood by which the wrong one of two effects has to be worse to be left out (chance 0.13 %)."""
 
 _UNHEARD = 1e-2  # of its prior's information: what a trial adds to it is nothing
-_NONE = 1e-12  # of the prior's: information below it is rounding
+_NONE = 1e-7  # of the prior's: information below it is rounding
 
 
 @dataclass(frozen=True, slots=True)
