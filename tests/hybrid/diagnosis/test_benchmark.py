@@ -59,7 +59,8 @@ def test_one_hidden_effect_is_named_and_sized() -> None:
 
 
 def test_two_hidden_effects_of_two_families_are_both_named() -> None:
-    result = outcome(3, {"position_delay": {"seconds": 0.8}, "hull_fouling": {"resistance_factor": 1.4}})
+    current = {"speed_mps": 0.15, "direction_deg": 200.0}
+    result = outcome(3, {"ocean_current": current, "hull_fouling": {"resistance_factor": 1.25}})
     assert exact(result)
 
 
