@@ -27,6 +27,8 @@ _VARIATIONS: tuple[dict[str, Any], ...] = (
     {"gaps": 0.03},
     {"rate_hz": 2.0, "model_error_percent": 2.0, "model_error_form": "coefficients"},
     {"rate_hz": 1.0},
+    {"rate_hz": 4.0},
+    {"rate_hz": 5.0, "noise": 2.0},
     {"outliers": 0.01, "gaps": 0.03, "noise": 2.0},
     {"correlated": True, "model_error_percent": 2.0, "model_error_form": "polynomial"},
 )
@@ -73,12 +75,16 @@ def _design(programme: str, sea: str, seed: int, size: Size, **other: Any) -> De
 def _nothing(size: Size) -> list[Case]:
     seas = ("calm", "gentle", "moderate", "rough")
     programmes = ("programme", "zigzags", "straights", "harbour", "one_speed")
-    count = 300 if size == "full" else 11
+    count = 300 if size == "full" else len(_VARIATIONS)
     return [
         Case(
             "nothing",
             _design(
-                programmes[number % 5], seas[number % 4], _NULL_SEED + number, size, **_VARIATIONS[number % 11]
+                programmes[number % 5],
+                seas[number % 4],
+                _NULL_SEED + number,
+                size,
+                **_VARIATIONS[number % len(_VARIATIONS)],
             ),
         )
         for number in range(count)

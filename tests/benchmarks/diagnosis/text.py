@@ -25,7 +25,7 @@ single in ten is simulated by the simulator that the diagnosis fits with, so tha
 shows.
 
 - **nothing**: seas from calm to rough, five programmes; the model exact, or off in the forms of coefficients or
-  of a polynomial; sensor noise as usual and doubled, correlated noise, 1 % outliers, 3 % gaps, 1, 2 and 10 Hz.
+  of a polynomial; sensor noise as usual and doubled, correlated noise, 1 % outliers, 3 % gaps, 1 to 10 Hz.
   The simulator's percentage is of the root mean square of the thrusters' forces, which is less than their range:
   1.3 % brings the error to about the tolerance of 1 % of the range, 2 % beyond it.
 - **singles**: each effect of the catalogue at 1.2, 2 and 4 times the limit predicted for a trial of that kind,
