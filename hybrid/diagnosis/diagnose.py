@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from acquisition.errors import ConfigurationError
@@ -32,6 +33,7 @@ TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
 
 _PAIRS = 3
+_HUGE = 3.0  # times the ordinary size
 _NEGLIGIBLE = 0.03  # of what the named effects explain: an effect's own form is not exact either
 
 
@@ -114,8 +116,16 @@ def _with_what_remains(
     others = frozenset(model.catalogue) - set(naming.names)
     again = named(log, model, tolerance, noise, loose, barred=others)
     uneven = {each.what for each in found}
-    names = tuple(name for name in again.names if name not in uneven)
+    names = tuple(name for name in again.names if name not in uneven and _believable(again, name))
     return replace(again, names=names, tests={name: again.tests[name] for name in names}), found
+
+
+def _believable(naming: Naming, name: str) -> bool:
+    """Whether an effect has a size that such effects have; beside something unknown a huge one is likely that."""
+    view = naming.view
+    fit = view.fit(naming.names, prior=True)
+    places = [fit.columns.index(column) for column in view.columns([name])]
+    return bool((np.abs(np.take(fit.values, places)) <= _HUGE * view.prior([name])).all())
 
 
 def _next_manoeuvre(

@@ -35,6 +35,8 @@ _PAIRS_OF = 8
 _SETTLED = 0.3  # of a standard error
 _MOST = 6
 _LOOKS = 10
+_TELLING = 0.95  # of the information is in the legs on which an effect is tried
+_FEW_LEGS = 3  # with fewer there is no scatter to judge by: the sum alone has to be above zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,10 +192,21 @@ def tested(view: View, names: tuple[str, ...], name: str) -> Tested:
     gain, columns = together.gain - without.gain, view.columns([name])
     spread = _spread_of_legs(view, names, name)
     p_value = view.chance(gain / spread, len(columns))
-    gains = unseen_gains(view, others, names)
-    deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) > 2 else np.inf
+    gains = unseen_gains(view, others, names)[_telling(view, together, name)]
+    deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) >= _FEW_LEGS else 0.0
     p_unseen = float(t.sf(gains.mean() / max(deviation, 1e-12), max(len(gains) - 1, 1)))
     return Tested(name, gain, p_value, spread, float(gains.sum()), p_unseen, _large_enough(view, together, name))
+
+
+def _telling(view: View, fit: Fit, name: str) -> Ints:
+    """The legs that say most of what is said of an effect: those in which nothing happens cannot bear it out."""
+    assert view.alone is not None
+    columns = np.array(view.columns([name]))
+    values = fit.values[[fit.columns.index(column) for column in columns]]
+    said = np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in view.alone])
+    order = np.argsort(-said)
+    needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
+    return np.asarray(order[:needed])
 
 
 def _large_enough(view: View, fit: Fit, name: str) -> bool:

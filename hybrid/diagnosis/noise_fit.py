@@ -20,6 +20,7 @@ from hybrid.vessel.compiling import Floats
 _LIMIT = 4.0
 _DIFFERENCE = 0.02
 _SPREAD = 1.5  # of the logarithm of each level about where the search begins
+_ROOM = 2.0
 _ENOUGH = 0.5  # of the logarithm of the likelihood
 _LEAST = np.log(
     [1e-3, 5e-5, 1e-3, 1e-3, 1e-5]
@@ -33,8 +34,8 @@ def fitted_noise(
     """The likeliest levels for one column of data, searched from ``start``, and minus the log likelihood.
 
     At most ``steps`` steps are made."""
-    waves = start.has_waves
-    begin = _parameters(start, waves)
+    waves, most = start.has_waves, _most(linear, data)
+    begin = _bounded(_parameters(start, waves), waves, most)
     now, damping = begin.copy(), 1.0
     value, z, log_spread = _judged(linear, data, edges, start, now, waves, begin)
     for _ in range(steps):
@@ -43,7 +44,7 @@ def fitted_noise(
         information += np.eye(len(now)) / _SPREAD**2
         for _ in range(5):
             step = -np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
-            trial = _bounded(now + np.clip(step, -1.0, 1.0), waves)
+            trial = _bounded(now + np.clip(step, -1.0, 1.0), waves, most)
             new = _judged(linear, data, edges, start, trial, waves, begin)
             if new[0] < value:
                 break
@@ -55,6 +56,18 @@ def fitted_noise(
         if gained < _ENOUGH:
             break
     return _noise(start, now, waves), value
+
+
+def _most(linear: Linear, data: Columns) -> Floats:
+    """The logarithm of the largest level that each sensor can have: noise would show in its third differences.
+
+    Half of them lie below what is given here whatever the ship does; so jumps and jitter do not pass for noise.
+    """
+    value = data.seen[:, :, 0] + linear.origin
+    third = np.abs(np.diff(value, 3, axis=0)) / np.sqrt(20.0)
+    level = 1.4826 * np.array([np.median(each[np.isfinite(each)]) for each in third.T])
+    level[0] = max(level[:2])
+    return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
 
 
 def _judged(
@@ -114,8 +127,8 @@ def _noise(start: Noise, parameters: Floats, waves: bool) -> Noise:
     return result
 
 
-def _bounded(parameters: Floats, waves: bool) -> Floats:
-    parameters[: len(_LEAST)] = np.maximum(parameters[: len(_LEAST)], _LEAST)
+def _bounded(parameters: Floats, waves: bool, most: Floats) -> Floats:
+    parameters[: len(_LEAST)] = np.clip(parameters[: len(_LEAST)], _LEAST, most)
     places = {"slow_s": 11, **({"wave_frequency_radps": 15, "wave_damping": 16} if waves else {})}
     for name, place in places.items():
         parameters[place] = np.clip(parameters[place], *np.log(_BOUNDS[name]))

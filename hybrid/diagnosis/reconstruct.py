@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from hybrid.diagnosis.disturbed import FREE, beginning, predicted, seen_through, sight, states_of, transition
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.whiten import STAMP, Columns
+from hybrid.diagnosis.whiten import STAMP, Columns, each_block
 from hybrid.vessel.compiling import FAST, Floats, compiled
 
 
@@ -25,10 +25,15 @@ def reconstructed(linear: Linear, data: Columns, noise: Noise, edges: NDArray[np
     Returns means [T, 9] and variances [T, 9]; forces in N, N and N m. ``data`` is one column.
     """
     mean, variance = np.zeros((len(linear.A), 9)), np.zeros((len(linear.A), 9))
-    _smooth_all(
-        linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, data.drive[:, :, 0], data.seen[:, :, 0],
-        noise.as_array(), np.ascontiguousarray(edges), mean, variance,
+    arrays = (
+        linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, np.ascontiguousarray(data.drive[:, :, 0]),
+        np.ascontiguousarray(data.seen[:, :, 0]), noise.as_array(),
     )  # fmt: skip
+
+    def block(first: int, last: int) -> None:
+        _smooth(*arrays, first, last, mean, variance)
+
+    each_block(block, edges)
     unit = np.concatenate([np.ones(6), FORCE_UNITS])
     return mean * unit, variance * unit**2
 
@@ -94,14 +99,12 @@ def _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, varian
 
 
 def _make(stamp: int) -> Callable[..., None]:
-    @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
-    def smooth_all(A, B, H, origin, drive, seen, noise, edges, mean, variance):  # type: ignore[no-untyped-def]
-        for block in prange(edges.size - 1):
-            _smooth_block(A, B, H, origin, drive, seen, noise, edges[block], edges[block + 1], mean, variance)
-        if stamp == 0:
-            mean[:] = 0.0
+    @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+    def smooth(A, B, H, origin, drive, seen, noise, first, last, mean, variance):  # type: ignore[no-untyped-def]
+        if stamp != 0:
+            _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, variance)
 
-    return smooth_all  # type: ignore[no-any-return]
+    return smooth  # type: ignore[no-any-return]
 
 
-_smooth_all = _make(STAMP)
+_smooth = _make(STAMP)

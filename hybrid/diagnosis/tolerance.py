@@ -8,13 +8,14 @@ only for what such an error could not be.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
 from hybrid.diagnosis.log import Log
-from hybrid.vessel.compiling import FAST, Floats, Record
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record
 from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.thrusters import pod_force, port_pod, starboard_pod, tunnel_force
 
@@ -74,14 +75,20 @@ def operating_point(log: Log, origin: Floats) -> Floats:
     return np.asarray(columns / scale)
 
 
-@njit(fastmath=FAST, error_model="numpy")
-def _thruster_forces(p: Record, states: Floats, controls: Floats) -> Floats:  # pragma: no cover - compiled
-    """X [N], Y [N], N [N m] of pods and tunnel thruster in still water at each state and control: [T, 3]."""
-    forces = np.empty((len(states), 3))
-    for k in range(len(states)):
-        u, v, r = states[k, 3], states[k, 4], states[k, 5]
-        X1, Y1, N1 = pod_force(p, port_pod(p, controls[k, 0], controls[k, 1]), u, v, r)
-        X2, Y2, N2 = pod_force(p, starboard_pod(p, controls[k, 2], controls[k, 3]), u, v, r)
-        side = tunnel_force(p, controls[k, 4])
-        forces[k, 0], forces[k, 1], forces[k, 2] = X1 + X2, Y1 + Y2 + side, N1 + N2 + p.tunnel_x_m * side
-    return forces
+def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
+    @njit(cache=True, fastmath=FAST, error_model="numpy")
+    def thruster_forces(p: Record, states: Floats, controls: Floats) -> Floats:
+        """X [N], Y [N], N [N m] of pods and tunnel thruster in still water at each state and control: [T, 3]."""
+        forces = np.full((len(states), 3), 0.0 * stamp)
+        for k in range(len(states)):
+            u, v, r = states[k, 3], states[k, 4], states[k, 5]
+            X1, Y1, N1 = pod_force(p, port_pod(p, controls[k, 0], controls[k, 1]), u, v, r)
+            X2, Y2, N2 = pod_force(p, starboard_pod(p, controls[k, 2], controls[k, 3]), u, v, r)
+            side = tunnel_force(p, controls[k, 4])
+            forces[k, 0], forces[k, 1], forces[k, 2] = X1 + X2, Y1 + Y2 + side, N1 + N2 + p.tunnel_x_m * side
+        return forces
+
+    return thruster_forces  # type: ignore[no-any-return]
+
+
+_thruster_forces = _make(PHYSICS_STAMP)

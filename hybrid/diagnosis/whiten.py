@@ -10,12 +10,13 @@ passed over.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import sqrt
 from pathlib import Path
 
 import numpy as np
-from numba import njit, prange
+from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
 from hybrid.diagnosis.disturbed import FREE, beginning, predicted, seen_through, sight, states_of, transition
@@ -23,7 +24,7 @@ from hybrid.diagnosis.linearise import Linear, Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.vessel.compiling import FAST, Floats, compiled, source_stamp
 
-STAMP = source_stamp(Path(__file__).parent)
+STAMP = source_stamp(*(Path(__file__).with_name(f"{name}.py") for name in ("disturbed", "whiten", "reconstruct")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,11 +60,23 @@ def whitened(linear: Linear, columns: Columns, noise: Noise, edges: NDArray[np.i
     """
     z = np.zeros((len(linear.A), 6, columns.count))
     spread = np.ones((len(linear.A), 6))
-    _whiten_all(
-        linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, columns.drive, columns.seen,
-        columns.features, noise.as_array(), np.ascontiguousarray(edges), z, spread,
+    arrays = (
+        linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, columns.drive, columns.seen, columns.features,
+        noise.as_array(),
     )  # fmt: skip
+
+    def block(first: int, last: int) -> None:
+        _whiten(*arrays, first, last, z, spread)
+
+    each_block(block, edges)
     return z, spread
+
+
+def each_block(work: Callable[[int, int], None], edges: NDArray[np.int64]) -> None:
+    """Call compiled ``work(first, last)`` for each block, on all cores: it leaves Python alone meanwhile."""
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        for done in pool.map(work, edges[:-1].tolist(), edges[1:].tolist()):
+            assert done is None
 
 
 @compiled
@@ -130,14 +143,12 @@ def _moved(F, m, B, drive, features, moved):  # type: ignore[no-untyped-def]
 
 
 def _make(stamp: int) -> Callable[..., None]:
-    @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
-    def whiten_all(A, B, H, origin, drive, seen, features, noise, edges, z, spread):  # type: ignore[no-untyped-def]
-        for block in prange(edges.size - 1):
-            _whiten_block(A, B, H, origin, drive, seen, features, noise, edges[block], edges[block + 1], z, spread)
-        if stamp == 0:
-            z[:] = 0.0
+    @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+    def whiten(A, B, H, origin, drive, seen, features, noise, first, last, z, spread):  # type: ignore[no-untyped-def]
+        if stamp != 0:
+            _whiten_block(A, B, H, origin, drive, seen, features, noise, first, last, z, spread)
 
-    return whiten_all  # type: ignore[no-any-return]
+    return whiten  # type: ignore[no-any-return]
 
 
-_whiten_all = _make(STAMP)
+_whiten = _make(STAMP)

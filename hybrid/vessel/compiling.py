@@ -26,11 +26,11 @@ compiled = njit(fastmath=FAST, error_model="numpy")
 """For the small functions that kernels are made of: compiled together with the kernel that calls them."""
 
 
-def source_stamp(*folders: Path) -> int:
-    """A digest of all Python sources in ``folders``."""
+def source_stamp(*places: Path) -> int:
+    """A digest of Python sources: files, and all that are in folders."""
     digest = sha256()
-    for folder in folders:
-        for source in sorted(folder.glob("*.py")):
+    for place in places:
+        for source in sorted(place.glob("*.py")) if place.is_dir() else [place]:
             digest.update(source.read_bytes())
     return int(digest.hexdigest()[:15], 16)
 
