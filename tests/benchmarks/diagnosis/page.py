@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from math import isnan
 from pathlib import Path
 
 import numpy as np
@@ -88,7 +89,7 @@ def _scores(results: Sequence[Result]) -> list[Row]:
         ("singles at 2 times and more: named, nothing else", str(share(strong, exact)), "95 %"),
         ("singles at 2 times and more: right family", str(share(strong, right_family)), "98 %"),
         ("singles at 2 times and more: in the reported set", str(share(strong, in_set)), "97 %"),
-        ("singles at 2 times and more: mean size of the set", f"{mean_set_size(strong):.2f}", "at most 1.5"),
+        ("singles at 2 times and more: mean size of the set", _set_size(strong), "at most 1.5"),
         ("singles that another effect imitates: in the reported set", str(share(alike, in_set)), ""),
         ("pairs: all named, none added", str(share(groups["pairs"], exact)), "90 %"),
         ("pairs: all in the reported sets", str(share(groups["pairs"], in_set)), ""),
@@ -119,6 +120,11 @@ def _outside_scores(results: Sequence[Result]) -> list[Row]:
     ]
 
 
+def _set_size(results: Sequence[Result]) -> str:
+    mean = mean_set_size(results)
+    return "no case" if isnan(mean) else f"{mean:.2f}"
+
+
 def _tolerances(ratios: Sequence[float]) -> str:
     return f"{np.median(ratios):.2g} times the tolerance (at most {max(ratios):.2g})" if ratios else "no case"
 
@@ -139,12 +145,9 @@ def _parameter_scores(hidden: Sequence[Result]) -> list[Row]:
     rightly = [each for each in hidden if each["said"]["verdict"] == "named" and exact(each)]
     closed = [gap_closed(each) for each in rightly]
     median = f"{np.median(closed):.3f}" if closed else "no case"
+    errors = f"{middle:.2f} ({low:.2f} to {high:.2f}; {rms:.2f}) of {count}" if count else "no case"
     return [
-        (
-            "parameters: median error over the bound (quartiles; rms)",
-            f"{middle:.2f} ({low:.2f} to {high:.2f}; {rms:.2f}) of {count}",
-            "at most 1.2",
-        ),
+        ("parameters: median error over the bound (quartiles; rms)", errors, "at most 1.2"),
         ("parameters: 95 % intervals that hold the truth", str(covered(hidden)), "93-97 %"),
         ("gap closed in rightly `named` cases: at least 0.95", str(share(rightly, _closes)), ""),
         ("gap closed in rightly `named` cases: median", median, "at least 0.95"),
@@ -200,7 +203,7 @@ def _split(results: Sequence[Result], name: str, key: Callable[[Result], str], *
 def _wrong(results: Sequence[Result]) -> str:
     """One line for every case in which a name was wrong or lacking where it had to be right."""
     wrong = [
-        *(each for each in of_group(results, "nothing") if names_something(each)),
+        *(each for each in of_group(results, "nothing") if detected(each)),
         *(
             each
             for group in ("singles", "pairs", "triples")

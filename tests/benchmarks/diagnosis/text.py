@@ -3,7 +3,7 @@
 HEAD = """# How well the diagnosis names what is hidden
 
 ```
-make benchmark-diagnosis
+make benchmark-diagnosis SIZE={size}
 python -m tests.benchmarks.diagnosis_trials -o results.jsonl --size {size} --page docs/diagnosis_benchmark.md
 ```
 
