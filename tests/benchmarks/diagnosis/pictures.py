@@ -54,8 +54,8 @@ def draw_confusion(singles: Sequence[Result], path: Path) -> None:
             axes.text(column, row, f"{100.0 * value:.0f}", ha="center", va="center", fontsize=5, color=colour)
     axes.set_xticks(range(len(columns)), columns, rotation=90, fontsize=6)
     axes.set_yticks(range(len(rows)), rows, fontsize=6)
-    axes.set_xlabel("reported")
-    axes.set_ylabel("hidden, at twice its limit and more")
+    axes.set_xlabel("reported", fontsize=7)
+    axes.set_ylabel("hidden, at twice its limit and more", fontsize=7)
     _save(figure, path)
 
 
