@@ -34,7 +34,8 @@ TOLERANCE = 0.01
 
 _PAIRS = 3
 _HUGE = 3.0  # times the ordinary size
-_NEGLIGIBLE = 0.03  # of what the named effects explain: an effect's own form is not exact either
+_UNEVEN = 0.15
+_NEGLIGIBLE = 0.01  # of what the named effects explain: an effect's own form is not exact either
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +142,15 @@ def _next_manoeuvre(
 
 def _standing_out(naming: Naming) -> list[Remainder]:
     """What remains beside the named effects and is no mere trace of their own form."""
-    explained = naming.view.fit(naming.names).gain
-    return [
-        each for each in remainders(naming.view, naming.names) if each.found and each.gain > _NEGLIGIBLE * explained
-    ]
+    view, fit = naming.view, naming.view.fit(naming.names)
+
+    def matters(each: Remainder) -> bool:
+        if each.what in naming.names:  # a named effect that is uneven: by how much of itself
+            places = [fit.columns.index(column) for column in view.columns([each.what])]
+            return each.size > _UNEVEN * float(np.linalg.norm(np.take(fit.values, places)))
+        return each.gain > _NEGLIGIBLE * fit.gain
+
+    return [each for each in remainders(view, naming.names) if each.found and matters(each)]
 
 
 def _named_effect(naming: Naming, name: str, gap: HeldOut) -> NamedEffect:

@@ -30,6 +30,8 @@ _ROUNDS = 3
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
 _AT_LARGE = 10.0  # times the tolerance, for what is known to be there
 _STEPS = (5, 8)
+_SMALL_WAVES = (0.03, 0.03, 0.003)
+_PRICE_OF_WAVES = 12.0  # log likelihood that seven more levels have to bring
 _FEW = 50  # features are enough where nothing is decided
 
 
@@ -232,7 +234,7 @@ def estimated_noise(log: Log, view: _View, start: Noise | None = None) -> Noise:
         rest, _ = _rest(part, some, noise, seed=round_)
         starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
         tried = [fitted_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
-        noise = min(tried, key=lambda each: each[1])[0]
+        noise = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)[0]
     return noise
 
 
@@ -263,9 +265,9 @@ def first_guess(log: Log) -> Noise:
 
 
 def _both_ways(noise: Noise) -> list[Noise]:
-    """Waves along an axis may go either way."""
+    """Waves along an axis may go either way; where the smoother saw none there may be small ones all the same."""
     if not noise.has_waves:
-        return [noise]
+        return [noise, replace(noise, waves=_SMALL_WAVES)]
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 

@@ -32,7 +32,7 @@ DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": 1e3, "constant_Y_n": 1e3, "constant_N_nm": 1e4}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
-_ROUNDS = 2  # more would amplify whatever swings faster than a sensor is late
+_ROUNDS = 4  # more would amplify whatever swings faster than a sensor is late
 
 
 @dataclass(frozen=True, slots=True)

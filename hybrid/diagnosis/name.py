@@ -333,15 +333,25 @@ def named(
             at = moved_to(view, names)
             continue
         view = view_of(view.examination, by_leg=True)
+        names, tests, barred = _standing(view, names, barred)
+        if set(names) == set(at):
+            break
+        at = moved_to(view, names)
+    return Naming(names, tests, view)
+
+
+def _standing(
+    view: View, names: tuple[str, ...], barred: frozenset[str]
+) -> tuple[tuple[str, ...], dict[str, Tested], frozenset[str]]:
+    """The effects that stand all tests, how they stand, and who is barred; who fails makes place for others."""
+    while True:
         tests = {name: tested(view, names, name) for name in names}
         failed = [each for each in tests.values() if not each.accepted]
         if not failed:
-            break
-        barred |= {each.name for each in failed if each.hopeless} or {
-            max(failed, key=lambda each: each.p_value).name
-        }
-        at = moved_to(view, searched(view, barred))
-    return Naming(names, tests, view)
+            return names, tests, barred
+        worst = max(failed, key=lambda each: each.p_value)
+        barred |= {worst.name, *(each.name for each in failed if each.hopeless)}
+        names = searched(view, barred)
 
 
 def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]]) -> bool:

@@ -64,6 +64,7 @@ def test_two_hidden_effects_of_two_families_are_both_named() -> None:
     assert exact(result)
 
 
+@pytest.mark.slow
 def test_what_no_catalogue_holds_is_said_to_be_unknown() -> None:
     result = outcome(4, {}, outside={"yaw_moment_4psi": 60_000.0}, programme="programme")
     assert says_unknown(result)
