@@ -125,8 +125,7 @@ def _believable(naming: Naming, name: str) -> bool:
     """Whether an effect has a size that such effects have; beside something unknown a huge one is likely that."""
     view = naming.view
     fit = view.fit(naming.names, prior=True)
-    places = [fit.columns.index(column) for column in view.columns([name])]
-    return bool((np.abs(np.take(fit.values, places)) <= _HUGE * view.prior([name])).all())
+    return bool((np.abs(np.take(fit.values, view.places(fit, name))) <= _HUGE * view.prior([name])).all())
 
 
 def _next_manoeuvre(
@@ -146,8 +145,8 @@ def _standing_out(naming: Naming) -> list[Remainder]:
 
     def matters(each: Remainder) -> bool:
         if each.what in naming.names:  # a named effect that is uneven: by how much of itself
-            places = [fit.columns.index(column) for column in view.columns([each.what])]
-            return each.size > _UNEVEN * float(np.linalg.norm(np.take(fit.values, places)))
+            whole = np.take(fit.values, view.places(fit, each.what))
+            return each.size > _UNEVEN * float(np.linalg.norm(whole))
         return each.gain > _NEGLIGIBLE * fit.gain
 
     return [each for each in remainders(view, naming.names) if each.found and matters(each)]

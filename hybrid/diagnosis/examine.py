@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from hybrid.vessel.compiling import Floats
 
 Progress = Callable[[float], None]
 Loose = frozenset[tuple[str, str]]
+Arrays = TypeVar("Arrays", Linear, Columns)
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
@@ -108,8 +110,7 @@ class _View:
     columns: Columns
     layout: Layout
     range: ForceRange
-    nuisance: Ints
-    scale: Floats
+    tolerance: float
 
 
 def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambda share: None) -> tuple[Log, Noise]:
@@ -145,7 +146,7 @@ def examined(
     :mod:`.beyond`, by what they depend on and what they are of, that may be as large as an effect.
     """
     view = _view(log, model, tolerance)
-    nuisance, scale = _nuisances(view.layout, view.range, tolerance, loose)
+    nuisance, scale = _nuisances(view, loose)
     products = products_of(log, view.linear, view.columns, noise, progress)
     return Examination(
         log, model, view.linear, view.effects, view.range, tolerance, noise, view.layout, products, nuisance, scale
@@ -172,24 +173,28 @@ def _view(log: Log, model: Model, tolerance: float, number: int = FEATURES) -> _
         varied_granted=np.array([_UNEVEN * each.smallest_free[0] for each in of]),
         depends=more.depends,
     )
-    return _View(linear, tuple(effects), columns, layout, extent, *_nuisances(layout, extent, tolerance))
+    return _View(linear, tuple(effects), columns, layout, extent, tolerance)
 
 
-def _nuisances(
-    layout: Layout, extent: ForceRange, tolerance: float, loose: Loose = frozenset()
-) -> tuple[Ints, Floats]:
+def _tolerated_forces(view: _View) -> Floats:
+    """The model's tolerance in each body axis [3], in the filter's units."""
+    return np.asarray(view.tolerance * view.range.as_array() / FORCE_UNITS)
+
+
+def _nuisances(view: _View, loose: Loose) -> tuple[Ints, Floats]:
     """The columns that stand for what is tolerated, and the standard deviation of each."""
+    layout = view.layout
     some = np.flatnonzero(layout.tolerated > 0.0)
     wind = np.arange(layout.wind) + layout.first_wind
     columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, WIND_MPS)]
-    for axis, force in enumerate(extent.as_array() / FORCE_UNITS):
+    for axis, force in enumerate(_tolerated_forces(view)):
         columns.append(layout.axis(axis))
-        scale.append(np.full(layout.features, tolerance * force / np.sqrt(layout.features)))
+        scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
             own = layout.beyond(axis)[[each == depends for each in layout.depends]]
             granted = _AT_LARGE if (depends, AXES[axis]) in loose else GRANTED[depends]
             columns.append(own)
-            scale.append(np.full(len(own), granted * tolerance * force / np.sqrt(len(own))))
+            scale.append(np.full(len(own), granted * force / np.sqrt(len(own))))
     for number, label in enumerate(layout.varied):
         what, depends = label.split("*")
         size = layout.varied_prior[number] if (depends, what) in loose else layout.varied_granted[number]
@@ -207,7 +212,7 @@ def products_of(
     for first in range(0, log.legs, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
-        z, _ = whitened(_some(linear, chosen), _some_columns(columns, chosen), noise, part.edges)
+        z, _ = whitened(_some(linear, chosen), _some(columns, chosen), noise, part.edges)
         for leg in range(part.legs):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block
@@ -216,19 +221,16 @@ def products_of(
     return Products(result, rows)
 
 
-def _some(linear: Linear, rows: NDArray[np.bool_]) -> Linear:
-    return Linear(*(getattr(linear, name)[rows] for name in Linear.__slots__))
-
-
-def _some_columns(columns: Columns, rows: NDArray[np.bool_]) -> Columns:
-    return Columns(*(getattr(columns, name)[rows] for name in Columns.__slots__))
+def _some(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
+    """Some seconds of a linear model, or of columns."""
+    return type(arrays)(*(getattr(arrays, each.name)[rows] for each in fields(arrays)))
 
 
 def estimated_noise(log: Log, view: _View, start: Noise | None = None) -> Noise:
     """Noise levels from blocks spread over the log, a likely part of all that may be missing taken off first."""
     chosen = _spread_out(log)
     part, linear = log.subset(chosen), _some(view.linear, chosen)
-    some = replace(view, linear=linear, columns=_some_columns(view.columns, chosen))
+    some = replace(view, linear=linear, columns=_some(view.columns, chosen))
     noise = start or first_guess(log)
     for round_ in range(1 if start else _ROUNDS):
         rest, _ = _rest(part, some, noise, seed=round_)
@@ -291,10 +293,9 @@ def _rest(log: Log, view: _View, noise: Noise, seed: int | None) -> tuple[Column
     prior[1 : 1 + P] = _LOOSE * layout.prior
     prior[layout.first_wind : layout.first_varied] = _LOOSE * WIND_MPS
     prior[layout.first_varied : layout.first_feature] = layout.varied_prior
-    for axis in range(3):
-        tolerated = view.scale[view.nuisance == layout.axis(axis)[0]][0]
-        prior[layout.axis(axis)] = tolerated
-        prior[layout.beyond(axis)] = _LOOSE * tolerated * np.sqrt(layout.features)
+    for axis, force in enumerate(_tolerated_forces(view)):
+        prior[layout.axis(axis)] = force / np.sqrt(layout.features)
+        prior[layout.beyond(axis)] = _LOOSE * force
     every = range(1, columns.count)
     fit = fitted(products, every, prior[1:]).values if seed is None else drawn(products, every, prior[1:], seed)
     few = layout.first_feature - 1

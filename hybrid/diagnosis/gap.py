@@ -19,6 +19,7 @@ from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.name import FALSE_ALARM, View, moved_to, searched, view_without
 from hybrid.diagnosis.result import Gap, Tracks
+from hybrid.scores import distances
 from hybrid.vessel.compiling import Floats
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
@@ -67,12 +68,6 @@ def measured_tracks(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZ
     """What was measured over each window [N, H+1, 3], brought from the samples' times to full seconds."""
     at_seconds = log.measured - between(log, paths(log, plant, unreported(log, plant)))
     return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
-
-
-def distances(track: Floats, seen: Floats) -> Floats:
-    """How far tracks are from what was measured at seconds 1 to H [N, H]; NaN where either is unknown."""
-    away = track[:, 1:, :2] - seen[:, 1:, :2]
-    return np.hypot(away[..., 0], away[..., 1])
 
 
 def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:

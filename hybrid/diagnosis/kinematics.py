@@ -8,7 +8,7 @@ of all.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from hybrid.diagnosis.examine import Examination, Layout, products_of
 from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.name import Tested, View, moved_to, rivals_of, searched, tested, view_of
+from hybrid.diagnosis.name import CLOSE, Tested, View, moved_to, rivals_of, searched, stays, tested, view_of
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.tolerance import ForceRange
 from hybrid.diagnosis.tolerated import tolerances
@@ -24,9 +24,6 @@ from hybrid.diagnosis.whiten import columns_of
 from hybrid.diagnosis.words import listed, number, parameter_title, plain
 from hybrid.effects import Catalogue
 from hybrid.vessel.compiling import Floats
-
-ALIKE = 4.5
-"""Log odds within which another sensor's error explains a contradiction as well (2 d log L < 9)."""
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
 _LOOKS = 6
@@ -98,7 +95,7 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[View, tuple[str, ...]]
         else:
             score = view.evidence(names) - 0.5 * float(view.inner[0, 0])
             best = max(best, (score, view, names), key=lambda each: each[0]) if best else (score, view, names)
-            if _settled(view, names, at):
+            if stays(view, names, at, _SETTLED):
                 break
         at = moved_to(view, searched(view, barred))
     return best[1:] if best else (view, ())
@@ -160,22 +157,14 @@ def _between(log: Log, origin: Floats) -> Floats:
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
 
 
-def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]]) -> bool:
-    if set(names) != set(at):
-        return False
-    fit, new = view.fit(names), moved_to(view, names)
-    moved = np.array([a - b for name in names for a, b in zip(new[name], at[name], strict=True)])
-    return bool((np.abs(moved) <= _SETTLED * np.sqrt(np.diag(fit.covariance))).all())
-
-
 def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
     model = view.examination.model
     effect = model.catalogue[test.name]
     fit = view.fit(names)
-    places = [fit.columns.index(column) for column in view.columns([test.name])]
+    places = view.places(fit, test.name)
     free = tuple(float(fit.values[place]) for place in places)
     errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
-    rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < ALIKE)
+    rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < CLOSE)
     alike = tuple(rival for _, rival in rivals)
     units = tuple(each.unit for each in effect.parameters)
     values = model.values(test.name, free)

@@ -12,7 +12,8 @@ that is far off costs nothing: its error stands in the defect f(x0[k]) - x0[k+1]
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -187,14 +188,19 @@ def driven(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     if plant.command_delay_s == 0.0 and plant.thruster_lag_s == 0.0:
         return log.controls, log.controls[:, 0]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), 5))
-    breaks = np.flatnonzero(np.diff(log.time_s) != 1) + 1
-    for first, last in zip([0, *breaks], [*breaks, len(log)], strict=True):
+    for first, last in _stretches(log):
         series = log.controls[first:last].reshape(-1, 5)
         series = np.column_stack([np.unwrap(c) if i in (1, 3) else c for i, c in enumerate(series.T)])
         series = acting_controls(series, plant.command_delay_s, DT_S)
         controls[first:last] = series.reshape(-1, STEPS_PER_SECOND, 5)
         acting[first:last] = _lagged(series, plant.thruster_lag_s)[::STEPS_PER_SECOND]
     return controls, acting
+
+
+def _stretches(log: Log) -> Iterator[tuple[int, int]]:
+    """The rows at which each stretch without a break in time begins and ends."""
+    breaks = np.flatnonzero(np.diff(log.time_s) != 1) + 1
+    return itertools.pairwise([0, *breaks.tolist(), len(log)])
 
 
 def _lagged(series: Floats, lag_s: float) -> Floats:
@@ -210,8 +216,7 @@ def _lagged(series: Floats, lag_s: float) -> Floats:
 def reported(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, delays along each unbroken stretch."""
     result = np.empty_like(states)
-    breaks = np.flatnonzero(np.diff(log.time_s) != 1) + 1
-    for first, last in zip([0, *breaks], [*breaks, len(log)], strict=True):
+    for first, last in _stretches(log):
         result[first:last] = measured(states[first:last], plant, 1.0)
     return result
 

@@ -26,7 +26,7 @@ from analysis.frames import NANO, times_ns
 from analysis.smoothing.noise_levels import NoiseLevels
 from analysis.smoothing.smooth import smooth
 from analysis.table import require
-from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 from hybrid.vessel.compiling import Floats
 
 Ints = NDArray[np.int64]
@@ -46,8 +46,6 @@ _GAP_STEPS = 2.5
 _LONGEST_BREAK_S = 60
 _OUTLIER = 6.0
 _MOTION = (*POSE, *VELOCITY)
-_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
-_SETTING_UNITS = np.array([1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +152,7 @@ def _smoothed(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
     states = slow[list(_MOTION)].to_numpy(dtype=float)
     known = np.isfinite(states[:, 2])
     states[known, 2] = unwrap(states[known, 2])
-    states = states * _UNITS
+    states = states * STATE_UNITS
     psi, u, v, r = states[:, 2:].T
     accelerations = slow[["surge_mps2", "sway_mps2", "yaw_dps2"]].to_numpy(dtype=float)
     north, east = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
@@ -196,7 +194,7 @@ def _averaged(table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
     stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
     path = CubicHermiteSpline(nodes[known], motion[known], slopes[known])
     for column, name in enumerate(_MOTION):
-        values = table[name].to_numpy(dtype=float) * _UNITS[column]
+        values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
         rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
         times, expected = stamps[rows], path(stamps[rows])[:, column]
         off = values[rows] - expected
@@ -237,7 +235,7 @@ def _settings(table: pd.DataFrame, seconds: Ints) -> Floats:
     quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
     result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
     for column, name in enumerate(COMMAND):
-        mean = _means(table, name, quarters + float(seconds[0])) * _SETTING_UNITS[column]
+        mean = _means(table, name, quarters + float(seconds[0])) * CONTROL_UNITS[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 

@@ -31,8 +31,11 @@ FALSE_ALARM = 0.005
 UNSEEN = 0.05
 """One-sided level at which an effect has to predict legs that were left out."""
 
+CLOSE = 4.5
+"""A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
+
 _PAIRS_OF = 8
-_SETTLED = 0.3  # of a standard error
+_SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
 _MOST = 6
 _LOOKS = 10
 _TELLING = 0.95  # of the information is in the legs on which an effect is tried
@@ -84,6 +87,10 @@ class View:
         """The joint fit."""
         return fitted(self.inner, self.columns(names), self.prior(names) if prior and names else None)
 
+    def places(self, fit: Fit, name: str) -> list[int]:
+        """Where an effect's coordinates stand in a fit."""
+        return [fit.columns.index(column) for column in self.columns([name])]
+
     def possible(self, names: Sequence[str]) -> bool:
         """Whether the fitted values of all these effects are within their bounds."""
         return all(self.values(names).get(name) is not None for name in names)
@@ -92,9 +99,9 @@ class View:
         """The fitted parameters of each, None where they are out of bounds."""
         fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
         for name in names:
-            free = [fit.values[fit.columns.index(column)] for column in self.columns([name])]
+            free = fit.values[self.places(fit, name)].tolist()
             try:
-                result[name] = self.examination.model.values(name, [float(each) for each in free])
+                result[name] = self.examination.model.values(name, free)
             except ConfigurationError:
                 result[name] = None
         return result
@@ -102,17 +109,25 @@ class View:
 
 def view_of(examination: Examination, by_leg: bool = False) -> View:
     """The reduced products of an examination, its model's own effects put back into the data."""
-    kept = np.arange(1 + len(examination.layout.effect))
-    back, total = put_back(examination), examination.products.total
+    total = examination.products.total
 
     def inner(products: Floats) -> Floats:
-        return back.T @ reduced(products, kept, examination.nuisance, examination.nuisance_scale)[0] @ back
+        return whole_data(examination, products, examination.nuisance_scale)[0]
 
     if not by_leg:
         return View(inner(total), examination)
     legs = examination.products.legs
     left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
     return View(inner(total), examination, left_out, alone)
+
+
+def whole_data(examination: Examination, products: Floats, scale: Floats) -> tuple[Floats, float]:
+    """Reduced products of the data without any effect and of all effects, and the logarithm of V's determinant."""
+    kept = np.arange(1 + len(examination.layout.effect))
+    inner, determinant = reduced(products, kept, examination.nuisance, scale)
+    back = np.eye(len(kept))
+    back[:, 0] = put_back(examination)[kept]
+    return back.T @ inner @ back, determinant
 
 
 def view_without(examination: Examination, legs: NDArray[np.bool_]) -> View:
@@ -122,11 +137,11 @@ def view_without(examination: Examination, legs: NDArray[np.bool_]) -> View:
 
 
 def put_back(examination: Examination) -> Floats:
-    """The change of columns [1+P, 1+P] that adds to the data what the model's own effects have taken off."""
-    back = np.eye(1 + len(examination.layout.effect))
+    """The data with what the model's own effects have taken off, as a combination of all columns [C]."""
+    back = np.zeros(examination.products.legs.shape[1])
+    back[0] = 1.0
     for name, free in examination.model.at.items():
-        for column, value in zip(examination.layout.of(name), free, strict=True):
-            back[column, 0] = value
+        back[list(examination.layout.of(name))] = free
     return back
 
 
@@ -202,7 +217,7 @@ def _telling(view: View, fit: Fit, name: str) -> Ints:
     """The legs that say most of what is said of an effect: those in which nothing happens cannot bear it out."""
     assert view.alone is not None
     columns = np.array(view.columns([name]))
-    values = fit.values[[fit.columns.index(column) for column in columns]]
+    values = fit.values[view.places(fit, name)]
     said = np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in view.alone])
     order = np.argsort(-said)
     needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
@@ -212,7 +227,7 @@ def _telling(view: View, fit: Fit, name: str) -> Ints:
 def _large_enough(view: View, fit: Fit, name: str) -> bool:
     """Whether the effect may be as large as the smallest anyone cares about."""
     effect = view.examination.model.catalogue[name]
-    places = [fit.columns.index(column) for column in view.columns([name])]
+    places = view.places(fit, name)
     reach = np.abs(fit.values[places]) + 1.96 * np.sqrt(np.diag(fit.covariance)[places])
     return bool((reach >= np.array(effect.smallest_free)).any())
 
@@ -237,10 +252,8 @@ def spreads(examination: Examination, columns: Ints, others: Ints, every: Ints) 
     nuisance, scale = examination.nuisance, examination.nuisance_scale
     own = np.zeros((len(total), len(columns)))
     own[columns, np.arange(len(columns))] = 1.0
-    data = np.zeros((len(total), 1))
-    data[: 1 + len(examination.layout.effect)] = put_back(examination)[:, :1]
     own = _freed(total, own, others, nuisance, scale)
-    residual = _freed(total, data, every, nuisance, scale)[:, 0]
+    residual = _freed(total, put_back(examination)[:, None], every, nuisance, scale)[:, 0]
     scores = np.stack([own.T @ (leg @ residual) for leg in products.legs])
     information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in products.legs])
     whole = information.sum(axis=0)
@@ -295,10 +308,7 @@ def rivals_of(view: View, names: tuple[str, ...], name: str) -> dict[str, float]
 def moved_to(view: View, names: Sequence[str]) -> Mapping[str, tuple[float, ...]]:
     """The free coordinates at which the equations are to be made linear next."""
     fit = view.fit(names, prior=True)
-    return {
-        name: tuple(float(fit.values[fit.columns.index(column)]) for column in view.columns([name]))
-        for name in names
-    }
+    return {name: tuple(fit.values[view.places(fit, name)].tolist()) for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,7 +339,7 @@ def named(
         view = view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
         names = searched(view, barred)
         progress(min(0.9, (number + 1) / 4.0))
-        if not _settled(view, names, at) and number < _LOOKS - 1:
+        if not stays(view, names, at, _SETTLED, _SETTLED_SHARE) and number < _LOOKS - 1:
             at = moved_to(view, names)
             continue
         view = view_of(view.examination, by_leg=True)
@@ -354,12 +364,16 @@ def _standing(
         names = searched(view, barred)
 
 
-def _settled(view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]]) -> bool:
-    """Whether the equations are linear about what is found already."""
+def stays(
+    view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]], errors: float, share: float = 0.0
+) -> bool:
+    """Whether the equations are linear about what is found already.
+
+    Nothing moves by more than so many standard errors and a share of its size.
+    """
     if set(names) != set(at):
         return False
-    fit = view.fit(names)
-    error = np.sqrt(np.diag(fit.covariance))
-    new = np.array([each for values in moved_to(view, names).values() for each in values])
-    old = np.array([each for name in names for each in at[name]])
-    return bool((np.abs(new - old) < _SETTLED * error + 0.01 * np.abs(old)).all())
+    slack = errors * np.sqrt(np.diag(view.fit(names).covariance))
+    now = moved_to(view, names)
+    new, old = (np.array([each for name in names for each in some[name]]) for some in (now, at))
+    return bool((np.abs(new - old) <= slack + share * np.abs(old)).all())

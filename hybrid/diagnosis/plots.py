@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
 from analysis.plots import FAINT, INK, PALETTE
+from hybrid.diagnosis.name import CLOSE
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
 from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
@@ -23,8 +24,6 @@ FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
 """One colour a family of effects, in every figure."""
 
 BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
-SAME = 4.5
-"""A rival that lacks less log evidence cannot be told from what was named."""
 
 _LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
 _SHOWN = 15
@@ -85,14 +84,14 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
     bars = axes.barh(
         range(len(shown)),
         [max(each.evidence, 0.02) for each in shown],
-        color=[PALETTE[1] if each.evidence < SAME else PALETTE[0] for each in shown],
+        color=[PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown],
         height=0.6,
     )
-    line = axes.axvline(SAME, color=INK, linewidth=1.0)
+    line = axes.axvline(CLOSE, color=INK, linewidth=1.0)
     labels = [f"{title_of(each.name)}\nfor {title_of(each.instead_of)}" for each in shown]
     axes.set_yticks(range(len(shown)), labels, fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
-    axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * SAME))
+    axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
     axes.set_xlabel("log evidence that it lacks")
     handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)

@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from hybrid.diagnosis.beyond import AXES
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.name import View, put_back, spreads
+from hybrid.diagnosis.name import View, put_back, spreads, whole_data
 from hybrid.diagnosis.noise import FORCE_UNITS
 from hybrid.vessel.compiling import Floats
 
@@ -99,15 +99,10 @@ def remainders(view: View, names: Sequence[str]) -> list[Remainder]:
 
 def _inner(examination: Examination, kept: Ints) -> Floats:
     """Reduced products of columns, the model's own effects put back into the data."""
-    total = examination.products.total
-    layout = examination.layout
-    back = np.eye(len(total))
-    back[: 1 + len(layout.effect), 0] = put_back(examination)[:, 0]
-    data = total @ back[:, 0]
-    total = total.copy()
-    total[:, 0] = data
-    total[0] = data
-    total[0, 0] = back[:, 0] @ examination.products.total @ back[:, 0]
+    total, back = examination.products.total, put_back(examination)
+    data = total @ back
+    total[:, 0] = total[0] = data
+    total[0, 0] = back @ data
     return reduced(total, kept, examination.nuisance, examination.nuisance_scale)[0]
 
 
@@ -135,10 +130,9 @@ def _of_tolerance(examination: Examination, view: View, names: Sequence[str], te
     """Whether the forces of speeds and thrusters are off by more than is granted: at twice and four times that."""
     nuisance, scale = examination.nuisance, examination.nuisance_scale
     wider, best, gains = np.isin(nuisance, _operating(examination)), 1.0, [0.0]
+    granted = _log_density(view, names, scale)
     for factor in (2.0, 4.0, 8.0):
-        gains.append(
-            _log_density(view, names, scale * np.where(wider, factor, 1.0)) - _log_density(view, names, scale)
-        )
+        gains.append(_log_density(view, names, scale * np.where(wider, factor, 1.0)) - granted)
         if gains[-1] == max(gains):
             best = factor
     gain = 2.0 * max(gains)
@@ -155,13 +149,7 @@ def _operating(examination: Examination) -> Ints:
 
 def _log_density(view: View, names: Sequence[str], scale: Floats) -> float:
     """Of the data under these nuisances, the effects ``names`` fitted freely; up to a constant."""
-    examination = view.examination
-    total = examination.products.total
-    layout = examination.layout
-    kept = np.arange(1 + len(layout.effect))
-    inner, determinant = reduced(total, kept, examination.nuisance, scale)
-    back = put_back(examination)
-    inner = back.T @ inner @ back
+    inner, determinant = whole_data(view.examination, view.examination.products.total, scale)
     columns = np.array(view.columns(names), dtype=int)
     left = inner[0, 0]
     if columns.size:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import atan2, degrees, hypot, inf, isfinite
 
 import numpy as np
 
 from hybrid.diagnosis.beyond import AXES
-from hybrid.diagnosis.name import Naming, rivals_of
+from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
 from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
-CLOSE = 4.5
 WEAK = 9.0
-"""A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times.
-Below ``WEAK`` a name stands, and another trial is worth its time."""
+"""A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""
 
 _WIDTH = 1.96
 
@@ -26,7 +24,7 @@ def estimates(naming: Naming, name: str) -> dict[str, Estimate]:
     """The parameters of a named effect with their 95 % intervals."""
     view, effect = naming.view, naming.view.examination.model.catalogue[name]
     fit = view.fit(naming.names, prior=True)
-    places = [fit.columns.index(column) for column in view.columns([name])]
+    places = view.places(fit, name)
     covariance = fit.covariance[np.ix_(places, places)] * naming.tests[name].spread
     given = naming.view.examination.model.given.get(name, (0.0,) * len(places))
     return intervals(effect, fit.values[places] + np.array(given), covariance)
@@ -171,7 +169,9 @@ def _waves(effect: Effect, p: Mapping[str, Estimate]) -> str:
     )
 
 
-def _first(text: str, scale: float = 1.0):  # type: ignore[no-untyped-def]
+def _first(text: str) -> Callable[[Effect, Mapping[str, Estimate]], str]:
+    """A sentence about the first parameter: its value, or its change in percent."""
+
     def say(effect: Effect, parameters: Mapping[str, Estimate]) -> str:
         value = next(iter(parameters.values())).value
         neutral = effect.parameters[0].neutral

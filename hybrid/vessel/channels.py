@@ -12,8 +12,8 @@ from acquisition.errors import InputError
 from hybrid.vessel.compiling import Floats
 
 RPM_PER_RPS = 60.0
-_STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
-_CONTROL_UNITS = np.array([1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0])
+STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
+CONTROL_UNITS = np.array([1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0])
 _WIND_UNITS = np.array([np.pi / 180.0, 1.0])
 
 
@@ -21,12 +21,12 @@ def states_of(table: pd.DataFrame) -> Floats:
     """North, east [m], heading [rad, unwrapped], surge, sway [m/s], yaw rate [rad/s]: [rows, 6]."""
     values = _columns(table, (*POSE, *VELOCITY))
     values[:, 2] = unwrap(values[:, 2])
-    return np.asarray(values * _STATE_UNITS)
+    return np.asarray(values * STATE_UNITS)
 
 
 def controls_of(table: pd.DataFrame) -> Floats:
     """Port [rev/s], its angle [rad], starboard [rev/s], its angle [rad], tunnel [rpm]: [rows, 5]."""
-    return np.asarray(_columns(table, COMMAND) * _CONTROL_UNITS)
+    return np.asarray(_columns(table, COMMAND) * CONTROL_UNITS)
 
 
 def wind_of(table: pd.DataFrame) -> Floats:
@@ -36,8 +36,8 @@ def wind_of(table: pd.DataFrame) -> Floats:
 
 def as_table(states: ArrayLike, controls: ArrayLike, wind: ArrayLike, index: pd.Index) -> pd.DataFrame:
     """The 13 channels from states [rows, 6], controls [rows, 5] and wind [rows, 2], angles wrapped."""
-    motion = np.asarray(states, dtype=np.float64) / _STATE_UNITS
-    command = np.asarray(controls, dtype=np.float64) / _CONTROL_UNITS
+    motion = np.asarray(states, dtype=np.float64) / STATE_UNITS
+    command = np.asarray(controls, dtype=np.float64) / CONTROL_UNITS
     air = np.asarray(wind, dtype=np.float64) / _WIND_UNITS
     motion[:, 2], air[:, 0] = wrap_360(motion[:, 2]), wrap_360(air[:, 0])
     command[:, (1, 3)] = wrap_180(command[:, (1, 3)])
