@@ -26,7 +26,7 @@ from hybrid.vessel.compiling import Floats
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measured, on_time
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -225,7 +225,9 @@ def unreported(log: Log, plant: Plant) -> Floats:
     """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
     states = log.nominal.copy()
     for _ in range(_ROUNDS):
-        states += log.nominal - reported(log, plant, states)
+        missing = log.nominal - reported(log, plant, states)
+        for first, last in _stretches(log):
+            states[first:last] += on_time(missing[first:last], plant, 1.0)
     return states
 
 

@@ -31,6 +31,14 @@ def measured(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     return reported
 
 
+def on_time(reported: ArrayLike, plant: Plant, dt_s: float) -> Floats:
+    """Reported states [..., K+1, 6], or differences of such, their speeds put back to when they were."""
+    values = np.array(reported, dtype=np.float64)
+    if plant.speed_delay_s:
+        values[..., SURGE:] = _columns_before(values[..., SURGE:], -plant.speed_delay_s, dt_s)
+    return values
+
+
 def _position(true: Floats, plant: Plant, dt_s: float) -> Floats:
     """North and east [..., K+1, 2] of the antenna, where the ship was ``position_delay_s`` before."""
     located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true
@@ -49,7 +57,7 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
     """
     speeds = true[..., SURGE:].copy()
     if plant.speed_delay_s:
-        speeds = _speeds_before(speeds, plant.speed_delay_s, dt_s)
+        speeds = _columns_before(speeds, plant.speed_delay_s, dt_s)
     surge, sway, yaw_rate = speeds[..., 0], speeds[..., 1], speeds[..., 2]
     surge -= plant.speed_sensor_starboard_m * yaw_rate
     sway += plant.speed_sensor_forward_m * yaw_rate
@@ -64,29 +72,44 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
 
 
 def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
-    """The pose [..., K+1, 3] ``delay_s`` before each sample (after it, if negative)."""
+    """The pose [..., K+1, 3] ``delay_s`` before each sample (after it, if negative).
+
+    What the speeds cover meanwhile is taken off: they, not differences of poses that were measured, say how she
+    moved, and a pose that is off does not move the one of another sample.
+    """
     last = states.shape[-2] - 1
     times = np.arange(last + 1) - delay_s / dt_s
-    inside = _interpolated(states[..., :3], _pose_rate(states) * dt_s, times)
+    rate = _pose_rate(states)
+    covered = _covered(rate * dt_s)
+    at_times = _interpolated(covered, rate * dt_s, np.clip(times, 0.0, last))
     early, late = times < 0.0, times > last
-    inside[..., early, :] = _arc(states[..., :1, :], times[early] * dt_s)
-    inside[..., late, :] = _arc(states[..., -1:, :], (times[late] - last) * dt_s)
-    return inside
+    at_times[..., early, :] += _arc(states[..., :1, :], times[early] * dt_s)
+    at_times[..., late, :] += _arc(states[..., -1:, :], (times[late] - last) * dt_s)
+    return np.asarray(states[..., :3] + at_times - covered)
 
 
-def _speeds_before(speeds: Floats, delay_s: float, dt_s: float) -> Floats:
-    """Speeds [..., K+1, 3] ``delay_s`` before each sample (after it, if negative).
+def _covered(rate: Floats) -> Floats:
+    """The integral [..., K+1, n] of a rate per sample from the first sample on: Hermite's, of fourth order."""
+    if rate.shape[-2] == 1:
+        return np.zeros_like(rate)
+    bend = np.gradient(rate, axis=-2)
+    steps = 0.5 * (rate[..., 1:, :] + rate[..., :-1, :]) - np.diff(bend, axis=-2) / 12.0
+    return np.concatenate([np.zeros_like(rate[..., :1, :]), np.cumsum(steps, axis=-2)], axis=-2)
+
+
+def _columns_before(values: Floats, delay_s: float, dt_s: float) -> Floats:
+    """Values [..., K+1, n] ``delay_s`` before each sample (after it, if negative), from themselves alone.
 
     Beyond the track's ends they change as at the end for up to one sample, and then no more.
     """
-    last = speeds.shape[-2] - 1
+    last = values.shape[-2] - 1
     if last == 0:
-        return speeds
-    slope = np.gradient(speeds, axis=-2)
+        return values
+    slope = np.gradient(values, axis=-2)
     times = np.arange(last + 1) - delay_s / dt_s
     beyond = (times - np.clip(times, 0.0, last)).clip(-1.0, 1.0)[:, np.newaxis]
     ends = np.where(beyond < 0.0, slope[..., :1, :], slope[..., -1:, :])
-    return np.asarray(_interpolated(speeds, slope, np.clip(times, 0.0, last)) + beyond * ends)
+    return np.asarray(_interpolated(values, slope, np.clip(times, 0.0, last)) + beyond * ends)
 
 
 def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
@@ -114,11 +137,11 @@ def _hermite(left: Floats, right: Floats, left_slope: Floats, right_slope: Float
 
 
 def _arc(states: Floats, ahead_s: Floats) -> Floats:
-    """The pose ``ahead_s`` [n] later at the constant speeds of ``states`` [..., 1, 6]: [..., n, 3]."""
+    """How the pose changes in ``ahead_s`` [n] at the constant speeds of ``states`` [..., 1, 6]: [..., n, 3]."""
     turned = states[..., YAW_RATE] * ahead_s
     middle = states[..., HEADING] + 0.5 * turned
     chord = ahead_s * np.sinc(turned / (2.0 * np.pi))
     u, v = states[..., SURGE], states[..., SWAY]
-    north = states[..., NORTH] + chord * (u * np.cos(middle) - v * np.sin(middle))
-    east = states[..., EAST] + chord * (u * np.sin(middle) + v * np.cos(middle))
-    return np.stack([north, east, states[..., HEADING] + turned], axis=-1)
+    north = chord * (u * np.cos(middle) - v * np.sin(middle))
+    east = chord * (u * np.sin(middle) + v * np.cos(middle))
+    return np.stack([north, east, turned], axis=-1)
