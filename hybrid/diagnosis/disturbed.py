@@ -16,6 +16,9 @@ from hybrid.vessel.compiling import Floats, compiled
 CALM, WITH_WAVES = 9, 15
 """The number of states."""
 
+WIDTH = 16
+"""The columns of the filter's matrices, zeros behind the states': loops of a known length are compiled faster."""
+
 FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
 """Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: so wide that nothing is known."""
 
@@ -128,36 +131,40 @@ def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
 
 
 @compiled
-def predicted(F: Floats, Q: Floats, P: Floats, FP: Floats) -> None:
-    """``P`` a second later, in place; ``FP`` is room to work in."""
+def predicted(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
+    """``P`` a second later, in place; ``work`` is room to work in. ``F`` is mostly zeros, and ``P`` symmetric."""
     n = P.shape[0]
     for i in range(n):
-        FP[i, :] = 0.0
+        for j in range(WIDTH):
+            work[i, j] = 0.0
         for k in range(n):
             f = F[i, k]
             if f != 0.0:
-                for j in range(n):
-                    FP[i, j] += f * P[k, j]
+                for j in range(WIDTH):
+                    work[i, j] += f * P[k, j]
     for i in range(n):
-        for j in range(i + 1):
-            total = Q[i, j]
-            for k in range(n):
-                f = F[j, k]
-                if f != 0.0:
-                    total += FP[i, k] * f
-            P[i, j] = total
-            P[j, i] = total
+        for j in range(i):
+            work[i, j], work[j, i] = work[j, i], work[i, j]
+    for i in range(n):
+        for j in range(WIDTH):
+            P[i, j] = Q[i, j]
+        for k in range(n):
+            f = F[i, k]
+            if f != 0.0:
+                for j in range(WIDTH):
+                    P[i, j] += f * work[k, j]
 
 
 @compiled
 def seen_through(P: Floats, h: Floats, Ph: Floats) -> float:
-    """Fills ``Ph`` with P h and returns h' P h."""
+    """Fills ``Ph`` with P h and returns h' P h; ``P`` is symmetric."""
     n, variance = P.shape[0], 0.0
+    for j in range(WIDTH):
+        Ph[j] = 0.0
     for i in range(n):
-        total = 0.0
-        for j in range(n):
-            if h[j] != 0.0:
-                total += P[i, j] * h[j]
-        Ph[i] = total
-        variance += h[i] * total
+        if h[i] != 0.0:
+            for j in range(WIDTH):
+                Ph[j] += h[i] * P[i, j]
+    for i in range(n):
+        variance += h[i] * Ph[i]
     return variance

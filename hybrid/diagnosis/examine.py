@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -28,10 +28,10 @@ Arrays = TypeVar("Arrays", Linear, Columns)
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
 _LEGS_AT_ONCE = 4
-_ROUNDS = 3
+_ROUNDS = 2
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
 _AT_LARGE = 10.0  # times the tolerance, for what is known to be there
-_STEPS = (5, 8)
+_STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
 _PRICE_OF_WAVES = 12.0  # log likelihood that seven more levels have to bring
 _FEW = 50  # features are enough where nothing is decided
@@ -120,8 +120,10 @@ def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambd
     in it, and all that disturbs it, is not. The second look at the noise is the one that counts.
     """
     noise: Noise | None = None
+    effects: Sequence[Signature] | None = None
     for round_ in range(2):
-        view = _view(log, model, tolerance, _FEW)
+        view = _view(log, model, tolerance, _FEW, effects)
+        effects = view.effects  # the motion moves so little that they stay what they are, for a draw of them
         noise = estimated_noise(log, view, noise)
         progress(0.3 + 0.5 * round_)
         rest, sensors = _rest(log, view, noise, seed=None)
@@ -153,9 +155,15 @@ def examined(
     )
 
 
-def _view(log: Log, model: Model, tolerance: float, number: int = FEATURES) -> _View:
+def _view(
+    log: Log,
+    model: Model,
+    tolerance: float,
+    number: int = FEATURES,
+    known_effects: Sequence[Signature] | None = None,
+) -> _View:
     linear = linear_model(log, model.plant())
-    effects = signatures(log, model, linear.origin, list(model.catalogue))
+    effects = known_effects or signatures(log, model, linear.origin, list(model.catalogue))
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
     known = features(log, linear.origin, number)
