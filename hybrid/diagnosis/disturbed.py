@@ -2,7 +2,9 @@
 
 States: the ship's six deviations from the motion that the model is linear about; a slow force in each body axis, an
 Ornstein-Uhlenbeck process; the swing in waves, three damped oscillators (north, east, yaw) with their speeds. They
-swing at the frequency at which the ship meets the waves, and in yaw by how much these come from the side.
+swing at the frequency at which the ship meets the waves, and in yaw by how much these come from the side. Last come
+slow errors of the sensors, an Ornstein-Uhlenbeck process each. Swing and slow errors are left out where there are
+none.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ import numpy as np
 
 from hybrid.vessel.compiling import Floats, compiled
 
-CALM, WITH_WAVES = 9, 15
-"""The number of states."""
+CALM, SWING, DRIFT = 9, 6, 6
+"""The number of states without waves and slow errors of sensors, and how many more each of these are."""
 
-WIDTH = 16
+WIDTH = 24
 """The columns of the filter's matrices, zeros behind the states': loops of a known length are compiled faster."""
 
 FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
@@ -27,18 +29,32 @@ _GRAVITY_MPS2 = 9.81
 
 
 @compiled
-def states_of(noise: Floats) -> int:
-    """How many states there are: the swing is left out where there is none."""
-    return WITH_WAVES if noise[14] > 0.0 or noise[15] > 0.0 or noise[16] > 0.0 else CALM
+def has_waves(noise: Floats) -> bool:
+    """Whether the ship swings."""
+    return bool(noise[14] > 0.0 or noise[15] > 0.0 or noise[16] > 0.0)
 
 
 @compiled
-def sight(H: Floats, origin: Floats, channel: int, h: Floats) -> None:
+def has_drift(noise: Floats) -> bool:
+    """Whether any sensor errs slowly."""
+    return bool(noise[20:26].max() > 0.0)
+
+
+@compiled
+def states_of(noise: Floats) -> int:
+    """How many states there are."""
+    return CALM + (SWING if has_waves(noise) else 0) + (DRIFT if has_drift(noise) else 0)
+
+
+@compiled
+def sight(H: Floats, origin: Floats, noise: Floats, channel: int, h: Floats) -> None:
     """How a channel sees the states: fills ``h``. ``H`` [6, 6] and ``origin`` [6] are of this second."""
     h[:] = 0.0
     for i in range(6):
         h[i] = H[channel, i]
-    if h.size == CALM:
+    if has_drift(noise):
+        h[h.size - DRIFT + channel] = 1.0
+    if not has_waves(noise):
         return
     c, s = cos(origin[2]), sin(origin[2])
     if channel == 0:
@@ -62,7 +78,11 @@ def beginning(noise: Floats, origin: Floats, free: Floats, P: Floats) -> None:
         P[i, i] = free[i] ** 2
     for d in range(3):
         P[6 + d, 6 + d] = noise[9 + d] ** 2
-    if P.shape[0] == CALM:
+    if has_drift(noise):
+        first = P.shape[0] - DRIFT
+        for channel in range(6):
+            P[first + channel, first + channel] = noise[20 + channel] ** 2
+    if not has_waves(noise):
         return
     w = _met_frequency(noise, origin)
     for d in range(3):
@@ -86,7 +106,12 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
     for d in range(3):
         F[6 + d, 6 + d] = kept
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
-    if F.shape[0] == WITH_WAVES:
+    if has_drift(noise):
+        first, kept = F.shape[0] - DRIFT, exp(-1.0 / noise[26])
+        for channel in range(6):
+            F[first + channel, first + channel] = kept
+            Q[first + channel, first + channel] = (1.0 - kept * kept) * noise[20 + channel] ** 2
+    if has_waves(noise):
         _swing(noise, origin, F, Q)
 
 

@@ -14,7 +14,7 @@ from hybrid.diagnosis.evidence import Ints, Products, drawn, fitted
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, reported, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.noise_fit import fitted_noise
+from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
 from hybrid.diagnosis.reconstruct import reconstructed
 from hybrid.diagnosis.tolerance import FEATURES, ForceRange, features, force_range
 from hybrid.diagnosis.tolerated import WIND_MPS, tolerances, wind_errors
@@ -33,7 +33,7 @@ _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite s
 _AT_LARGE = 10.0  # times the tolerance, for what is known to be there
 _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
-_PRICE_OF_WAVES = 12.0  # log likelihood that seven more levels have to bring
+_PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # log likelihood that seven, or six, more levels have to bring
 _FEW = 50  # features are enough where nothing is decided
 
 
@@ -244,7 +244,11 @@ def estimated_noise(log: Log, view: _View, start: Noise | None = None) -> Noise:
         rest, _ = _rest(part, some, noise, seed=round_)
         starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
         tried = [fitted_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
-        noise = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)[0]
+        noise, cost = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)
+    drifting = with_drift(linear, rest, part.edges, noise) if start is None else noise
+    if drifting is not noise:
+        drifting, less = fitted_noise(linear, rest, part.edges, drifting, _STEPS[1])
+        noise = drifting if less < cost - _PRICE_OF_DRIFT else noise
     return noise
 
 

@@ -50,7 +50,7 @@ def _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, varian
         for channel in range(6):
             if np.isnan(seen[k, channel]):
                 continue
-            sight(H[k], origin[k], channel, h)
+            sight(H[k], origin[k], noise, channel, h)
             spread[t, channel] = seen_through(P, h, Ph) + noise[channel] ** 2
             error[t, channel] = seen[k, channel] - _dot(h, m)
             for i in range(n):
@@ -75,7 +75,7 @@ def _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, varian
         for channel in range(5, -1, -1):
             if spread[t, channel] == 0.0:
                 continue
-            sight(H[k], origin[k], channel, h)
+            sight(H[k], origin[k], noise, channel, h)
             gain = gains[t, channel]
             along = _dot(gain, say)
             for i in range(n):

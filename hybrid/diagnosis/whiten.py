@@ -96,7 +96,7 @@ def _whiten_block(  # type: ignore[no-untyped-def]
         for channel in range(6):
             if np.isnan(seen[k, channel, 0]):
                 continue
-            sight(H[k], origin[k], channel, h)
+            sight(H[k], origin[k], noise, channel, h)
             variance = seen_through(P, h, Ph) + noise[channel] ** 2
             spread[k, channel] = variance
             out = z[k, channel]
