@@ -165,7 +165,7 @@ def with_drift(linear: Linear, data: Columns, edges: NDArray[np.int64], noise: N
     if not any(drift):
         return noise
     start = [max(each, _TRACE * getattr(noise, name)) for each, name in zip(drift, _SENSORS, strict=True)]
-    return replace(noise, drift=tuple(start))  # type: ignore[arg-type]
+    return replace(noise, drift=tuple(start))
 
 
 def _minus_log_likelihood(linear: Linear, data: Columns, edges: NDArray[np.int64], noise: Noise) -> float:
