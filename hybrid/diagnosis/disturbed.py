@@ -2,7 +2,9 @@
 
 States: the ship's six deviations from the motion that the model is linear about; a slow force in each body axis, an
 Ornstein-Uhlenbeck process; the swing in waves, three damped oscillators (north, east, yaw) with their speeds. They
-swing at the frequency at which the ship meets the waves, and in yaw by how much these come from the side.
+swing at the frequency at which the ship meets the waves, and in yaw by how much these come from the side. Last come
+slow errors of the sensors, an Ornstein-Uhlenbeck process each. Swing and slow errors are left out where there are
+none.
 """
 
 from __future__ import annotations
@@ -13,8 +15,11 @@ import numpy as np
 
 from hybrid.vessel.compiling import Floats, compiled
 
-CALM, WITH_WAVES = 9, 15
-"""The number of states."""
+CALM, SWING, DRIFT = 9, 6, 6
+"""The number of states without waves and slow errors of sensors, and how many more each of these are."""
+
+WIDTH = 24
+"""The columns of the filter's matrices, zeros behind the states': loops of a known length are compiled faster."""
 
 FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
 """Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: so wide that nothing is known."""
@@ -24,18 +29,32 @@ _GRAVITY_MPS2 = 9.81
 
 
 @compiled
-def states_of(noise: Floats) -> int:
-    """How many states there are: the swing is left out where there is none."""
-    return WITH_WAVES if noise[14] > 0.0 or noise[15] > 0.0 or noise[16] > 0.0 else CALM
+def has_waves(noise: Floats) -> bool:
+    """Whether the ship swings."""
+    return bool(noise[14] > 0.0 or noise[15] > 0.0 or noise[16] > 0.0)
 
 
 @compiled
-def sight(H: Floats, origin: Floats, channel: int, h: Floats) -> None:
+def has_drift(noise: Floats) -> bool:
+    """Whether any sensor errs slowly."""
+    return bool(noise[20:26].max() > 0.0)
+
+
+@compiled
+def states_of(noise: Floats) -> int:
+    """How many states there are."""
+    return CALM + (SWING if has_waves(noise) else 0) + (DRIFT if has_drift(noise) else 0)
+
+
+@compiled
+def sight(H: Floats, origin: Floats, noise: Floats, channel: int, h: Floats) -> None:
     """How a channel sees the states: fills ``h``. ``H`` [6, 6] and ``origin`` [6] are of this second."""
     h[:] = 0.0
     for i in range(6):
         h[i] = H[channel, i]
-    if h.size == CALM:
+    if has_drift(noise):
+        h[h.size - DRIFT + channel] = 1.0
+    if not has_waves(noise):
         return
     c, s = cos(origin[2]), sin(origin[2])
     if channel == 0:
@@ -59,7 +78,11 @@ def beginning(noise: Floats, origin: Floats, free: Floats, P: Floats) -> None:
         P[i, i] = free[i] ** 2
     for d in range(3):
         P[6 + d, 6 + d] = noise[9 + d] ** 2
-    if P.shape[0] == CALM:
+    if has_drift(noise):
+        first = P.shape[0] - DRIFT
+        for channel in range(6):
+            P[first + channel, first + channel] = noise[20 + channel] ** 2
+    if not has_waves(noise):
         return
     w = _met_frequency(noise, origin)
     for d in range(3):
@@ -83,7 +106,12 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
     for d in range(3):
         F[6 + d, 6 + d] = kept
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
-    if F.shape[0] == WITH_WAVES:
+    if has_drift(noise):
+        first, kept = F.shape[0] - DRIFT, exp(-1.0 / noise[26])
+        for channel in range(6):
+            F[first + channel, first + channel] = kept
+            Q[first + channel, first + channel] = (1.0 - kept * kept) * noise[20 + channel] ** 2
+    if has_waves(noise):
         _swing(noise, origin, F, Q)
 
 
@@ -128,36 +156,40 @@ def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
 
 
 @compiled
-def predicted(F: Floats, Q: Floats, P: Floats, FP: Floats) -> None:
-    """``P`` a second later, in place; ``FP`` is room to work in."""
+def predicted(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
+    """``P`` a second later, in place; ``work`` is room to work in. ``F`` is mostly zeros, and ``P`` symmetric."""
     n = P.shape[0]
     for i in range(n):
-        FP[i, :] = 0.0
+        for j in range(WIDTH):
+            work[i, j] = 0.0
         for k in range(n):
             f = F[i, k]
             if f != 0.0:
-                for j in range(n):
-                    FP[i, j] += f * P[k, j]
+                for j in range(WIDTH):
+                    work[i, j] += f * P[k, j]
     for i in range(n):
-        for j in range(i + 1):
-            total = Q[i, j]
-            for k in range(n):
-                f = F[j, k]
-                if f != 0.0:
-                    total += FP[i, k] * f
-            P[i, j] = total
-            P[j, i] = total
+        for j in range(i):
+            work[i, j], work[j, i] = work[j, i], work[i, j]
+    for i in range(n):
+        for j in range(WIDTH):
+            P[i, j] = Q[i, j]
+        for k in range(n):
+            f = F[i, k]
+            if f != 0.0:
+                for j in range(WIDTH):
+                    P[i, j] += f * work[k, j]
 
 
 @compiled
 def seen_through(P: Floats, h: Floats, Ph: Floats) -> float:
-    """Fills ``Ph`` with P h and returns h' P h."""
+    """Fills ``Ph`` with P h and returns h' P h; ``P`` is symmetric."""
     n, variance = P.shape[0], 0.0
+    for j in range(WIDTH):
+        Ph[j] = 0.0
     for i in range(n):
-        total = 0.0
-        for j in range(n):
-            if h[j] != 0.0:
-                total += P[i, j] * h[j]
-        Ph[i] = total
-        variance += h[i] * total
+        if h[i] != 0.0:
+            for j in range(WIDTH):
+                Ph[j] += h[i] * P[i, j]
+    for i in range(n):
+        variance += h[i] * Ph[i]
     return variance

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
@@ -14,7 +14,7 @@ from hybrid.diagnosis.evidence import Ints, Products, drawn, fitted
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, reported, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.noise_fit import fitted_noise
+from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
 from hybrid.diagnosis.reconstruct import reconstructed
 from hybrid.diagnosis.tolerance import FEATURES, ForceRange, features, force_range
 from hybrid.diagnosis.tolerated import WIND_MPS, tolerances, wind_errors
@@ -28,12 +28,12 @@ Arrays = TypeVar("Arrays", Linear, Columns)
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
 _LEGS_AT_ONCE = 4
-_ROUNDS = 3
+_ROUNDS = 2
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
 _AT_LARGE = 10.0  # times the tolerance, for what is known to be there
-_STEPS = (5, 8)
+_STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
-_PRICE_OF_WAVES = 12.0  # log likelihood that seven more levels have to bring
+_PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # log likelihood that seven, or six, more levels have to bring
 _FEW = 50  # features are enough where nothing is decided
 
 
@@ -120,8 +120,10 @@ def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambd
     in it, and all that disturbs it, is not. The second look at the noise is the one that counts.
     """
     noise: Noise | None = None
+    effects: Sequence[Signature] | None = None
     for round_ in range(2):
-        view = _view(log, model, tolerance, _FEW)
+        view = _view(log, model, tolerance, _FEW, effects)
+        effects = view.effects  # the motion moves so little that they stay what they are, for a draw of them
         noise = estimated_noise(log, view, noise)
         progress(0.3 + 0.5 * round_)
         rest, sensors = _rest(log, view, noise, seed=None)
@@ -153,9 +155,15 @@ def examined(
     )
 
 
-def _view(log: Log, model: Model, tolerance: float, number: int = FEATURES) -> _View:
+def _view(
+    log: Log,
+    model: Model,
+    tolerance: float,
+    number: int = FEATURES,
+    known_effects: Sequence[Signature] | None = None,
+) -> _View:
     linear = linear_model(log, model.plant())
-    effects = signatures(log, model, linear.origin, list(model.catalogue))
+    effects = known_effects or signatures(log, model, linear.origin, list(model.catalogue))
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
     known = features(log, linear.origin, number)
@@ -236,7 +244,11 @@ def estimated_noise(log: Log, view: _View, start: Noise | None = None) -> Noise:
         rest, _ = _rest(part, some, noise, seed=round_)
         starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
         tried = [fitted_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
-        noise = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)[0]
+        noise, cost = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)
+    drifting = with_drift(linear, rest, part.edges, noise) if start is None else noise
+    if drifting is not noise:
+        drifting, less = fitted_noise(linear, rest, part.edges, drifting, _STEPS[1])
+        noise = drifting if less < cost - _PRICE_OF_DRIFT else noise
     return noise
 
 

@@ -21,7 +21,8 @@ class Noise:
     lasts ``slow_s`` (``slow``), along, across [N] and in yaw [N m]; of the swing in waves, north, east [m] (and the
     correlation of the two) and in yaw [rad], with the frequency that a
     buoy would see, its damping, and where the waves go: the ship meets them at another frequency, and swings in yaw
-    when they come from the side.
+    when they come from the side. ``drift`` is what the sensors err slowly, by position [m], heading [rad], surge,
+    sway [m/s] and yaw rate [rad/s]: an error that lasts ``drift_s``, where a second's noise is forgotten at once.
     """
 
     position_m: float = 0.03
@@ -37,11 +38,18 @@ class Noise:
     wave_frequency_radps: float = 1.2
     wave_damping: float = 0.2
     wave_towards_rad: float = 0.0
+    drift: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    drift_s: float = 10.0
 
     @property
     def has_waves(self) -> bool:
         """Whether there is a swing in waves at all."""
         return any(each > 0.0 for each in self.waves)
+
+    @property
+    def has_drift(self) -> bool:
+        """Whether any sensor errs slowly."""
+        return any(each > 0.0 for each in self.drift)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -49,7 +57,7 @@ class Noise:
 
     def as_array(self) -> Floats:
         """For the filter: sensors 6, gusts 3, slow forces 3, their time; of the waves correlation, 3 levels,
-        frequency, damping, direction."""
+        frequency, damping, direction; slow errors of the sensors 6, their time."""
         sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
         gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
         swing = [
@@ -59,4 +67,5 @@ class Noise:
             self.wave_damping,
             self.wave_towards_rad,
         ]
-        return np.array([*sensors, *gust, *slow, self.slow_s, *swing])
+        drift = [self.drift[0], *self.drift, self.drift_s]
+        return np.array([*sensors, *gust, *slow, self.slow_s, *swing, *drift])

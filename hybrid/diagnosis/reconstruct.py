@@ -12,10 +12,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.disturbed import FREE, beginning, predicted, seen_through, sight, states_of, transition
+from hybrid.diagnosis.disturbed import FREE, WIDTH, beginning, predicted, seen_through, sight, states_of, transition
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.whiten import STAMP, Columns, each_block
+from hybrid.diagnosis.whiten import STAMP, Columns, on_all_cores
 from hybrid.vessel.compiling import FAST, Floats, compiled
 
 
@@ -30,10 +30,7 @@ def reconstructed(linear: Linear, data: Columns, noise: Noise, edges: NDArray[np
         np.ascontiguousarray(data.seen[:, :, 0]), noise.as_array(),
     )  # fmt: skip
 
-    def block(first: int, last: int) -> None:
-        _smooth(*arrays, first, last, mean, variance)
-
-    each_block(block, edges)
+    on_all_cores(lambda part: _smooth(*arrays, part, mean, variance), edges)
     unit = np.concatenate([np.ones(6), FORCE_UNITS])
     return mean * unit, variance * unit**2
 
@@ -42,9 +39,9 @@ def reconstructed(linear: Linear, data: Columns, noise: Noise, edges: NDArray[np
 def _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, variance):  # type: ignore[no-untyped-def]
     """Forward and back over one block."""
     n, T = states_of(noise), last - first
-    P, F, Q, work = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    m, h, Ph = np.zeros(n), np.zeros(n), np.zeros(n)
-    before_m, before_P = np.zeros((T, n)), np.zeros((T, n, n))
+    F, Q, work = np.zeros((n, WIDTH)), np.zeros((n, WIDTH)), np.zeros((n, WIDTH))
+    P, m, moved, h, Ph = np.zeros((n, WIDTH)), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(WIDTH)
+    before_m, before_P = np.zeros((T, n)), np.zeros((T, n, WIDTH))
     gains, error, spread = np.zeros((T, 6, n)), np.zeros((T, 6)), np.zeros((T, 6))
     beginning(noise, origin[first], FREE, P)
     for t in range(T):
@@ -53,55 +50,87 @@ def _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, varian
         for channel in range(6):
             if np.isnan(seen[k, channel]):
                 continue
-            sight(H[k], origin[k], channel, h)
+            sight(H[k], origin[k], noise, channel, h)
             spread[t, channel] = seen_through(P, h, Ph) + noise[channel] ** 2
-            error[t, channel] = seen[k, channel] - h @ m
+            error[t, channel] = seen[k, channel] - _dot(h, m)
             for i in range(n):
                 gains[t, channel, i] = Ph[i] / spread[t, channel]
                 m[i] += gains[t, channel, i] * error[t, channel]
             for i in range(n):
-                for j in range(n):
+                for j in range(WIDTH):
                     P[i, j] -= gains[t, channel, i] * Ph[j]
         if t < T - 1:
             transition(A[k], B[k], noise, origin[k], F, Q)
-            m = F @ m
-            for i in range(6):
-                m[i] += drive[k, i]
+            for i in range(n):
+                moved[i] = _dot(m, F[i])
+            for i in range(n):
+                m[i] = moved[i] + (drive[k, i] if i < 6 else 0.0)
             predicted(F, Q, P, work)
-    say, weight = np.zeros(n), np.zeros((n, n))
+    say, weight, across = np.zeros(n), np.zeros((n, n)), np.zeros(n)
     for t in range(T - 1, -1, -1):
         k = first + t
         if t < T - 1:
             transition(A[k], B[k], noise, origin[k], F, Q)
-            say = F.T @ say
-            weight = F.T @ weight @ F
+            _carried_back(F, say, weight, moved, work)
         for channel in range(5, -1, -1):
             if spread[t, channel] == 0.0:
                 continue
-            sight(H[k], origin[k], channel, h)
+            sight(H[k], origin[k], noise, channel, h)
             gain = gains[t, channel]
-            along = gain @ say
-            across = gain @ weight
-            inner = across @ gain
+            along = _dot(gain, say)
+            for i in range(n):
+                across[i] = _dot(gain, weight[i])
+            inner = _dot(across, gain) + 1.0 / spread[t, channel]
             for i in range(n):
                 say[i] -= h[i] * (along + error[t, channel] / spread[t, channel])
-            for i in range(n):
                 for j in range(n):
-                    weight[i, j] += (
-                        -h[i] * across[j] - across[i] * h[j] + h[i] * h[j] * (inner + 1.0 / spread[t, channel])
-                    )
+                    weight[i, j] += h[i] * h[j] * inner - h[i] * across[j] - across[i] * h[j]
         now = before_P[t]
-        shift = now @ say
         for i in range(9):
-            mean[k, i] = before_m[t, i] - shift[i]
-            row = now[i] @ weight
-            variance[k, i] = now[i, i] - row @ now[i]
+            mean[k, i] = before_m[t, i] - _dot(say, now[i])
+            for j in range(n):
+                across[j] = _dot(weight[j], now[i])
+            variance[k, i] = now[i, i] - _dot(across, now[i])
+
+
+@compiled
+def _carried_back(F, say, weight, moved, work):  # type: ignore[no-untyped-def]
+    """What the future says, a second earlier: ``say`` becomes F' say and ``weight`` F' weight F, in place."""
+    n = say.size
+    for i in range(n):
+        moved[i] = 0.0
+        for j in range(n):
+            work[i, j] = 0.0
+    for k in range(n):
+        for i in range(n):
+            f = F[k, i]
+            if f != 0.0:
+                moved[i] += f * say[k]
+                for j in range(n):
+                    work[i, j] += f * weight[k, j]
+    for i in range(n):
+        say[i] = moved[i]
+        for j in range(n):
+            weight[i, j] = 0.0
+        for k in range(n):
+            for j in range(n):
+                weight[i, j] += work[i, k] * F[k, j]
+
+
+@compiled
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    """The product of two vectors, as far as the first goes."""
+    total = 0.0
+    for i in range(a.size):
+        total += a[i] * b[i]
+    return total
 
 
 def _make(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-    def smooth(A, B, H, origin, drive, seen, noise, first, last, mean, variance):  # type: ignore[no-untyped-def]
-        if stamp != 0:
+    def smooth(A, B, H, origin, drive, seen, noise, edges, mean, variance):  # type: ignore[no-untyped-def]
+        for block in range(edges.size - 1 if stamp != 0 else 0):
+            first, last = edges[block], edges[block + 1]
             _smooth_block(A, B, H, origin, drive, seen, noise, first, last, mean, variance)
 
     return smooth  # type: ignore[no-any-return]

@@ -21,7 +21,7 @@ from hybrid.diagnosis.name import View, put_back, spreads, whole_data
 from hybrid.diagnosis.noise import FORCE_UNITS
 from hybrid.vessel.compiling import Floats
 
-CHANCE = 0.0005
+CHANCE = 0.0001
 """The chance that a trial with nothing beyond its named effects and the tolerance shows any family."""
 
 _RANK = 1e-5

@@ -19,7 +19,7 @@ import numpy as np
 from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.disturbed import FREE, beginning, predicted, seen_through, sight, states_of, transition
+from hybrid.diagnosis.disturbed import FREE, WIDTH, beginning, predicted, seen_through, sight, states_of, transition
 from hybrid.diagnosis.linearise import Linear, Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.vessel.compiling import FAST, Floats, compiled, source_stamp
@@ -65,17 +65,19 @@ def whitened(linear: Linear, columns: Columns, noise: Noise, edges: NDArray[np.i
         noise.as_array(),
     )  # fmt: skip
 
-    def block(first: int, last: int) -> None:
-        _whiten(*arrays, first, last, z, spread)
-
-    each_block(block, edges)
+    on_all_cores(lambda part: _whiten(*arrays, part, z, spread), edges)
     return z, spread
 
 
-def each_block(work: Callable[[int, int], None], edges: NDArray[np.int64]) -> None:
-    """Call compiled ``work(first, last)`` for each block, on all cores: it leaves Python alone meanwhile."""
-    with ThreadPoolExecutor(get_num_threads()) as pool:
-        for done in pool.map(work, edges[:-1].tolist(), edges[1:].tolist()):
+def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.int64]) -> None:
+    """Call compiled ``work`` with the edges of a share of the blocks on each core: it leaves Python alone."""
+    shares = np.array_split(np.arange(len(edges) - 1), min(get_num_threads(), len(edges) - 1))
+    parts = [edges[share[0] : share[-1] + 2] for share in shares]
+    if len(parts) == 1:
+        work(parts[0])
+        return
+    with ThreadPoolExecutor(len(parts)) as pool:
+        for done in pool.map(work, parts):
             assert done is None
 
 
@@ -86,15 +88,15 @@ def _whiten_block(  # type: ignore[no-untyped-def]
     """The whitened columns of one block; see :func:`whitened` for what the arrays are."""
     plain, M = drive.shape[2], features.shape[1]
     C, n = plain + 3 * M, states_of(noise)
-    P, F, Q, work = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    P, F, Q, work = np.zeros((n, WIDTH)), np.zeros((n, WIDTH)), np.zeros((n, WIDTH)), np.zeros((n, WIDTH))
     m, moved = np.zeros((n, C)), np.zeros((n, C))
-    h, Ph = np.zeros(n), np.zeros(n)
+    h, Ph = np.zeros(n), np.zeros(WIDTH)
     beginning(noise, origin[first], FREE, P)
     for k in range(first, last):
         for channel in range(6):
             if np.isnan(seen[k, channel, 0]):
                 continue
-            sight(H[k], origin[k], channel, h)
+            sight(H[k], origin[k], noise, channel, h)
             variance = seen_through(P, h, Ph) + noise[channel] ** 2
             spread[k, channel] = variance
             out = z[k, channel]
@@ -109,7 +111,7 @@ def _whiten_block(  # type: ignore[no-untyped-def]
                 if gain != 0.0:
                     for j in range(C):
                         m[i, j] += gain * out[j]
-                    for j in range(n):
+                    for j in range(WIDTH):
                         P[i, j] -= gain * Ph[j]
             root = 1.0 / sqrt(variance)
             for j in range(C):
@@ -144,8 +146,9 @@ def _moved(F, m, B, drive, features, moved):  # type: ignore[no-untyped-def]
 
 def _make(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-    def whiten(A, B, H, origin, drive, seen, features, noise, first, last, z, spread):  # type: ignore[no-untyped-def]
-        if stamp != 0:
+    def whiten(A, B, H, origin, drive, seen, features, noise, edges, z, spread):  # type: ignore[no-untyped-def]
+        for block in range(edges.size - 1 if stamp != 0 else 0):
+            first, last = edges[block], edges[block + 1]
             _whiten_block(A, B, H, origin, drive, seen, features, noise, first, last, z, spread)
 
     return whiten  # type: ignore[no-any-return]

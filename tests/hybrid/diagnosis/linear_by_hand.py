@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ CALM_SEA = Noise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_
 SWELL = Noise(
     waves=(0.4, 0.3, 0.01), wave_correlation=0.35, wave_frequency_radps=0.9, wave_damping=0.15, wave_towards_rad=0.7
 )
+DRIFT = replace(CALM_SEA, drift=(0.6, 0.004, 0.05, 0.07, 0.002), drift_s=8.0)
+BOTH = replace(SWELL, drift=(0.0, 0.01, 0.03, 0.02, 0.001), drift_s=25.0)
+DISTURBANCES = {"calm": CALM_SEA, "swell": SWELL, "drift": DRIFT, "both": BOTH}
 
 
 def a_ship(seconds: int, seed: int) -> Linear:
@@ -95,13 +98,22 @@ def _second(linear: Linear, noise: Noise, k: int) -> tuple[Floats, Floats, Float
     gust = np.diag((np.array(noise.gust) / FORCE_UNITS) ** 2)
     F = np.block([[A, B], [np.zeros((3, 6)), kept * np.eye(3)]])
     Q, h = block_diag(B @ gust @ B.T, slow * (1.0 - kept**2)), np.hstack([linear.H[k], np.zeros((6, 3))])
-    if not noise.has_waves:
-        return F, Q, h
-    stationary, w = _swing(linear.origin[k], noise)
-    values, vectors = np.linalg.eig([[0.0, 1.0], [-(w**2), -2.0 * noise.wave_damping * w]])
-    swing = np.kron(np.eye(3), ((vectors * np.exp(values)) @ np.linalg.inv(vectors)).real)
-    Q = block_diag(Q, stationary - swing @ stationary @ swing.T)
-    return block_diag(F, swing), Q, np.hstack([h, _swing_seen(linear.origin[k])])
+    if noise.has_waves:
+        stationary, w = _swing(linear.origin[k], noise)
+        values, vectors = np.linalg.eig([[0.0, 1.0], [-(w**2), -2.0 * noise.wave_damping * w]])
+        swing = np.kron(np.eye(3), ((vectors * np.exp(values)) @ np.linalg.inv(vectors)).real)
+        F, Q = block_diag(F, swing), block_diag(Q, stationary - swing @ stationary @ swing.T)
+        h = np.hstack([h, _swing_seen(linear.origin[k])])
+    if noise.has_drift:
+        lasts = np.exp(-1.0 / noise.drift_s)
+        F, Q = block_diag(F, lasts * np.eye(6)), block_diag(Q, (1.0 - lasts**2) * _drift(noise))
+        h = np.hstack([h, np.eye(6)])
+    return F, Q, h
+
+
+def _drift(noise: Noise) -> Floats:
+    """Stationary covariance [6, 6] of the sensors' slow errors."""
+    return np.diag(np.array([noise.drift[0], *noise.drift]) ** 2)
 
 
 def _swing(origin: Floats, noise: Noise) -> tuple[Floats, float]:
@@ -141,7 +153,9 @@ def _begins(linear: Linear, noise: Noise, k: int) -> Floats:
     """Covariance of a block's first state: anything, and what is stationary."""
     slow = (np.array(noise.slow) / FORCE_UNITS) ** 2
     begins = np.diag([*FREE**2, *slow])
-    return block_diag(begins, _swing(linear.origin[k], noise)[0]) if noise.has_waves else begins
+    if noise.has_waves:
+        begins = block_diag(begins, _swing(linear.origin[k], noise)[0])
+    return block_diag(begins, _drift(noise)) if noise.has_drift else begins
 
 
 def drawn(linear: Linear, noise: Noise, edges: NDArray[np.int64], seed: int) -> Columns:

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from hybrid.diagnosis.disturbed import (
     CALM,
     FREE,
-    WITH_WAVES,
+    SWING,
+    WIDTH,
     beginning,
     predicted,
     seen_through,
@@ -22,42 +23,47 @@ from hybrid.diagnosis.disturbed import (
 )
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, SWELL, Floats, a_ship, dense
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SWELL, Floats, a_ship, dense
 
 
 def second(linear: Linear, noise: Noise, k: int) -> tuple[Floats, Floats]:
     """Transition and what is new."""
-    n = states_of(noise.as_array())
-    F, Q = np.zeros((n, n)), np.full((n, n), 0.0)
+    F, Q = room(noise), room(noise)
     transition(linear.A[k], linear.B[k] * FORCE_UNITS, noise.as_array(), linear.origin[k], F, Q)
     return F, Q
 
 
+def room(noise: Noise) -> Floats:
+    """A matrix as the filter holds it, zeros behind the states' columns."""
+    return np.zeros((states_of(noise.as_array()), WIDTH))
+
+
 def start(linear: Linear, noise: Noise, k: int) -> Floats:
     """Covariance of a block's first state."""
-    n = states_of(noise.as_array())
-    P = np.zeros((n, n))
+    P = room(noise)
     beginning(noise.as_array(), linear.origin[k], FREE, P)
     return P
 
 
 def test_a_calm_sea_needs_no_swing() -> None:
     assert states_of(CALM_SEA.as_array()) == CALM
-    assert states_of(SWELL.as_array()) == WITH_WAVES
-    assert states_of(replace(CALM_SEA, waves=(0.0, 0.0, 0.01)).as_array()) == WITH_WAVES
+    assert states_of(SWELL.as_array()) == CALM + SWING
+    assert states_of(replace(CALM_SEA, waves=(0.0, 0.0, 0.01)).as_array()) == CALM + SWING
+    assert states_of(replace(SWELL, drift=DRIFT.drift).as_array()) == CALM + SWING + 6
 
 
-@pytest.mark.parametrize("noise", [CALM_SEA, SWELL], ids=["calm", "swell"])
+@pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
 def test_two_seconds_are_those_of_the_exact_processes(noise: Noise) -> None:
     linear = a_ship(3, 21)
     n = states_of(noise.as_array())
     by_hand = dense(linear, noise, slice(0, 2))
     F, Q = second(linear, noise, 0)
     P = start(linear, noise, 0)
-    np.testing.assert_allclose(P, by_hand.covariance[:n, :n], rtol=1e-9, atol=1e-15)
-    np.testing.assert_allclose(F, by_hand.onward[n:, :n], rtol=1e-9, atol=1e-12)
-    predicted(F, Q, P, np.zeros((n, n)))
-    np.testing.assert_allclose(P, by_hand.covariance[n:, n:], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(P[:, :n], by_hand.covariance[:n, :n], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(F[:, :n], by_hand.onward[n:, :n], rtol=1e-9, atol=1e-12)
+    predicted(F, Q, P, room(noise))
+    np.testing.assert_allclose(P[:, :n], by_hand.covariance[n:, n:], rtol=1e-9, atol=1e-12)
+    assert not P[:, n:].any()
 
 
 @settings(max_examples=60, deadline=None)
@@ -78,10 +84,11 @@ def test_what_is_new_is_a_covariance_and_the_swing_is_stationary(
     linear = a_ship(1, 22)
     F, Q = second(linear, noise, 0)
     P = start(linear, noise, 0)
-    swing = slice(CALM, WITH_WAVES)
-    np.testing.assert_allclose(Q, Q.T, atol=1e-14)
-    assert np.linalg.eigvalsh(Q).min() > -1e-12
-    predicted(F, Q, P, np.zeros_like(P))
+    swing = slice(CALM, CALM + SWING)
+    new = Q[:, : len(Q)]
+    np.testing.assert_allclose(new, new.T, atol=1e-14)
+    assert np.linalg.eigvalsh(new).min() > -1e-12
+    predicted(F, Q, P, room(noise))
     begun = start(linear, noise, 0)
     for part in (slice(6, 9), swing):
         np.testing.assert_allclose(P[part, part], begun[part, part], rtol=1e-9, atol=1e-13)
@@ -102,14 +109,15 @@ def test_a_following_sea_is_met_slowly_and_a_head_sea_fast() -> None:
     assert against - along == pytest.approx(2.0 * w**2 / 9.81 * speed, rel=1e-6)
 
 
-@pytest.mark.parametrize("noise", [CALM_SEA, SWELL], ids=["calm", "swell"])
+@pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
 def test_each_channel_sees_the_states_as_the_sensors_move(noise: Noise) -> None:
     linear = a_ship(1, 24)
     n = states_of(noise.as_array())
     C = dense(linear, noise, slice(0, 1)).C
-    P, h, Ph = start(linear, noise, 0), np.zeros(n), np.zeros(n)
+    P, h, Ph = start(linear, noise, 0), np.zeros(n), np.zeros(WIDTH)
+    square = P[:, :n]
     for channel in range(6):
-        sight(linear.H[0], linear.origin[0], channel, h)
+        sight(linear.H[0], linear.origin[0], noise.as_array(), channel, h)
         np.testing.assert_allclose(h, C[channel], atol=1e-8)
-        assert seen_through(P, h, Ph) == pytest.approx(float(h @ P @ h), rel=1e-12)
-        np.testing.assert_allclose(Ph, P @ h, rtol=1e-12, atol=1e-15)
+        assert seen_through(P, h, Ph) == pytest.approx(float(h @ square @ h), rel=1e-12)
+        np.testing.assert_allclose(Ph[:n], square @ h, rtol=1e-12, atol=1e-15)

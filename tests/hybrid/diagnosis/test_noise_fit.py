@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.noise_fit import fitted_noise
+from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
 from hybrid.diagnosis.whiten import Columns, whitened
 from tests.hybrid.diagnosis.linear_by_hand import Floats, a_ship, drawn
 
@@ -117,3 +117,24 @@ def test_a_few_outliers_do_not_pass_for_noise() -> None:
 def test_no_waves_stay_no_waves(case: tuple[Noise, Linear, Columns, Noise]) -> None:
     truth, *_, fitted = case
     assert fitted.has_waves == truth.has_waves
+
+
+def test_slow_errors_of_sensors_are_found_where_there_are_any() -> None:
+    """Which sensors err slowly, by how much and for how long; white noise passes for none of it."""
+    truth = replace(CALM, drift=(0.1, 1e-9, 0.05, 1e-9, 0.002), drift_s=8.0)
+    linear = a_ship(int(EDGES[-1]), 36)
+    data = drawn(linear, truth, EDGES, 37)
+    plain, cost = fitted_noise(linear, data, EDGES, CALM, 12)
+    start = with_drift(linear, data, EDGES, plain)
+    fitted, less = fitted_noise(linear, data, EDGES, start, 20)
+    assert cost - less > 100.0
+    for number in (0, 2, 4):
+        assert fitted.drift[number] == pytest.approx(truth.drift[number], rel=0.2)
+    assert fitted.drift_s == pytest.approx(truth.drift_s, rel=0.3)
+    assert max(fitted.drift[1] / CALM.heading_rad, fitted.drift[3] / CALM.sway_mps) < 0.5
+
+
+def test_white_noise_passes_for_no_slow_error(case: tuple[Noise, Linear, Columns, Noise]) -> None:
+    _, linear, data, fitted = case
+    start = with_drift(linear, data, EDGES, fitted)
+    assert not start.has_drift

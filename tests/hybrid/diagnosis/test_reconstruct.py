@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.reconstruct import reconstructed
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, SWELL, Floats, a_ship, dense, one_column
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, Floats, a_ship, dense, one_column
 
 EDGES = np.array([0, 9, 21])
 UNIT = np.array([1.0] * 6 + FORCE_UNITS.tolist())
@@ -36,7 +36,7 @@ def conditional(noise: Noise, seen: Floats, drive: Floats, seed: int) -> tuple[F
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
-@pytest.mark.parametrize("noise", [CALM_SEA, SWELL], ids=["calm", "swell"])
+@pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
 def test_motion_and_force_are_the_conditional_mean_and_variance(noise: Noise, missing: float) -> None:
     random = np.random.default_rng(11)
     seen, drive = 0.3 * random.standard_normal((21, 6)), 0.02 * random.standard_normal((21, 6))

@@ -12,9 +12,17 @@ from scipy.stats import chi2
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.whiten import Columns, columns_of, whitened
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, SWELL, Floats, a_ship, dense, drawn, one_column
+from tests.hybrid.diagnosis.linear_by_hand import (
+    CALM_SEA,
+    DISTURBANCES,
+    SWELL,
+    Floats,
+    a_ship,
+    dense,
+    drawn,
+    one_column,
+)
 
-SEAS = {"calm": CALM_SEA, "swell": SWELL}
 EDGES = np.array([0, 9, 21])
 
 
@@ -49,11 +57,11 @@ def explained(noise: Noise, columns: Columns, seed: int) -> tuple[Floats, float]
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
-@pytest.mark.parametrize("sea", SEAS)
+@pytest.mark.parametrize("sea", DISTURBANCES)
 def test_products_and_likelihood_are_those_of_the_joint_gaussian(sea: str, missing: float) -> None:
     columns = any_columns(5, missing=missing)
-    z, spread = whitened(a_ship(21, 5), columns, SEAS[sea], EDGES)
-    products, log_determinant = explained(SEAS[sea], columns, 5)
+    z, spread = whitened(a_ship(21, 5), columns, DISTURBANCES[sea], EDGES)
+    products, log_determinant = explained(DISTURBANCES[sea], columns, 5)
     flat = z.reshape(-1, columns.count)
     np.testing.assert_allclose(flat.T @ flat, products, rtol=1e-6, atol=1e-6 * np.abs(products).max())
     assert np.log(spread).sum() == pytest.approx(log_determinant, rel=1e-8)
@@ -109,9 +117,9 @@ def long_drawn(noise: Noise, seed: int, blocks: int = 24) -> tuple[Floats, NDArr
     return whitened(linear, drawn(linear, noise, edges, seed), noise, edges)[0][:, :, 0], edges
 
 
-@pytest.mark.parametrize("sea", SEAS)
+@pytest.mark.parametrize("sea", DISTURBANCES)
 def test_data_from_the_system_itself_come_out_white(sea: str) -> None:
-    z, edges = long_drawn(SEAS[sea], 7)
+    z, edges = long_drawn(DISTURBANCES[sea], 7)
     low, high = chi2.ppf([1e-4, 1.0 - 1e-4], z.size)
     assert low < (z**2).sum() < high
     for channel in range(6):
