@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import atan2, degrees, hypot, inf, isfinite
+from math import atan2, degrees, hypot, isfinite
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from hybrid.diagnosis.beyond import AXES
 from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
 from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
+from hybrid.diagnosis.words import number
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
@@ -138,16 +139,6 @@ def _span(estimate: Estimate) -> str:
     )
 
 
-def number(value: float) -> str:
-    """Three figures, without exponents."""
-    if not isfinite(value):
-        return "no end" if value == inf else str(value)
-    if value == 0.0:
-        return "0"
-    digits = max(0, 2 - int(np.floor(np.log10(abs(value)))))
-    return f"{value:.{min(digits, 6)}f}"
-
-
 def _general(effect: Effect, parameters: Mapping[str, Estimate]) -> str:
     sizes = ", ".join(
         f"{name.rsplit('_', 1)[0]} {number(each.value)} {each.unit}" for name, each in parameters.items()
@@ -169,6 +160,11 @@ def _waves(effect: Effect, p: Mapping[str, Estimate]) -> str:
     )
 
 
+def _loading(effect: Effect, p: Mapping[str, Estimate]) -> str:
+    change = 100.0 * (p["mass_factor"].value - 1.0)
+    return f"The ship is {number(abs(change))} % {'heavier' if change >= 0.0 else 'lighter'} than her model"
+
+
 def _first(text: str) -> Callable[[Effect, Mapping[str, Estimate]], str]:
     """A sentence about the first parameter: its value, or its change in percent."""
 
@@ -186,7 +182,7 @@ _SAYS = {
     "ocean_current": _current,
     "wave_drift": _waves,
     "hull_lengthening": _first("The ship is {value} m longer than her model"),
-    "loading": _first("The ship is {percent} % {more} heavy than her model"),
+    "loading": _loading,
     "hull_fouling": _first("The hull has {percent} % {more} resistance straight ahead"),
     "cross_flow_drag": _first("The hull has {percent} % {more} cross-flow drag"),
     "yaw_damping": _first("The hull has {percent} % {more} resistance to turning"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 
 def plain(name: str) -> str:
@@ -26,9 +27,11 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 def number(value: float) -> str:
     """Three figures, without exponents where people read none.
 
-    >>> number(-0.01234), number(12345.6)
-    ('−0.0123', '12,346')
+    >>> number(-0.01234), number(12345.6), number(inf)
+    ('−0.0123', '12,346', 'no end')
     """
+    if value == inf:
+        return "no end"
     size = abs(value)
     text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
     return text.replace("-", "\u2212") if "e" not in text else text
