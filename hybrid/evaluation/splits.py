@@ -56,7 +56,7 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
 def by_leg(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
     parts = [drawn_legs(horizons, TEST_SHARE, seed + draw) for draw in range(draws)]
-    return [_with_stopping(horizons, ~unseen, unseen, seed + draw) for draw, unseen in enumerate(parts)]
+    return [with_stopping(horizons, ~unseen, unseen, seed + draw) for draw, unseen in enumerate(parts)]
 
 
 def by_time(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
@@ -70,7 +70,7 @@ def by_time(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
         unseen |= mine & (first > border)
     if not known.any() or not unseen.any():
         raise DataShortageError("no held window on one side of 70 % of the time", fix="give longer recordings")
-    return [_with_stopping(horizons, known, unseen, seed)]
+    return [with_stopping(horizons, known, unseen, seed)]
 
 
 def by_recording(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
@@ -78,7 +78,7 @@ def by_recording(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
     trials = np.unique(horizons.trial)
     if len(trials) < 2:
         raise DataShortageError("one recording cannot be kept back from others", fix="give two or more")
-    return [_with_stopping(horizons, horizons.trial != each, horizons.trial == each, seed) for each in trials]
+    return [with_stopping(horizons, horizons.trial != each, horizons.trial == each, seed) for each in trials]
 
 
 def at_random(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
@@ -117,7 +117,7 @@ def leaked_share(horizons: Horizons, draw: Draw) -> float:
     return shared_seconds(horizons, draw.fitting | draw.stopping, draw.held_out) / judged
 
 
-def _with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -> Draw:
+def with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -> Draw:
     """The draw in which whole legs of what is known are left out of the fit, to stop by."""
     stopping = np.zeros(len(horizons), dtype=bool)
     stopping[known] = drawn_legs(horizons.subset(known), HELD_OUT_SHARE, seed)

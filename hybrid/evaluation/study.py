@@ -102,14 +102,14 @@ def study(
         parts = []
         for number, draw in enumerate(kind_draws):
             parts.append(
-                _judged(draw, (inside, tracks), methods, plant, seed + number, part_of(progress, done, total))
+                judged(draw, (inside, tracks), methods, plant, seed + number, part_of(progress, done, total))
             )
             done += len(methods)
-        results.append(_pooled(kind, inside, kind_draws, parts))
+        results.append(pooled(kind, inside, kind_draws, parts))
     return Study(inside, len(horizons) - len(inside), tuple(results))
 
 
-def _judged(
+def judged(
     draw: Draw, examples: Examples, methods: Sequence[str], plant: Plant, seed: int, progress: Progress
 ) -> dict[str, Errors]:
     """Every method's errors on the windows that ``draw`` holds out."""
@@ -148,7 +148,7 @@ def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained
     )
 
 
-def _pooled(
+def pooled(
     kind: str, horizons: Horizons, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]
 ) -> SplitResult:
     """One result from all draws, each window's errors averaged over the draws that held it out."""
