@@ -45,6 +45,7 @@ class Examined:
     diagnosis: Diagnosis
     naming: Naming
     remaining: tuple[Remainder, ...]
+    gap: HeldOut
     extras: Extras
 
 
@@ -96,7 +97,7 @@ def diagnose(
         remarks=_remarks(log, vessel, effects),
         provenance={**(provenance or {}), **_granted(naming, noise)},
     )
-    return Examined(diagnosis, naming, tuple(found), Extras(*maps, contradictions))
+    return Examined(diagnosis, naming, tuple(found), gap, Extras(*maps, contradictions))
 
 
 def _part(progress: Progress, first: float, last: float) -> Progress:

@@ -33,11 +33,17 @@ At = Mapping[str, tuple[float, ...]]
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """The gap, each named effect's share of it, and the tracks."""
+    """The gap, each named effect's share of it, the tracks, and what is named ``without`` the legs of each fold."""
 
     gap: Gap
     shares: Mapping[str, float]
     tracks: Tracks
+    without: Mapping[int, At]
+
+
+def fold_of(log: Log) -> Ints:
+    """The fold that the leg of each second is dealt into [T]."""
+    return np.asarray(log.leg % min(FOLDS, max(log.legs, 1)))
 
 
 def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
@@ -74,13 +80,14 @@ def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
     """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give."""
     starts, model = window_starts(log), replace(view.examination.model, at={})
     seen = measured_tracks(log, model.plant(), starts)
-    fold = log.leg[starts] % min(FOLDS, max(log.legs, 1))
+    dealt = fold_of(log)
+    fold, elsewhere = dealt[starts], dict[int, At]()
     before = predicted(log, model.plant(), starts)
     after, without = before.copy(), {name: before.copy() for name in names}
-    for number in np.unique(fold):
+    for number in np.unique(fold).tolist():
         mine = fold == number
-        legs = np.arange(log.legs) % min(FOLDS, log.legs) == number
-        at = _named_without(view, legs)
+        legs = np.isin(np.arange(log.legs), log.leg[dealt == number])
+        at = elsewhere[number] = _named_without(view, legs)
         after[mine] = predicted(log, replace(model, at=at).plant(), starts[mine])
         for name in names:
             less = {other: free for other, free in at.items() if other != name}
@@ -95,13 +102,15 @@ def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
     def mean(track: Floats) -> float:
         return float(np.nanmean(distances(track, seen)[known])) if known.any() else 0.0
 
-    gap = Gap(mean(before), mean(after), min(mean(best), mean(after)), int(known.any(axis=1).sum()), HORIZON_S)
+    floor = best if mean(best) < mean(after) else after
+    gap = Gap(mean(before), mean(after), mean(floor), int(known.any(axis=1).sum()), HORIZON_S)
     shares = {name: max(mean(track) - gap.after_m, 0.0) for name, track in without.items()}
     whole = sum(shares.values())
     closed = max(gap.closed, 0.0)
     shares = {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
     still = present_motion_held(log.nominal[starts], HORIZON_S)
-    return HeldOut(gap, shares, Tracks(seen, before, after, still, log.leg[starts], log.time_s[starts]))
+    tracks = Tracks(seen, before, after, floor, still, log.leg[starts], log.time_s[starts])
+    return HeldOut(gap, shares, tracks, elsewhere)
 
 
 def _named_without(view: View, legs: NDArray[np.bool_]) -> At:

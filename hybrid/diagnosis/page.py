@@ -209,7 +209,9 @@ def _add_gap(page: Page, diagnosis: Diagnosis) -> None:
     page.figure(
         lambda figure: _drawn(plots.error_by_second(figure.subplots(), tracks)),
         (8, 3.4),
-        "How the error grows with the time predicted, mean over all held-out windows.",
+        "How the error grows with the time predicted, mean over all held-out windows. From before down to the "
+        "floor is what could be closed, from before down to after is what is. The floor is the model with the "
+        "sizes that all legs together give: what is left there is noise, gusts and waves.",
     )
     page.figure(
         lambda figure: _drawn(plots.window_tracks(figure, tracks)),

@@ -125,17 +125,21 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
 
 
 def error_by_second(axes: Axes, tracks: Tracks) -> list[Artist]:
-    """The mean distance from what was measured against the second of the prediction, all of it known."""
+    """The mean distance from what was measured against the second of the prediction, all of it known.
+
+    What could be closed lies between before and the floor, what is closed between before and after.
+    """
     artists: list[Artist] = []
-    for label, track, colour in _predictions(tracks):
+    for label, track, colour in [*_predictions(tracks), ("floor", tracks.floor, INK)]:
         mean = distances_m(track, tracks.measured).mean(axis=0)
-        artists += axes.plot(np.arange(1, len(mean) + 1), mean, color=colour, label=label)
+        style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
+        artists += axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
     axes.set_xlim(0, tracks.measured.shape[1] - 1)
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("mean distance [m]")
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderpad=0.0)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(artists), borderpad=0.0)
     return artists
 
 
@@ -182,7 +186,7 @@ def chosen_windows(tracks: Tracks) -> dict[str, int]:
 
 def whole_windows(tracks: Tracks) -> Tracks:
     """The windows in which all is known, measured and predicted, to the end."""
-    every = (tracks.measured, tracks.before, tracks.after, tracks.constant_velocity)
+    every = (tracks.measured, tracks.before, tracks.after, tracks.floor, tracks.constant_velocity)
     known = np.all([np.isfinite(each).all(axis=(1, 2)) for each in every], axis=0)
     return Tracks(*(getattr(tracks, name)[known] for name in Tracks.__slots__))
 

@@ -10,6 +10,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid.evaluation.bootstrap import Interval
 from hybrid.vessel.compiling import Floats
 
 Ints = NDArray[np.int64]
@@ -122,16 +123,49 @@ class Gap:
 class Tracks:
     """Windows of H seconds [N]: measured and predicted tracks [N, H+1, 3] (north, east [m], heading [rad]).
 
-    ``before`` is the reference model's, ``after`` that of the model with what other legs named;
-    ``constant_velocity`` keeps the first speed. ``leg`` and ``start_s`` [N] say where and when.
+    ``before`` is the reference model's, ``after`` that of the model with what other legs named, ``floor`` with what
+    all legs together give; ``constant_velocity`` keeps the first speed. ``leg`` and ``start_s`` [N] say where and
+    when.
     """
 
     measured: Floats
     before: Floats
     after: Floats
+    floor: Floats
     constant_velocity: Floats
     leg: Ints
     start_s: Ints
+
+
+@dataclass(frozen=True, slots=True)
+class Ladder:
+    """What a calibrator adds: mean distances [m] by rung, with 95 % intervals by legs, on held windows of legs that
+    took no part.
+
+    ``rungs`` are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the named
+    model only where something was named. ``ratios`` are paired, of the first rung's mean distance to the second's.
+    Without rungs ``why_not`` says why there are none.
+    """
+
+    horizon_s: int
+    method: str
+    windows: int = 0
+    legs: int = 0
+    rungs: Mapping[str, Interval] = field(default_factory=dict)
+    ratios: Mapping[tuple[str, str], Interval] = field(default_factory=dict)
+    why_not: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "horizon_s": self.horizon_s,
+            "method": self.method,
+            "windows": self.windows,
+            "legs": self.legs,
+            "mean_distance_m": {name: each.as_dict() for name, each in self.rungs.items()},
+            "ratios": [{"of": one, "to": other, **each.as_dict()} for (one, other), each in self.ratios.items()],
+            "why_not": self.why_not or None,
+        }
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,17 +38,19 @@ SUSPECTS = (
 
 
 def tracks(windows: int = 6, horizon_s: int = 15) -> Tracks:
-    """Turns of several rates: the model before errs aside by a share of the time, after by a tenth of that."""
+    """Turns of several rates: the model before errs aside by a share of the time, after by a tenth of that, at the
+    floor by a twentieth."""
     seconds = np.arange(horizon_s + 1.0)
     rate = np.linspace(-0.03, 0.03, windows)[:, None]
     heading = 0.5 + rate * seconds
     measured = np.stack([4.0 * seconds * np.cos(heading), 4.0 * seconds * np.sin(heading), heading], axis=2)
     aside = (0.02 * (1.0 + np.arange(windows)))[:, None] * seconds
-    before, after, still = measured.copy(), measured.copy(), measured.copy()
+    before, after, floor, still = (measured.copy() for _ in range(4))
     before[:, :, 1] += aside
     after[:, :, 1] += 0.1 * aside
+    floor[:, :, 1] += 0.05 * aside
     still[:, :, 0] -= 2.0 * aside
-    return Tracks(measured, before, after, still, np.arange(windows) // 2, 15 * np.arange(windows))
+    return Tracks(measured, before, after, floor, still, np.arange(windows) // 2, 15 * np.arange(windows))
 
 
 def named() -> Diagnosis:
