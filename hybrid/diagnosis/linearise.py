@@ -153,16 +153,21 @@ def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> 
 
 
 def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: int) -> Signature:
-    size = model.catalogue[name].free_scale[coordinate]
-    sides = [(model.moved(name, coordinate, by), by) for by in (_PART * size, -_PART * size)]
-    if any(plant is None for plant, _ in sides):
-        sides = [(model.moved(name, coordinate, by), by) for by in (_ONE_SIDED_PART * size, 0.0)]
-    (ahead, plus), (behind, minus) = sides
-    assert ahead is not None
-    assert behind is not None
+    (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
     D = (next_states(log, ahead, origin) - next_states(log, behind, origin)) / (plus - minus)
     E = (reported(log, ahead, origin) - reported(log, behind, origin)) / (plus - minus)
     return Signature(name, coordinate, D, E)
+
+
+def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]]:
+    """The plant with a coordinate moved by two steps: to both sides, or to one where the other is out of bounds."""
+    size = model.catalogue[name].free_scale[coordinate]
+    for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
+        plants = [(model.moved(name, coordinate, step * size), step * size) for step in steps]
+        known = [(plant, by) for plant, by in plants if plant is not None]
+        if len(known) == len(plants):
+            return known
+    raise ConfigurationError(f"effect {name} has bounds too narrow for its ordinary size of {size:g}")
 
 
 def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:

@@ -138,6 +138,21 @@ def test_a_signature_is_what_a_small_effect_does(plant: Plant, log: Log, name: s
             assert np.sqrt(((mine - slope) ** 2).mean(axis=0)).max() <= allowed * size + 1e-9
 
 
+@pytest.mark.parametrize("name", ["hull_fouling", "thrust_loss_port", "speed_scale"])
+@pytest.mark.parametrize("end", ["low", "high"])
+def test_an_effect_at_the_end_of_its_range_has_a_signature_to_the_inside(
+    plant: Plant, log: Log, name: str, end: str
+) -> None:
+    first = CATALOGUE[name].parameters[0]
+    inside = 0.9 * getattr(first, end) + 0.1 * first.neutral
+    at_end, near = (
+        signatures(log, Model(plant, CATALOGUE, {name: (value - first.neutral,)}), log.nominal, [name])[0]
+        for value in (getattr(first, end), inside)
+    )
+    assert np.abs(at_end.D + at_end.E).max() > 0.0
+    assert np.abs(at_end.D - near.D).max() < 0.7 * np.abs(near.D).max() + 1e-9
+
+
 def test_what_an_effect_does_beyond_its_signature_is_of_second_order(plant: Plant, log: Log) -> None:
     model, name = Model(plant, CATALOGUE), "ocean_current"
     origin = unreported(log, plant)
