@@ -169,7 +169,7 @@ def suspects(view: View) -> tuple[Suspect, ...]:
     smallest, result = limits(view.examination), []
     for name in view.names:
         effect = view.examination.model.catalogue[name]
-        fit = view.fit([name])
+        fit = view.fit([name], prior=True)  # of some these data say nothing at all
         chance, unit = view.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
         result.append(Suspect(name, effect.family, view.evidence([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda each: -each.evidence))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, kstest
 
+from hybrid.diagnosis.diagnose import suspects
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.name import FALSE_ALARM, View, rivals_of, searched, unseen_gains, view_of
 from hybrid.diagnosis.name import tested as stands
@@ -200,3 +201,16 @@ def test_a_twin_is_a_rival_and_a_stranger_is_not(design: Design) -> None:
     less = rivals_of(view, ("heading_bias",), "heading_bias")
     assert abs(less["yaw_inertia"]) < 0.1
     assert min(value for name, value in less.items() if name != "yaw_inertia") > 20.0
+
+
+def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_block(design: Design) -> None:
+    """As of the wind's effects where no wind was recorded."""
+    columns = design.columns.copy()
+    columns[:, :, design.layout.of("wind_load")] = 0.0
+    deaf = with_columns(design, columns)
+    view = seen(deaf, 3, {"heading_bias": BIAS}, by_leg=True)
+    assert searched(view) == ("heading_bias",)
+    ranked = {each.name: each for each in suspects(view)}
+    assert next(iter(ranked)) == "heading_bias"
+    assert ranked["wind_load"].evidence < 0.0
+    assert ranked["wind_load"].p_value > 0.5
