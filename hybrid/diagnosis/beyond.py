@@ -13,6 +13,7 @@ import numpy as np
 
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Ints, Log
+from hybrid.diagnosis.tolerance import features
 from hybrid.vessel.compiling import Floats
 
 AXES = ("surge", "sway", "yaw")
@@ -21,7 +22,11 @@ GRANTED = {"heading": 0.1, "place": 0.1, "time": 0.1, "azimuth": 1.0}
 """What the model may be off by in each way, as a share of the tolerance: only what depends on speeds and thrusters
 is the model's own; but no sea is quite even."""
 
-_HARMONICS, _TIMES, _PLACES = 4, 6, 16
+OPERATION = "operating point"
+"""What the form of a named effect may depend on: speeds and thruster settings."""
+
+_HARMONICS, _TIMES, _PLACES, _OPERATIONS = 4, 6, 16, 8
+_SLOW = 0.7  # how fast the form of a named effect may change over the range of speeds and settings
 _SEED = 20260902
 _VARIED = {
     "ocean_current": ("place", "time"),
@@ -42,23 +47,28 @@ class Beyond:
     varied: tuple[Signature, ...]
 
 
-def beyond(log: Log, origin: Floats, effects: Sequence[Signature]) -> Beyond:
-    """The families for a log. Constants are in none of them: they are effects of the catalogue."""
+def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequence[str] = ()) -> Beyond:
+    """The families for a log. Constants are in none of them: they are effects of the catalogue.
+
+    Effects in ``forms`` may also vary with speeds and thruster settings, as a relative of theirs does that is in no
+    catalogue.
+    """
     bases = {
         "heading": _harmonics(origin[:, 2], _HARMONICS),
         "place": _places(origin[:, :2]),
         "time": _times(log.time_s),
         "azimuth": _hinges(log),
     }
-    features = np.hstack(list(bases.values()))
+    forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
+    shapes = {**bases, "heading": _harmonics(origin[:, 2], 2), OPERATION: _operations(log, origin)}
     varied = [
         Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
         for each in effects
-        for name in _VARIED.get(each.effect, ())
-        for number, shape in enumerate((bases[name] if name != "heading" else _harmonics(origin[:, 2], 2)).T)
+        for name in (*_VARIED.get(each.effect, ()), *([OPERATION] if each.effect in forms else []))
+        for number, shape in enumerate(shapes[name].T)
     ]
-    return Beyond(features, depends, tuple(varied))
+    return Beyond(forces, depends, tuple(varied))
 
 
 def _harmonics(angle_rad: Floats, number: int) -> Floats:
@@ -82,6 +92,12 @@ def _places(position_m: Floats) -> Floats:
     wave = generator.standard_normal((2, _PLACES)) * 1.5
     phase = generator.uniform(0.0, 2.0 * np.pi, _PLACES)
     shapes = np.sqrt(2.0) * np.cos(away / extent @ wave + phase)
+    return np.asarray(shapes - shapes.mean(axis=0))
+
+
+def _operations(log: Log, origin: Floats) -> Floats:
+    """Smooth functions of speeds and thruster settings [T, 8]: the tolerance's, but slow, and without a mean."""
+    shapes = features(log, origin, _OPERATIONS, _SLOW)
     return np.asarray(shapes - shapes.mean(axis=0))
 
 

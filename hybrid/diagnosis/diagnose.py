@@ -10,13 +10,13 @@ import numpy as np
 import pandas as pd
 
 from acquisition.errors import ConfigurationError
-from hybrid.diagnosis.examine import settled
+from hybrid.diagnosis.examine import examined, settled
 from hybrid.diagnosis.gap import HeldOut, held_out
 from hybrid.diagnosis.information import limits
 from hybrid.diagnosis.kinematics import consistency
 from hybrid.diagnosis.linearise import Model, model_of
 from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.name import Naming, View, moved_to, named
+from hybrid.diagnosis.name import Naming, View, moved_to, named, view_of
 from hybrid.diagnosis.next_manoeuvre import next_manoeuvre
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
@@ -72,7 +72,7 @@ def diagnose(
     log, noise = settled(log, model, tolerance, _part(progress, 0.1, 0.35))
     contradictions = consistency(log, model, noise)
     progress(0.4)
-    first = named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6))
+    first = _in_form(named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6)))
     naming, found = _with_what_remains(first, log, model, tolerance, noise)
     progress(0.7)
     rivals = close_rivals(naming)
@@ -102,6 +102,15 @@ def diagnose(
 
 def _part(progress: Progress, first: float, last: float) -> Progress:
     return lambda share: progress(first + (last - first) * share)
+
+
+def _in_form(naming: Naming) -> Naming:
+    """The same with a view in which each named effect may have another form: as a relative of it has."""
+    if not naming.names:
+        return naming
+    last = naming.view.examination
+    again = examined(last.log, last.model, last.tolerance, last.noise, forms=naming.names)
+    return replace(naming, view=view_of(again, by_leg=True))
 
 
 def _with_what_remains(

@@ -141,13 +141,15 @@ def examined(
     noise: Noise,
     loose: Loose = frozenset(),
     progress: Progress = lambda share: None,
+    forms: Sequence[str] = (),
 ) -> Examination:
     """Examine ``log`` through ``model``, which may have effects in it already.
 
     ``tolerance`` is the share of the force range that the model may be off by; ``loose`` are families of
-    :mod:`.beyond`, by what they depend on and what they are of, that may be as large as an effect.
+    :mod:`.beyond`, by what they depend on and what they are of, that may be as large as an effect; ``forms`` are
+    effects whose form is in question.
     """
-    view = _view(log, model, tolerance)
+    view = _view(log, model, tolerance, forms=forms)
     nuisance, scale = _nuisances(view, loose)
     products = products_of(log, view.linear, view.columns, noise, progress)
     return Examination(
@@ -161,13 +163,14 @@ def _view(
     tolerance: float,
     number: int = FEATURES,
     known_effects: Sequence[Signature] | None = None,
+    forms: Sequence[str] = (),
 ) -> _View:
     linear = linear_model(log, model.plant())
     effects = known_effects or signatures(log, model, linear.origin, list(model.catalogue))
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
     known = features(log, linear.origin, number)
-    more = beyond(log, linear.origin, effects)
+    more = beyond(log, linear.origin, effects, forms)
     columns = columns_of(linear, [*effects, *wind, *more.varied], np.hstack([known, more.features]))
     of = [model.catalogue[each.effect.split("*")[0]] for each in more.varied]
     layout = Layout(
