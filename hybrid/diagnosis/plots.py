@@ -223,5 +223,5 @@ def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
     return [
         ("before", tracks.before, BEFORE),
         ("after", tracks.after, AFTER),
-        ("constant velocity", tracks.constant_velocity, HELD),
+        ("present motion held", tracks.constant_velocity, HELD),
     ]
