@@ -244,7 +244,7 @@ def _around(log: Log, plant: Plant, ways: Floats) -> Floats:
         seen = np.concatenate([2.0 * seen[:1] - seen[half:0:-1], seen])
         jumps = np.concatenate([np.zeros((1, 6)), some[1:, 0] - some[:-1, -1]]).cumsum(axis=0)
         for quarter in range(STEPS_PER_SECOND + 1):
-            result[first:last, quarter] = seen[quarter::STEPS_PER_SECOND][: len(some)] + jumps
+            result[first:last, quarter] = seen[quarter::STEPS_PER_SECOND][: len(some)]
             for column, delay_s in enumerate(delays_s):
                 times = seconds + (quarter - half) * DT_S - delay_s
                 missed = jumps[:, column] - np.interp(times, seconds, jumps[:, column])
