@@ -147,7 +147,7 @@ def _together(
     pairs = [("named", "reference"), *((f"{name}_calibrated", name) for name in ("reference", "named"))]
     pairs.append(("named_calibrated", "reference_calibrated"))
     return Ladder(
-        HORIZON_S,
+        horizons.horizon_s,
         method,
         int(result.held_out.sum()),
         legs.legs,
