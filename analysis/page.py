@@ -92,7 +92,7 @@ class Page:
         css = " class=words" if words else ""
         self.parts.append(f"<table{css}>{f'<tr>{head}</tr>' if head else ''}{body}</table>")
 
-    def figure(self, draw: Callable[[Figure], None], size_inch: tuple[float, float], caption: str) -> None:
+    def figure(self, draw: Callable[[Figure], object], size_inch: tuple[float, float], caption: str) -> None:
         """A figure that ``draw`` fills, embedded as a picture."""
         import matplotlib as mpl
         from matplotlib.figure import Figure

@@ -35,6 +35,10 @@ def diagnose(
     repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
     rebuild_positions: RebuildPositions = False,
     part: Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")] = "0..100",
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Also train a calibrator on the model before and after.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrators.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Diagnose recordings against a model."""
@@ -53,6 +57,14 @@ def diagnose(
             files, ship, tolerance / 100.0, catalogue, percent_of(part),
             repair=repair, rebuild_positions=rebuild_positions, progress=progress,
         )  # fmt: skip
+    if calibrate:
+        from hybrid.diagnosis.ladder import calibrated
+
+        with bar("training") as progress:
+            examined = calibrated(
+                examined, files, percent_of(part),
+                repair=repair, rebuild_positions=rebuild_positions, seed=seed, progress=progress,
+            )  # fmt: skip
     written = write_diagnosis(examined, ship, output)
     diagnosis = examined.diagnosis
     if as_json:
@@ -62,5 +74,5 @@ def diagnose(
 
     from hybrid.diagnosis.terminal import summary
 
-    Console().print(summary(diagnosis))
+    Console().print(summary(diagnosis, examined.extras.ladder))
     typer.echo(str(written.report))

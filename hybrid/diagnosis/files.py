@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -32,6 +33,7 @@ class Written:
     json: Path
     vessel: Path
     report: Path
+    ladder: Path
 
 
 def diagnose_files(
@@ -70,12 +72,23 @@ def diagnose_files(
 
 
 def write_diagnosis(examined: Examined, vessel: Vessel, folder: Path) -> Written:
-    """Write ``diagnosis.json``, ``vessel.toml`` and ``report.html``. Raises :class:`StorageError`."""
-    written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE)
-    try:
-        written.json.write_text(json.dumps(examined.diagnosis.as_dict(), indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(written.json, error) from error
+    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html`` and, where a calibrator was trained on top,
+    ``ladder.json``; one of an earlier diagnosis goes. Raises :class:`StorageError`.
+    """
+    ladder = examined.extras.ladder
+    written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json")
+    _write_json(examined.diagnosis.as_dict(), written.json)
+    if ladder is None:
+        written.ladder.unlink(missing_ok=True)
+    else:
+        _write_json(ladder.as_dict(), written.ladder)
     save_vessel(repaired(vessel, examined.diagnosis), written.vessel)
     write_report(examined.diagnosis, examined.extras, folder)
     return written
+
+
+def _write_json(values: Mapping[str, Any], path: Path) -> None:
+    try:
+        path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error

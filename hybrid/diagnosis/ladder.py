@@ -37,7 +37,7 @@ STRIDE_S = 5
 _LEAST_LEGS = 4  # over fewer a mean has no interval that says anything
 
 
-def ladder_of_files(
+def calibrated(
     examined: Examined,
     files: Sequence[Path],
     part_percent: tuple[float, float] = (0.0, 100.0),
@@ -46,10 +46,10 @@ def ladder_of_files(
     rebuild_positions: bool = False,
     seed: int = 0,
     progress: Progress = lambda share: None,
-) -> Ladder:
-    """The ladder of a diagnosis on the recordings that it was made from, read as they were for it.
+) -> Examined:
+    """The diagnosis with its ladder, on the recordings that it was made from, read as they were for it.
 
-    Where too few windows are held it has no rungs and says why.
+    Where too few windows are held the ladder has no rungs and says why.
     """
     view = examined.naming.view
     try:
@@ -59,9 +59,10 @@ def ladder_of_files(
         )  # fmt: skip
         seconds = seconds_in_folds(gathered.horizons, view.examination.log, trial_names(files))
         named = examined.gap.without if examined.naming.names else None
-        return ladder(gathered.horizons, seconds, view.examination.model, named, seed=seed, progress=progress)
+        found = ladder(gathered.horizons, seconds, view.examination.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
-        return Ladder(HORIZON_S, METHOD, why_not=str(error))
+        found = Ladder(HORIZON_S, METHOD, why_not=str(error))
+    return replace(examined, extras=replace(examined.extras, ladder=found))
 
 
 def seconds_in_folds(horizons: Horizons, log: Log, trials: Sequence[str]) -> Ints:
@@ -146,7 +147,7 @@ def _together(
     pairs = [("named", "reference"), *((f"{name}_calibrated", name) for name in ("reference", "named"))]
     pairs.append(("named_calibrated", "reference_calibrated"))
     return Ladder(
-        HORIZON_S,
+        horizons.horizon_s,
         method,
         int(result.held_out.sum()),
         legs.legs,

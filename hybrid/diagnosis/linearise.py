@@ -26,14 +26,14 @@ from hybrid.vessel.compiling import Floats
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import measured, on_time
+from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": 1e3, "constant_Y_n": 1e3, "constant_N_nm": 1e4}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
-_ROUNDS = 4  # more would amplify whatever swings faster than a sensor is late
+_ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,9 @@ def linear_model(log: Log, plant: Plant) -> Linear:
         B[:, :, column] = (ahead - behind) / (2.0 * size)
     defect = np.zeros_like(origin)
     defect[:-1] = ways[:-1, -1] - origin[1:]
-    seen = reported(log, plant, origin) + between(log, ways)
+    around = _around(log, plant, ways)
+    now = around[:, STEPS_PER_SECOND // 2]
+    seen = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
     return Linear(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
 
 
@@ -154,8 +156,9 @@ def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> 
 
 def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: int) -> Signature:
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
-    D = (next_states(log, ahead, origin) - next_states(log, behind, origin)) / (plus - minus)
-    E = (reported(log, ahead, origin) - reported(log, behind, origin)) / (plus - minus)
+    further, before = paths(log, ahead, origin), paths(log, behind, origin)
+    D = (further[:, -1] - before[:, -1]) / (plus - minus)
+    E = (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
     return Signature(name, coordinate, D, E)
 
 
@@ -220,19 +223,47 @@ def _lagged(series: Floats, lag_s: float) -> Floats:
 
 def reported(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, delays along each unbroken stretch."""
-    result = np.empty_like(states)
+    return _seen(log, plant, paths(log, plant, states))
+
+
+def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
+    """What the sensors report at the start of each way [T, 5, 6] of :func:`paths`: [T, 6]."""
+    return _around(log, plant, ways)[:, STEPS_PER_SECOND // 2]
+
+
+def _around(log: Log, plant: Plant, ways: Floats) -> Floats:
+    """What the sensors report by quarters from half a second before each start of a way to half a second after.
+
+    [T, 5, 6]. Seen from a start, the simulator says what was before and after: if the start is off, so are these.
+    """
+    result, half = np.empty_like(ways), STEPS_PER_SECOND // 2
+    delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
     for first, last in _stretches(log):
-        result[first:last] = measured(states[first:last], plant, 1.0)
+        some, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
+        seen = measured(_track(some), plant, DT_S)
+        seen = np.concatenate([2.0 * seen[:1] - seen[half:0:-1], seen])
+        jumps = np.concatenate([np.zeros((1, 6)), some[1:, 0] - some[:-1, -1]]).cumsum(axis=0)
+        for quarter in range(STEPS_PER_SECOND + 1):
+            result[first:last, quarter] = seen[quarter::STEPS_PER_SECOND][: len(some)]
+            for column, delay_s in enumerate(delays_s):
+                times = seconds + (quarter - half) * DT_S - delay_s
+                missed = jumps[:, column] - np.interp(times, seconds, jumps[:, column])
+                result[first:last, quarter, column] += missed
     return result
+
+
+def _track(ways: Floats) -> Floats:
+    """Ways [T, 5, 6] joined to one track [4 T + 1, 6]: bent as the simulator's, jumps made up for evenly."""
+    share = np.arange(STEPS_PER_SECOND)[:, None] / STEPS_PER_SECOND
+    jumps = np.concatenate([ways[1:, :1] - ways[:-1, -1:], np.zeros_like(ways[:1, :1])])
+    return np.concatenate([(ways[:, :-1] + share * jumps).reshape(-1, 6), ways[-1:, -1]])
 
 
 def unreported(log: Log, plant: Plant) -> Floats:
     """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
     states = log.nominal.copy()
     for _ in range(_ROUNDS):
-        missing = log.nominal - reported(log, plant, states)
-        for first, last in _stretches(log):
-            states[first:last] += on_time(missing[first:last], plant, 1.0)
+        states += log.nominal - reported(log, plant, states)
     return states
 
 

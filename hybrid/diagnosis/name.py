@@ -8,7 +8,7 @@ scatters from leg to leg; it predicts legs that were left out; and it is large e
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import expm1, log, log1p
@@ -39,7 +39,10 @@ _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
 _MOST = 6
 _LOOKS = 10
 _TELLING = 0.95  # of the information is in the legs on which an effect is tried
+_CLOSER = 3  # effects by themselves that are looked at closer where several seem to be at work
 _FEW_LEGS = 3  # with fewer there is no scatter to judge by: the sum alone has to be above zero
+
+Coordinates = Mapping[str, tuple[float, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,7 +308,7 @@ def rivals_of(view: View, names: tuple[str, ...], name: str) -> dict[str, float]
     return result
 
 
-def moved_to(view: View, names: Sequence[str]) -> Mapping[str, tuple[float, ...]]:
+def moved_to(view: View, names: Sequence[str]) -> Coordinates:
     """The free coordinates at which the equations are to be made linear next."""
     fit = view.fit(names, prior=True)
     return {name: tuple(fit.values[view.places(fit, name)].tolist()) for name in names}
@@ -334,9 +337,13 @@ def named(
     Who fails a test is barred, and the search goes on without. ``loose`` are families beyond the catalogue that may
     be as large as the data make them (:func:`.examine.examined`).
     """
-    at: Mapping[str, tuple[float, ...]] = {}
+
+    def look(at: Coordinates) -> View:
+        return view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
+
+    at = _begun(look, barred)
     for number in range(_LOOKS):
-        view = view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
+        view = look(at)
         names = searched(view, barred)
         progress(min(0.9, (number + 1) / 4.0))
         if not stays(view, names, at, _SETTLED, _SETTLED_SHARE) and number < _LOOKS - 1:
@@ -348,6 +355,25 @@ def named(
             break
         at = moved_to(view, names)
     return Naming(names, tests, view)
+
+
+def _begun(look: Callable[[Coordinates], View], barred: frozenset[str]) -> Coordinates:
+    """What to be linear about first: what a look about nothing finds, or one strong effect by itself.
+
+    About nothing a long delay is no more like itself than like several others. About itself it explains all.
+    """
+    view = look({})
+    names = searched(view, barred)
+    if len(names) < 2:
+        return moved_to(view, names)
+    singles = sorted(set(view.names) - barred, key=lambda name: -view.evidence([name]))[:_CLOSER]
+    starts = [names, *((name,) for name in singles if view.possible([name]))]
+
+    def explained(at: Coordinates) -> float:
+        view = look(at)
+        return view.evidence(searched(view, barred)) - 0.5 * float(view.inner[0, 0])
+
+    return max((moved_to(view, start) for start in starts), key=explained)
 
 
 def _standing(
@@ -364,9 +390,7 @@ def _standing(
         names = searched(view, barred)
 
 
-def stays(
-    view: View, names: Sequence[str], at: Mapping[str, tuple[float, ...]], errors: float, share: float = 0.0
-) -> bool:
+def stays(view: View, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0) -> bool:
     """Whether the equations are linear about what is found already.
 
     Nothing moves by more than so many standard errors and a share of its size.

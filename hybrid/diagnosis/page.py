@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from analysis.page import Page
-from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Place, Suspect
-from hybrid.diagnosis.words import listed, number, parameter_title, percent, plain
+from hybrid.diagnosis.gap_page import add_gap, add_ladder
+from hybrid.diagnosis.grounds_page import add_consistency, add_granted, add_map, add_suspects
+from hybrid.diagnosis.result import Diagnosis, Estimate, Ladder, NamedEffect
+from hybrid.diagnosis.words import chance, listed, number, parameter_title, percent, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,17 +21,16 @@ if TYPE_CHECKING:
 
 PAGE_FILE = "report.html"
 
-_SMALL = 0.001
-
 
 @dataclass(frozen=True, slots=True)
 class Extras:
-    """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, and the
-    sensors' contradictions (None where nobody looked)."""
+    """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, the
+    sensors' contradictions and what a calibrator adds (None where nobody looked)."""
 
     map: Map | None = None
     map_after: Map | None = None
     consistency: Sequence[Consistency] | None = None
+    ladder: Ladder | None = None
 
 
 def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
@@ -45,11 +46,14 @@ def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
     _add_effects(page, diagnosis)
     _add_unknown(page, diagnosis)
     _add_rivals(page, diagnosis)
-    _add_gap(page, diagnosis)
-    _add_map(page, diagnosis, extras)
-    _add_suspects(page, diagnosis)
-    _add_consistency(page, extras)
-    _add_granted(page, diagnosis)
+    add_gap(page, diagnosis)
+    if extras.ladder is not None:
+        add_ladder(page, extras.ladder, diagnosis.effects)
+    add_map(page, diagnosis.where, extras.map, extras.map_after)
+    add_suspects(page, diagnosis)
+    if extras.consistency is not None:
+        add_consistency(page, extras.consistency)
+    add_granted(page, diagnosis)
     return page
 
 
@@ -128,7 +132,7 @@ def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
             parameter_title(name, estimate.unit),
             number(estimate.value),
             _interval(estimate),
-            unit_of(estimate),
+            "" if estimate.unit == "1" else estimate.unit,
         ]
         for each in effects
         for name, estimate in each.parameters.items()
@@ -147,13 +151,9 @@ def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
 def _certainty(effect: NamedEffect) -> str:
     family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
     return (
-        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {_chance(effect.p_value)}; "
+        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
         f"log evidence {number(effect.evidence)}"
     )
-
-
-def _chance(p_value: float) -> str:
-    return f"p < {_SMALL:g}" if p_value < _SMALL else f"p = {p_value:.2g}"
 
 
 def _add_unknown(page: Page, diagnosis: Diagnosis) -> None:
@@ -193,166 +193,5 @@ def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
         page.text(f"To tell {one} from {other}: {after.what}; expected log evidence {after.expected_evidence:.0f}.")
 
 
-def _add_gap(page: Page, diagnosis: Diagnosis) -> None:
-    from hybrid.diagnosis import plots
-
-    page.heading("The gap, before and after")
-    page.figure(
-        lambda figure: _drawn(plots.gap(figure.subplots(), diagnosis)),
-        (8, 1.0 + 0.34 * (3 + len(diagnosis.effects))),
-        "What each named effect takes off the error on held-out windows. The floor is the error of the model with "
-        "all that was named at its best: noise, gusts and waves that nobody can predict.",
-    )
-    tracks = None if diagnosis.tracks is None else plots.whole_windows(diagnosis.tracks)
-    if tracks is None or not len(tracks.measured):
-        return
-    page.figure(
-        lambda figure: _drawn(plots.error_by_second(figure.subplots(), tracks)),
-        (8, 3.4),
-        "How the error grows with the time predicted, mean over all held-out windows. From before down to the "
-        "floor is what could be closed, from before down to after is what is. The floor is the model with the "
-        "sizes that all legs together give: what is left there is noise, gusts and waves.",
-    )
-    page.figure(
-        lambda figure: _drawn(plots.window_tracks(figure, tracks)),
-        (9.5, 3.6),
-        "Some held-out windows, bow up at their start and to scale; each with its mean distance before and after.",
-    )
-
-
-def _add_map(page: Page, diagnosis: Diagnosis, extras: Extras) -> None:
-    if extras.map is None and not diagnosis.where:
-        return
-    page.heading("Where the gap was")
-    if extras.map is not None:
-        _draw_map(
-            page,
-            extras.map,
-            "The steady force that the model lacks in each cell of the trial. The colour says how sure it is, in "
-            "standard errors that hold what model and sensors are granted: red to starboard, ahead or clockwise, "
-            "blue the other way; grey numbers do not stand out.",
-        )
-        _draw_residual(page, extras.map)
-    if diagnosis.where:
-        with page.details("The cells that stand out most, forces and errors of one second"):
-            page.table(["channel", "cell", "seconds", "error", "z"], [_cell_row(each) for each in diagnosis.where])
-    if extras.map_after is not None and extras.map_after.places:
-        with page.details("The same map with the named effects in the model"):
-            _draw_map(page, extras.map_after, "What the model still lacks when the named effects are in it.")
-
-
-def _draw_map(page: Page, made: Map, caption: str) -> None:
-    from hybrid.diagnosis import map_plots
-
-    if made.places:
-        page.figure(
-            lambda figure: _drawn(map_plots.force_map(figure, made.places)),
-            (9.5, map_plots.map_height_inch(made.places)),
-            caption,
-        )
-
-
-def _draw_residual(page: Page, made: Map) -> None:
-    from hybrid.diagnosis import map_plots
-
-    most = map_plots.depends_most(made)
-    if most is not None:
-        page.figure(
-            lambda figure: _drawn(map_plots.residual_force(figure.subplots(), made, *most)),
-            (8, 3.2),
-            "The force that differs most between cells, against what it differs with.",
-        )
-
-
-def _cell_row(place: Place) -> list[str]:
-    from hybrid.diagnosis.map_plots import CHANNELS, QUANTITIES, cell_name, quantity_of
-
-    cell = f"{QUANTITIES.get(quantity_of(place), plain(quantity_of(place)))}: {cell_name(place)}"
-    return [
-        CHANNELS.get(place.channel, plain(place.channel)),
-        cell,
-        str(place.windows),
-        number(place.error),
-        f"{place.z:.1f}",
-    ]
-
-
-def _add_suspects(page: Page, diagnosis: Diagnosis) -> None:
-    suspects = diagnosis.suspects
-    if not suspects:
-        return
-    page.heading("All suspects")
-
-    def draw(figure: Figure) -> None:
-        from hybrid.diagnosis import plots
-
-        plots.ranking(figure.subplots(), suspects, [each.name for each in diagnosis.effects])
-
-    page.figure(
-        draw,
-        (8, 1.0 + 0.27 * min(len(suspects), 15)),
-        "Each effect of the catalogue alone in the model; what was named has a dark edge. Effects that look alike "
-        "share their evidence here: what counts is what is left when the named ones are in the model.",
-    )
-    with page.details(f"All {len(suspects)} effects, and how large each must be to be found in such a trial"):
-        page.table(["effect", "family", "log evidence alone", "chance", "found from"], _suspect_rows(suspects))
-
-
-def _suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
-    return [
-        [plain(each.name), each.family, number(each.evidence), _chance(each.p_value),
-         f"{number(each.limit)} {'' if each.unit == '1' else each.unit}" if each.limit == each.limit else ""]
-        for each in suspects
-    ]  # fmt: skip
-
-
-def _add_consistency(page: Page, extras: Extras) -> None:
-    if extras.consistency is None:
-        return
-    page.heading("Do the sensors agree?")
-    page.text(
-        "Whatever moves the ship, speeds turned by the heading must add up to the track, and yaw rates to the "
-        "heading. This needs no ship model."
-    )
-    if not extras.consistency:
-        page.text("They do, within what each is granted.")
-    for each in extras.consistency:
-        page.statement(plain(each.effect), _chance(each.p_value), each.sentence)
-
-
-def _add_granted(page: Page, diagnosis: Diagnosis) -> None:
-    page.heading("What was granted, and what was said on the way")
-    known = dict(diagnosis.provenance)
-    extent, noise = known.pop("force_range", None), known.pop("noise", None)
-    rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
-    if extent:
-        kilo = [number(diagnosis.tolerance * extent[name] / 1e3) for name in ("surge_n", "sway_n", "yaw_nm")]
-        rows.append(["which is", f"{kilo[0]} kN ahead, {kilo[1]} kN across, {kilo[2]} kN m in yaw"])
-    rows += [[plain(str(key)), _words(value)] for key, value in known.items()]
-    page.table(["", ""], rows, words=True)
-    for each in diagnosis.remarks:
-        page.text(f"{each[:1].upper()}{each[1:]}.")
-    if noise:
-        with page.details("Levels of noise, as the data have them"):
-            page.table(["", ""], [[plain(key), _words(value)] for key, value in noise.items()], words=True)
-
-
-def _words(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{plain(str(key))} {_words(each)}" for key, each in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(_words(each) for each in value)
-    return number(value) if isinstance(value, float) else str(value)
-
-
-def unit_of(estimate: Estimate) -> str:
-    """The unit for people: none of a factor."""
-    return "" if estimate.unit == "1" else estimate.unit
-
-
 def _interval(estimate: Estimate) -> str:
     return f"{number(estimate.low)} to {number(estimate.high)}"
-
-
-def _drawn(artists: object) -> None:
-    """A figure's drawing returns nothing."""

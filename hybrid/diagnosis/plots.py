@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -16,6 +16,7 @@ from hybrid.diagnosis.name import CLOSE
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
 from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
+from hybrid.evaluation.bootstrap import Interval
 from hybrid.plots import title_of
 from hybrid.reproduction.plots import plain_numbers, start_frame
 from hybrid.vessel.compiling import Floats
@@ -124,6 +125,21 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     return [*bars]
 
 
+def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> list[Artist]:
+    """The mean distance of each rung by its title, with its 95 % interval."""
+    from hybrid.evaluation.plots import (
+        interval_bar,
+        logarithmic,
+    )  # these bring PyTorch, which no other figure needs
+
+    artists = [interval_bar(axes, each, row, PALETTE[0]) for row, each in enumerate(rungs.values())]
+    axes.set_yticks(range(len(rungs)), list(rungs))
+    axes.set_ylim(len(rungs) - 0.5, -0.5)
+    logarithmic(axes, "x", list(rungs.values()))
+    axes.set_xlabel("mean distance [m]")
+    return artists
+
+
 def error_by_second(axes: Axes, tracks: Tracks) -> list[Artist]:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
@@ -207,5 +223,5 @@ def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
     return [
         ("before", tracks.before, BEFORE),
         ("after", tracks.after, AFTER),
-        ("constant velocity", tracks.constant_velocity, HELD),
+        ("present motion held", tracks.constant_velocity, HELD),
     ]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from rich.console import Group
 from rich.text import Text
 
-from hybrid.diagnosis.result import Diagnosis
+from hybrid.diagnosis.gap_page import ladder_sentence
+from hybrid.diagnosis.result import Diagnosis, Ladder
 
 _VERDICTS = {
     "named": "The model lacks what is named here.",
@@ -15,8 +16,8 @@ _VERDICTS = {
 }
 
 
-def summary(diagnosis: Diagnosis) -> Group:
-    """The diagnosis in some lines."""
+def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
+    """The diagnosis in some lines, and what a calibrator adds where one was trained."""
     lines = [Text(_VERDICTS[diagnosis.verdict], style="bold")]
     lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
     lines += [Text(f"Not to be told apart: {', '.join(group)}.") for group in diagnosis.indistinguishable]
@@ -30,6 +31,8 @@ def summary(diagnosis: Diagnosis) -> Group:
                 f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best."
             )
         )
+    if ladder is not None:
+        lines.append(Text(ladder_sentence(ladder)))
     if diagnosis.next_manoeuvre is not None:
         lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
     lines += [Text(f"note: {each}", style="dim") for each in diagnosis.remarks]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+_SMALL = 0.001
+
 
 def plain(name: str) -> str:
     """An effect's or a channel's name for people.
@@ -44,6 +46,15 @@ def percent(share: float) -> str:
     ('83 %', '1 %')
     """
     return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{100.0 * share:.2g} %"
+
+
+def chance(p_value: float) -> str:
+    """The chance of something where there is nothing.
+
+    >>> chance(0.012), chance(1e-9)
+    ('p = 0.012', 'p < 0.001')
+    """
+    return f"p < {_SMALL:g}" if p_value < _SMALL else f"p = {p_value:.2g}"
 
 
 def parameter_title(name: str, unit: str) -> str:

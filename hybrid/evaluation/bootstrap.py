@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 DRAWS = 2000
+FEW_LEGS = 10
+"""With fewer legs than this a bootstrap's intervals are too narrow."""
+
 COVERAGE_PERCENT = (2.5, 97.5)
 
 

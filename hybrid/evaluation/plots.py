@@ -45,7 +45,7 @@ def error_by_second(axes: Axes, summary: Summary) -> list[Artist]:
         artists += axes.plot(seconds, value, color=colours[method], label=title_of(method))
         artists.append(axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0))
     intervals = [one for each in summary.methods.values() for one in each.by_second]
-    _logarithmic(axes, "y", intervals)
+    logarithmic(axes, "y", intervals)
     axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("mean distance [m]")
@@ -77,14 +77,14 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
     colours = colours_of(list(next(iter(splits.values())).whole.methods))
     artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=1.0)]
     for row, (_, method, ratio) in enumerate(rows):
-        artists.append(_bar(axes, ratio, row, colours[method]))
+        artists.append(interval_bar(axes, ratio, row, colours[method]))
     axes.set_yticks(range(len(rows)), [f"{title_of(method)}, {kind}" for kind, method, _ in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     kinds = [kind for kind, _, _ in rows]
     for row in range(1, len(rows)):
         if kinds[row] != kinds[row - 1]:
             axes.axhline(row - 0.5, color=FAINT, linewidth=0.8)
-    _logarithmic(axes, "x", [ratio for _, _, ratio in rows])
+    logarithmic(axes, "x", [ratio for _, _, ratio in rows])
     axes.set_xlabel("mean distance over that of the best baseline [1]")
     return artists
 
@@ -100,10 +100,10 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
             (shown, -0.12, PALETTE[1], "windows at random"),
             (found, 0.12, PALETTE[0], "legs never seen"),
         ):
-            artists.append(_bar(axes, each, row + lift, colour, words if row == 0 else ""))
+            artists.append(interval_bar(axes, each, row + lift, colour, words if row == 0 else ""))
     axes.set_yticks(range(len(honest)), [title_of(method) for method in honest])
     axes.set_ylim(len(honest) - 0.5, -0.5)
-    _logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
+    logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
     axes.set_xlabel("mean distance [m]")
     axes.legend(loc="best")
     return artists
@@ -125,13 +125,13 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
     labels = [f"{fill(name, wide)}\n{fill(counts_of(each), wide)}" for name, each in classes.items()]
     axes.set_xticks(range(len(classes)), labels)
     axes.set_xlim(-0.5, len(classes) - 0.5)
-    _logarithmic(axes, "y", [one.mean_distance_m for each in classes.values() for one in each.methods.values()])
+    logarithmic(axes, "y", [one.mean_distance_m for each in classes.values() for one in each.methods.values()])
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
     return artists
 
 
-def _bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
+def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
     """A point with its interval, lying down."""
     drawn = axes.errorbar(
         interval.value, row, xerr=_reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
@@ -145,7 +145,7 @@ def _reach(interval: Interval) -> Floats:
     return np.asarray(np.maximum(np.nan_to_num(reach), 0.0))
 
 
-def _logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
+def logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
     """Half and double stand equally far from one; the ticks are numbers that people read."""
     ends = np.array([(each.low, each.value, each.high) for each in intervals])
     ends = ends[np.isfinite(ends) & (ends > _LEAST)]

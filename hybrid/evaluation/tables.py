@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from hybrid.evaluation.bootstrap import Interval
+from hybrid.evaluation.bootstrap import FEW_LEGS, Interval
 from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
 
 MEANING = {
@@ -15,8 +15,6 @@ MEANING = {
     "recording": "recordings never seen",
     "random": "windows at random, of legs trained on: flatters",
 }
-FEW_LEGS = 10
-"""With fewer legs than this a bootstrap's intervals are too narrow."""
 
 _FEW = 0.005  # a share that is shown as 0 %
 _COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")

@@ -31,14 +31,6 @@ def measured(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     return reported
 
 
-def on_time(reported: ArrayLike, plant: Plant, dt_s: float) -> Floats:
-    """Reported states [..., K+1, 6], or differences of such, their speeds put back to when they were."""
-    values = np.array(reported, dtype=np.float64)
-    if plant.speed_delay_s:
-        values[..., SURGE:] = _columns_before(values[..., SURGE:], -plant.speed_delay_s, dt_s)
-    return values
-
-
 def _position(true: Floats, plant: Plant, dt_s: float) -> Floats:
     """North and east [..., K+1, 2] of the antenna, where the ship was ``position_delay_s`` before."""
     located = _before(true, plant.position_delay_s, dt_s) if plant.position_delay_s else true

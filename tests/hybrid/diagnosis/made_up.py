@@ -10,6 +10,7 @@ from hybrid.diagnosis.result import (
     Diagnosis,
     Estimate,
     Gap,
+    Ladder,
     Manoeuvre,
     NamedEffect,
     Place,
@@ -19,6 +20,7 @@ from hybrid.diagnosis.result import (
     Unexplained,
 )
 from hybrid.diagnosis.where import FORCES, Map
+from hybrid.evaluation.bootstrap import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",
@@ -95,6 +97,22 @@ def of_verdict(verdict: str) -> Diagnosis:
             "12 minutes of straight runs on reciprocal headings", ("ocean_current", "wave_drift"), 25.0, 12.0
         ),
     )
+
+
+def a_ladder(both: tuple[float, float, float] = (0.7, 0.6, 0.8)) -> Ladder:
+    """All five rungs; ``both`` is the ratio of the calibrator on the named model to that on the reference."""
+    sizes = {"constant_velocity": 0.9, "reference": 1.2, "named": 0.3, "reference_calibrated": 0.4}
+    sizes["named_calibrated"] = 0.4 * both[0]
+    return Ladder(
+        15, "adaptive", 93, 32,
+        {name: Interval(size, 0.8 * size, 1.3 * size) for name, size in sizes.items()},
+        {
+            ("named", "reference"): Interval(0.25, 0.2, 0.3),
+            ("reference_calibrated", "reference"): Interval(1 / 3, 0.3, 0.4),
+            ("named_calibrated", "named"): Interval(4 / 3 * both[0], 0.7, 1.1),
+            ("named_calibrated", "reference_calibrated"): Interval(*both),
+        },
+    )  # fmt: skip
 
 
 def a_map() -> Map:

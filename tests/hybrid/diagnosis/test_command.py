@@ -16,6 +16,7 @@ from acquisition.trial import Trial
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.truth.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
+from tests.hybrid.evaluation.windows_in_legs import Oracle
 
 HIDDEN = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 205.0}}
 KEYS = {
@@ -34,9 +35,12 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def done(recording: Path) -> tuple[dict[str, Any], Path]:
-    """What the command printed, and its folder."""
+    """What the command printed, and its folder; the calibrator is one that knows the measured tracks."""
     folder = recording.parent / "diagnosis"
-    result = CliRunner().invoke(seatrial.app, ["diagnose", str(recording), "-o", str(folder), "--json"])
+    command = ["diagnose", str(recording), "-o", str(folder), "--calibrate", "--json"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hybrid.evaluation.study.make_calibrator", lambda method, seed, plant: Oracle(seed, plant))
+        result = CliRunner().invoke(seatrial.app, command)
     assert result.exit_code == 0, result.output
 
     def refuse(constant: str) -> None:
@@ -70,6 +74,29 @@ def test_the_json_has_the_keys_of_the_contract(done: tuple[dict[str, Any], Path]
     assert all(set(each) == {"value", "low", "high", "unit"} for each in effect["parameters"].values())
     assert all(set(each) == {"channel", "cell", "windows", "error", "z"} for each in said["where"])
     assert set(said["gap"]) == {"before_m", "after_m", "floor_m", "closed", "held_out_windows"}
+
+
+def test_the_ladder_has_a_file_of_its_own(done: tuple[dict[str, Any], Path]) -> None:
+    """Five rungs; the named model errs less than the reference, and the calibrator as what it is."""
+    said, folder = done
+    found = json.loads((folder / "ladder.json").read_text())
+    rungs = {name: each["value"] for name, each in found["mean_distance_m"].items()}
+    assert list(rungs) == ["constant_velocity", "reference", "named", "reference_calibrated", "named_calibrated"]
+    assert rungs["named"] < 0.5 * rungs["reference"]
+    assert rungs["reference_calibrated"] == rungs["named_calibrated"] == 0.0
+    assert found["horizon_s"] == 15
+    assert found["windows"] > 20
+    assert not set(found) & set(said)
+
+
+def test_too_few_held_legs_for_a_calibrator_are_one_line(recording: Path, tmp_path: Path) -> None:
+    """The diagnosis stands, and the page and the terminal say why there is no ladder."""
+    command = ["diagnose", str(recording), "-o", str(tmp_path), "--part", "0..30", "--calibrate"]
+    result = CliRunner().invoke(seatrial.app, command, env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    assert "No calibrator was trained" in result.stdout
+    assert "No calibrator was trained" in (tmp_path / "report.html").read_text()
+    assert json.loads((tmp_path / "ladder.json").read_text())["why_not"]
 
 
 def test_the_model_with_the_effect_runs(done: tuple[dict[str, Any], Path]) -> None:

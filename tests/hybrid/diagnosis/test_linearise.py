@@ -19,6 +19,7 @@ SMALL = np.array([0.03, 0.03, 1e-3, 0.02, 0.02, 5e-4])
 
 FORCES = {"constant_X_n": 1e2, "constant_Y_n": 1e2, "constant_N_nm": 1e3}
 SENSORS = [name for name, effect in CATALOGUE.items() if effect.kind == "sensor" and "wind" not in name]
+LATE = ["position_delay", "heading_delay", "speed_delay"]
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +63,20 @@ def test_a_sensor_that_the_model_knows_leaves_little(plant: Plant, names: tuple[
     left = np.sqrt((linear.observed[middle] ** 2).mean(axis=0))
     assert (np.abs(linear.defect[middle]) < 0.1 * SMALL).all()
     assert (left < 0.05 * does + 0.05 * SMALL).all()  # of what the sensors do within the second
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [(name, 0.5) for name in LATE] + [("position_delay", 1.5), ("heading_delay", 1.5)],
+)
+def test_a_long_delay_that_the_model_knows_leaves_little(plant: Plant, name: str, seconds: float) -> None:
+    """However late, and between full seconds too: less than a sample's noise is left."""
+    own = CATALOGUE[name].apply(plant, {"seconds": seconds})
+    log = a_log(own)
+    linear = linear_model(log, own)
+    middle = inside(log, 8)
+    assert (np.abs(linear.defect[middle]) < 0.1 * SMALL).all()
+    assert (np.sqrt((linear.observed[middle] ** 2).mean(axis=0)) < 0.05 * SMALL).all()
 
 
 def own_report(log: Log, own: Plant) -> Floats:

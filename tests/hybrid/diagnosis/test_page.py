@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from hybrid.diagnosis import map_plots, plots
 from hybrid.diagnosis.kinematics import Consistency
 from hybrid.diagnosis.page import Extras, page_of, verdict_sentence, write_report
-from hybrid.diagnosis.result import Diagnosis
-from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_map, named, of_verdict, tracks
+from hybrid.diagnosis.result import Diagnosis, Ladder
+from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
     "heading_bias", (-1.5,), (0.1,), ("deg",), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
@@ -25,14 +26,14 @@ SENSORS = Consistency(
 @pytest.fixture(scope="module")
 def html(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The page of a diagnosis with all there is to show."""
-    extras = Extras(a_map(), a_map(), (SENSORS,))
+    extras = Extras(a_map(), a_map(), (SENSORS,), a_ladder())
     return write_report(named(), extras, tmp_path_factory.mktemp("page")).read_text(encoding="utf-8")
 
 
 def test_the_page_needs_nothing_else(html: str) -> None:
     """No network, no script; pictures inside; names of files are text."""
     assert not re.search(r"https?://|<script|<link", html)
-    assert html.count("data:image/png;base64,") == 9
+    assert html.count("data:image/png;base64,") == 10
     assert "trial &lt;7&gt;.mcap" in html
 
 
@@ -42,7 +43,8 @@ def test_the_page_says_what_was_named(html: str) -> None:
     for each in (CURRENT, BIAS):
         assert escape(each.sentence) in html
     for words in ("0.34 to 0.36", "60 % of the gap", "1.40 m", "0.19 m", "0.06 m", "90 %", "0.7 kN ahead",
-                  "Heading and track disagree.", "71 samples", "sway force [N]", "5,800"):  # fmt: skip
+                  "Heading and track disagree.", "71 samples", "sway force [N]", "5,800",
+                  "With a calibrator on top", "30 % less error", "stays in the errors of every rung"):  # fmt: skip
         assert words in html
 
 
@@ -82,6 +84,39 @@ def test_unknown_alone() -> None:
     """Without any name the sentence begins with what is missing."""
     alone = replace(of_verdict("unknown"), effects=())
     assert verdict_sentence(alone).startswith("Something is missing")
+
+
+def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
+    """The section has no figure then."""
+    assert "calibrator" not in "".join(page_of(of_verdict("nothing_missing"), Extras()).parts)
+    lacking = Extras(ladder=Ladder(15, "adaptive", why_not="3 legs have held windows"))
+    parts = page_of(of_verdict("nothing_missing"), lacking).parts
+    (at,) = [number for number, part in enumerate(parts) if "With a calibrator on top" in part]
+    assert "No calibrator was trained: 3 legs have held windows." in parts[at + 1]
+    assert sum("<img" in part for part in parts) == sum(
+        "<img" in part for part in page_of(of_verdict("nothing_missing"), Extras()).parts
+    )
+
+
+def test_the_ladder_is_drawn_as_it_stands() -> None:
+    """A point a rung at its mean distance, the first on top."""
+    figure = Figure()
+    rungs = a_ladder().rungs
+    points = plots.ladder(figure.subplots(), rungs)
+    drawn = [np.asarray(each.get_xydata())[0] for each in points if isinstance(each, Line2D)]
+    assert np.array(drawn) == pytest.approx(
+        np.array([(each.value, row) for row, each in enumerate(rungs.values())])
+    )
+
+
+def test_the_floor_stands_beside_before_and_after() -> None:
+    """One curve each, and the share closed can be read off: here the floor is half of what is left after."""
+    figure = Figure()
+    lines = {str(each.get_label()): each for each in plots.error_by_second(figure.subplots(), tracks())
+             if isinstance(each, Line2D)}  # fmt: skip
+    before, after, floor = (np.asarray(lines[name].get_ydata()) for name in ("before", "after", "floor"))
+    assert after == pytest.approx(0.1 * before)
+    assert floor == pytest.approx(0.5 * after)
 
 
 def bars(figure: Figure) -> BarContainer:
