@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.examine import examined, settled
@@ -66,6 +67,18 @@ def diagnose(
         raise ConfigurationError(
             f"a tolerance of {100.0 * tolerance:g} % is impossible", fix="give more than 0 and less than 100"
         )
+    with threadpool_limits(1, user_api="blas"):  # the filter has its own threads, and more only wait for each other
+        return _diagnosed(tables, vessel, tolerance, catalogue, provenance, progress)
+
+
+def _diagnosed(
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    tolerance: float,
+    catalogue: Catalogue,
+    provenance: Mapping[str, Any] | None,
+    progress: Progress,
+) -> Examined:
     model = model_of(vessel, catalogue)
     log = log_of(tables)
     progress(0.1)

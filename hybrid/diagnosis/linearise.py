@@ -26,7 +26,7 @@ from hybrid.vessel.compiling import Floats
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measured, report_alike
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -158,6 +158,8 @@ def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: in
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
     further, before = paths(log, ahead, origin), paths(log, behind, origin)
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
+    if report_alike(ahead, behind):
+        return Signature(name, coordinate, D, np.zeros_like(origin))
     E = (_seen(log, ahead, further) - _seen(log, behind, before)) / (plus - minus)
     return Signature(name, coordinate, D, E)
 
@@ -228,27 +230,28 @@ def reported(log: Log, plant: Plant, states: Floats) -> Floats:
 
 def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
     """What the sensors report at the start of each way [T, 5, 6] of :func:`paths`: [T, 6]."""
-    return _around(log, plant, ways)[:, STEPS_PER_SECOND // 2]
+    return _around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
 
 
-def _around(log: Log, plant: Plant, ways: Floats) -> Floats:
+def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = range(STEPS_PER_SECOND + 1)) -> Floats:
     """What the sensors report by quarters from half a second before each start of a way to half a second after.
 
-    [T, 5, 6]. Seen from a start, the simulator says what was before and after: if the start is off, so are these.
+    [T, 5, 6], or of some of the quarters. Seen from a start, the simulator says what was before and after: if the
+    start is off, so are these.
     """
-    result, half = np.empty_like(ways), STEPS_PER_SECOND // 2
+    result, half = np.empty((len(ways), len(quarters), 6)), STEPS_PER_SECOND // 2
     delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
     for first, last in _stretches(log):
         some, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
         seen = measured(_track(some), plant, DT_S)
         seen = np.concatenate([2.0 * seen[:1] - seen[half:0:-1], seen])
         jumps = np.concatenate([np.zeros((1, 6)), some[1:, 0] - some[:-1, -1]]).cumsum(axis=0)
-        for quarter in range(STEPS_PER_SECOND + 1):
-            result[first:last, quarter] = seen[quarter::STEPS_PER_SECOND][: len(some)]
+        for place, quarter in enumerate(quarters):
+            result[first:last, place] = seen[quarter::STEPS_PER_SECOND][: len(some)]
             for column, delay_s in enumerate(delays_s):
                 times = seconds + (quarter - half) * DT_S - delay_s
                 missed = jumps[:, column] - np.interp(times, seconds, jumps[:, column])
-                result[first:last, quarter, column] += missed
+                result[first:last, place, column] += missed
     return result
 
 

@@ -341,9 +341,10 @@ def named(
     def look(at: Coordinates) -> View:
         return view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
 
-    at = _begun(look, barred)
+    view = look({})
+    at = _begun(view, look, barred)
     for number in range(_LOOKS):
-        view = look(at)
+        view = look(at) if at else view
         names = searched(view, barred)
         progress(min(0.9, (number + 1) / 4.0))
         if not stays(view, names, at, _SETTLED, _SETTLED_SHARE) and number < _LOOKS - 1:
@@ -357,21 +358,21 @@ def named(
     return Naming(names, tests, view)
 
 
-def _begun(look: Callable[[Coordinates], View], barred: frozenset[str]) -> Coordinates:
-    """What to be linear about first: what a look about nothing finds, or one strong effect by itself.
+def _begun(view: View, look: Callable[[Coordinates], View], barred: frozenset[str]) -> Coordinates:
+    """What to be linear about first: what a look about nothing finds, or one strong delay by itself.
 
     About nothing a long delay is no more like itself than like several others. About itself it explains all.
     """
-    view = look({})
     names = searched(view, barred)
-    if len(names) < 2:
+    late = {name for name, effect in view.examination.model.catalogue.items() if effect.family == "clock"}
+    if len(names) < 2 or not late & set(names):
         return moved_to(view, names)
-    singles = sorted(set(view.names) - barred, key=lambda name: -view.evidence([name]))[:_CLOSER]
+    singles = sorted(late - barred, key=lambda name: -view.evidence([name]))[:_CLOSER]
     starts = [names, *((name,) for name in singles if view.possible([name]))]
 
     def explained(at: Coordinates) -> float:
-        view = look(at)
-        return view.evidence(searched(view, barred)) - 0.5 * float(view.inner[0, 0])
+        seen = look(at)
+        return seen.evidence(searched(seen, barred)) - 0.5 * float(seen.inner[0, 0])
 
     return max((moved_to(view, start) for start in starts), key=explained)
 

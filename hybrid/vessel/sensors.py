@@ -14,6 +14,17 @@ from hybrid.vessel.compiling import Floats
 from hybrid.vessel.plant import Plant
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
+SETTINGS = (
+    "heading_bias_rad", "heading_delay_s", "position_delay_s", "antenna_forward_m", "antenna_starboard_m",
+    "speed_delay_s", "speed_scale", "speed_sensor_forward_m", "speed_sensor_starboard_m", "speed_sensor_angle_rad",
+    "sway_bias_mps", "yaw_rate_scale", "yaw_rate_bias_radps",
+)  # fmt: skip
+"""What of a plant :func:`measured` looks at."""
+
+
+def report_alike(one: Plant, other: Plant) -> bool:
+    """Whether the sensors of two plants report the same motion in the same way."""
+    return all(getattr(one, name) == getattr(other, name) for name in SETTINGS)
 
 
 def measured(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
