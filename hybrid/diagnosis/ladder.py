@@ -61,7 +61,7 @@ def calibrated(
         named = examined.gap.without if examined.naming.names else None
         found = ladder(gathered.horizons, seconds, view.examination.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
-        found = Ladder(HORIZON_S, METHOD, why_not=str(error))
+        found = Ladder(HORIZON_S, METHOD, why_not=error.what)
     return replace(examined, extras=replace(examined.extras, ladder=found))
 
 
@@ -87,7 +87,8 @@ def draws_of_folds(horizons: Horizons, seconds: Ints, seed: int) -> dict[int, Dr
     legs = np.unique(horizons.leg[inside.any(axis=1)]).size
     if legs < _LEAST_LEGS:
         raise DataShortageError(
-            f"{legs} legs have held windows to judge by, {_LEAST_LEGS} are needed", fix="hold the thrusters longer"
+            f"{legs} legs have held windows to judge by within the models' range, {_LEAST_LEGS} are needed",
+            fix="hold the thrusters longer",
         )
     folds = np.flatnonzero(inside.any(axis=0)).tolist()
     return {fold: with_stopping(horizons, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}

@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 import seatrial
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
+from hybrid.diagnosis.diagnose import Examined
+from hybrid.diagnosis.files import diagnose_files
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.truth.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -34,11 +36,23 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def done(recording: Path) -> tuple[dict[str, Any], Path]:
+def found() -> list[Examined]:
+    """What the diagnosis below came to."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def done(recording: Path, found: list[Examined]) -> tuple[dict[str, Any], Path]:
     """What the command printed, and its folder; the calibrator is one that knows the measured tracks."""
     folder = recording.parent / "diagnosis"
     command = ["diagnose", str(recording), "-o", str(folder), "--calibrate", "--json"]
+
+    def diagnosed(*given: Any, **options: Any) -> Examined:
+        found.append(diagnose_files(*given, **options))
+        return found[0]
+
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hybrid.diagnosis.files.diagnose_files", diagnosed)
         patch.setattr("hybrid.evaluation.study.make_calibrator", lambda method, seed, plant: Oracle(seed, plant))
         result = CliRunner().invoke(seatrial.app, command)
     assert result.exit_code == 0, result.output
@@ -89,10 +103,14 @@ def test_the_ladder_has_a_file_of_its_own(done: tuple[dict[str, Any], Path]) -> 
     assert not set(found) & set(said)
 
 
-def test_too_few_held_legs_for_a_calibrator_are_one_line(recording: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("done")
+def test_too_few_held_legs_for_a_calibrator_are_one_line(
+    recording: Path, found: list[Examined], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The diagnosis stands, and the page and the terminal say why there is no ladder."""
+    monkeypatch.setattr("hybrid.diagnosis.files.diagnose_files", lambda *given, **options: found[0])
     command = ["diagnose", str(recording), "-o", str(tmp_path), "--part", "0..30", "--calibrate"]
-    result = CliRunner().invoke(seatrial.app, command, env={"COLUMNS": "200"})
+    result = CliRunner().invoke(seatrial.app, command)
     assert result.exit_code == 0, result.output
     assert "No calibrator was trained" in result.stdout
     assert "No calibrator was trained" in (tmp_path / "report.html").read_text()
