@@ -28,12 +28,13 @@ def add_gap(page: Page, diagnosis: Diagnosis) -> None:
     """The gap, the error by second and some windows."""
     from hybrid.diagnosis import plots
 
+    left = "that nobody can predict" if diagnosis.unknown is None else "and what remains without a name"
     page.heading("The gap, before and after")
     page.figure(
         lambda figure: plots.gap(figure.subplots(), diagnosis),
         (8, 1.0 + 0.34 * (3 + len(diagnosis.effects))),
         "What each named effect takes off the error on held-out windows. The floor is the error of the model with "
-        "all that was named at its best: noise, gusts and waves that nobody can predict.",
+        f"all that was named at its best: noise, gusts and waves {left}.",
     )
     tracks = None if diagnosis.tracks is None else plots.whole_windows(diagnosis.tracks)
     if tracks is None or not len(tracks.measured):
@@ -43,7 +44,7 @@ def add_gap(page: Page, diagnosis: Diagnosis) -> None:
         (8, 3.4),
         "How the error grows with the time predicted, mean over all held-out windows. From before down to the "
         "floor is what could be closed, from before down to after is what is. The floor is the model with the "
-        "sizes that all legs together give: what is left there is noise, gusts and waves.",
+        "sizes that all legs together give.",
     )
     page.figure(
         lambda figure: plots.window_tracks(figure, tracks),

@@ -61,7 +61,12 @@ def test_tables_are_within_the_page(html: str) -> None:
         (
             "unknown",
             "The model lacks ocean current, and something is missing that no effect of the catalogue explains",
-            ["a yaw moment of some 4000 N m", "heading and place", "40 % of the gap"],
+            [
+                "a yaw moment of some 4000 N m",
+                "heading and place",
+                "40 % of the gap",
+                "and what remains without a name",
+            ],
         ),
         (
             "indistinguishable",
