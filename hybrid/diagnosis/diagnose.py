@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.examine import examined, settled
-from hybrid.diagnosis.gap import HeldOut, held_out
+from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.information import limits
 from hybrid.diagnosis.kinematics import consistency
 from hybrid.diagnosis.linearise import Model, model_of
@@ -25,6 +25,7 @@ from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
 from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, sentence, unexplained, verdict_of
 from hybrid.diagnosis.where import map_of, notable
+from hybrid.diagnosis.words import listed, plain
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.effects.catalogue import VERSION
 from hybrid.vessel.parameters import Vessel
@@ -89,19 +90,23 @@ def _diagnosed(
     naming, found = _with_what_remains(first, log, model, tolerance, noise)
     progress(0.7)
     rivals = close_rivals(naming)
-    tied = groups(naming.names, rivals) if not found else []
-    gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names))
+    others = frozenset(catalogue) - set(naming.names) if found or not naming.names else frozenset[str]()
+    gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), others)
+    if found:
+        gap = against_noise(gap, naming.view.examination)
+    unknown = unexplained(found, [catalogue[name] for name in naming.names], max(0.0, 1.0 - gap.gap.closed))
+    tied = groups(naming.names, rivals) if unknown is None else []
     progress(0.8)
     maps = map_of(first.view.examination), map_of(naming.view.examination, repaired=True)
     effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
     progress(0.85)
     diagnosis = Diagnosis(
-        verdict=verdict_of(naming.names, tied, found),
+        verdict=verdict_of(naming.names, tied, unknown),
         tolerance=tolerance,
         effects=effects,
         rivals=tuple(rivals),
         indistinguishable=tuple(tied),
-        unknown=unexplained(found, max(0.0, 1.0 - gap.gap.closed)),
+        unknown=unknown,
         where=notable(maps[0].places),
         gap=gap.gap,
         next_manoeuvre=_next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
@@ -207,6 +212,12 @@ def _remarks(log: Log, vessel: Vessel, effects: Sequence[NamedEffect]) -> tuple[
         )
     if log.refused:
         remarks.append(f"{log.refused} samples lay off by themselves and were refused")
+    for family in dict.fromkeys(each.family for each in effects):
+        of_it = [plain(each.name) for each in effects if each.family == family]
+        if len(of_it) > 1:
+            remarks.append(
+                f"{listed(of_it)} are of one family, {family}: it may be one effect that is not in the catalogue"
+            )
     for each in effects:
         if each.name in vessel.effects:
             remarks.append(

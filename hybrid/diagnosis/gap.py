@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from hybrid.baselines import present_motion_held
 from hybrid.diagnosis.evidence import Ints
+from hybrid.diagnosis.examine import Examination
+from hybrid.diagnosis.floor import left_by_noise_m
 from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.name import FALSE_ALARM, View, moved_to, searched, view_without
@@ -76,8 +78,13 @@ def measured_tracks(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZ
     return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
 
 
-def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
-    """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give."""
+def held_out(
+    log: Log, view: View, names: Sequence[str], final: At, barred: frozenset[str] = frozenset()
+) -> HeldOut:
+    """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give.
+
+    ``barred`` is what the other legs must not name either.
+    """
     starts, model = window_starts(log), replace(view.examination.model, at={})
     seen = measured_tracks(log, model.plant(), starts)
     dealt = fold_of(log)
@@ -87,7 +94,7 @@ def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
     for number in np.unique(fold).tolist():
         mine = fold == number
         legs = np.isin(np.arange(log.legs), log.leg[dealt == number])
-        at = elsewhere[number] = _named_without(view, legs)
+        at = elsewhere[number] = _named_without(view, legs, barred)
         after[mine] = predicted(log, replace(model, at=at).plant(), starts[mine])
         for name in names:
             less = {other: free for other, free in at.items() if other != name}
@@ -113,10 +120,16 @@ def held_out(log: Log, view: View, names: Sequence[str], final: At) -> HeldOut:
     return HeldOut(gap, shares, tracks, elsewhere)
 
 
-def _named_without(view: View, legs: NDArray[np.bool_]) -> At:
+def against_noise(held: HeldOut, examination: Examination) -> HeldOut:
+    """The same with what noise alone would leave as the floor, for a trial of which no model knows everything."""
+    floor_m = left_by_noise_m(examination, window_starts(examination.log), HORIZON_S)
+    return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
+
+
+def _named_without(view: View, legs: NDArray[np.bool_], barred: frozenset[str]) -> At:
     """What the other legs ask for, and how much of it."""
     rest = view_without(view.examination, legs)
-    names = searched(rest)
+    names = searched(rest, barred)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}
         chance = {name: rest.chance(gain[name], len(rest.columns([name]))) for name in names}

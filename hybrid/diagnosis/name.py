@@ -259,7 +259,7 @@ def spreads(examination: Examination, columns: Ints, others: Ints, every: Ints) 
     residual = _freed(total, put_back(examination)[:, None], every, nuisance, scale)[:, 0]
     scores = np.stack([own.T @ (leg @ residual) for leg in products.legs])
     information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in products.legs])
-    whole = information.sum(axis=0)
+    whole = np.maximum(information.sum(axis=0), 1e-300)  # of some these data say nothing
     centred = scores - information * scores.sum(axis=0) / whole
     return np.asarray((centred**2).sum(axis=0) / whole * count / (count - 1))
 

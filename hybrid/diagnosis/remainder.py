@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from hybrid.diagnosis.beyond import AXES
+from hybrid.diagnosis.beyond import AXES, OPERATION
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
 from hybrid.diagnosis.name import View, put_back, spreads, whole_data
@@ -23,6 +23,9 @@ from hybrid.vessel.compiling import Floats
 
 CHANCE = 0.0001
 """The chance that a trial with nothing beyond its named effects and the tolerance shows any family."""
+
+ANOTHER_FORM = 0.005
+"""The chance that an effect that is named rightly seems to have another form."""
 
 _RANK = 1e-5
 
@@ -53,7 +56,8 @@ class Remainder:
     @property
     def found(self) -> bool:
         """Whether it stands out and is large enough to matter."""
-        return self.p_value < CHANCE and self.matters
+        questioned = self.depends == OPERATION and self.what not in AXES and self.what != "force"
+        return self.p_value < (ANOTHER_FORM if questioned else CHANCE) and self.matters
 
 
 def families(examination: Examination) -> list[Family]:
@@ -137,7 +141,7 @@ def _of_tolerance(examination: Examination, view: View, names: Sequence[str], te
             best = factor
     gain = 2.0 * max(gains)
     return Remainder(
-        "operating point", "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
+        OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
         best * examination.tolerance, best > 1.0,
     )  # fmt: skip
 

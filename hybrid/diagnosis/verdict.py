@@ -7,11 +7,11 @@ from math import atan2, degrees, hypot, isfinite
 
 import numpy as np
 
-from hybrid.diagnosis.beyond import AXES
+from hybrid.diagnosis.beyond import AXES, OPERATION
 from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
 from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
-from hybrid.diagnosis.words import number
+from hybrid.diagnosis.words import number, plain
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
@@ -19,6 +19,7 @@ WEAK = 9.0
 """A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""
 
 _WIDTH = 1.96
+_CREDIBLE = 3  # effects at once; more are as a rule what imitates one that is missing in the catalogue
 
 
 def estimates(naming: Naming, name: str) -> dict[str, Estimate]:
@@ -82,21 +83,27 @@ def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...
     return result
 
 
-def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], found: Sequence[Remainder]) -> Verdict:
+def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: Unexplained | None) -> Verdict:
     """One word for it."""
-    if found:
+    if unknown:
         return "unknown"
     if not names:
         return "nothing_missing"
     return "indistinguishable" if tied else "named"
 
 
-def unexplained(found: Sequence[Remainder], share_of_gap: float) -> Unexplained | None:
-    """What remains, in words."""
-    if not found:
+def unexplained(found: Sequence[Remainder], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
+    """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
+    if found:
+        where = tuple(dict.fromkeys(each.depends for each in found))
+        return Unexplained(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
+    if len(effects) <= _CREDIBLE:
         return None
-    where = tuple(dict.fromkeys(each.depends for each in found))
-    return Unexplained(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
+    families = " and ".join(dict.fromkeys(each.family for each in effects))
+    words = (
+        f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
+    )
+    return Unexplained(share_of_gap, (OPERATION,), words)
 
 
 _UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
@@ -112,7 +119,7 @@ def looks_like(remainder: Remainder) -> str:
         kind = "moment" if remainder.what == "yaw" else "force"
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {_WORDS[remainder.depends]}"
-    return f"{remainder.what} that varies with {_WORDS[remainder.depends]}"
+    return f"{plain(remainder.what)} that varies with {_WORDS[remainder.depends]}"
 
 
 _WORDS = {
@@ -120,7 +127,7 @@ _WORDS = {
     "place": "the place",
     "time": "time",
     "azimuth": "large azimuth angles",
-    "operating point": "speed and thrusters",
+    OPERATION: "speed and thrusters",
 }
 
 

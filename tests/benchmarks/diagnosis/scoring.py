@@ -19,9 +19,9 @@ STRONG = 2.0
 
 LOOKS: dict[str, tuple[str, tuple[str, ...]]] = {
     "yaw_moment_4psi": ("heading", ("yaw moment",)),
-    "sheared_current": ("place", ("ocean_current",)),
+    "sheared_current": ("place", ("ocean current",)),
     "bank_suction": ("place", ("sway force", "yaw moment")),
-    "fading_thrust": ("time", ("thrust_loss", "surge force")),
+    "fading_thrust": ("time", ("thrust loss", "surge force")),
     "one_sided_stall": ("azimuth", ("sway force", "yaw moment")),
 }
 """What lies outside the catalogue: on what it depends, and words for what it acts on."""
