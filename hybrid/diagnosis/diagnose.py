@@ -17,13 +17,14 @@ from hybrid.diagnosis.information import limits
 from hybrid.diagnosis.kinematics import consistency
 from hybrid.diagnosis.linearise import Model, model_of
 from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.name import Naming, View, moved_to, named, view_of
+from hybrid.diagnosis.name import Naming, moved_to, named
 from hybrid.diagnosis.next_manoeuvre import next_manoeuvre
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
 from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, sentence, unexplained, verdict_of
+from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import map_of, notable
 from hybrid.diagnosis.words import listed, plain
 from hybrid.effects import CATALOGUE, Catalogue

@@ -19,8 +19,10 @@ from hybrid.diagnosis.examine import Examination
 from hybrid.diagnosis.floor import left_by_noise_m
 from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.name import FALSE_ALARM, View, moved_to, searched, view_without
+from hybrid.diagnosis.name import moved_to, searched
 from hybrid.diagnosis.result import Gap, Tracks
+from hybrid.diagnosis.standing import FALSE_ALARM
+from hybrid.diagnosis.view import View, view_without
 from hybrid.scores import distances
 from hybrid.vessel.compiling import Floats
 from hybrid.vessel.plant import Plant

@@ -19,7 +19,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.name import FALSE_ALARM, UNSEEN
+from hybrid.diagnosis.standing import FALSE_ALARM, UNSEEN
 from hybrid.effects import Catalogue, Effect
 from hybrid.vessel.compiling import Floats
 

@@ -16,10 +16,12 @@ import numpy as np
 from hybrid.diagnosis.examine import Examination, Layout, products_of
 from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.name import CLOSE, Tested, View, moved_to, rivals_of, searched, stays, tested, view_of
+from hybrid.diagnosis.name import CLOSE, moved_to, rivals_of, searched, stays
 from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.standing import Tested, tested
 from hybrid.diagnosis.tolerance import ForceRange
 from hybrid.diagnosis.tolerated import tolerances
+from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.whiten import columns_of
 from hybrid.diagnosis.words import listed, number, parameter_title, plain
 from hybrid.effects import Catalogue

@@ -17,8 +17,9 @@ from scipy.stats import chi2
 from hybrid.diagnosis.beyond import AXES, OPERATION
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.name import View, put_back, spreads, whole_data
 from hybrid.diagnosis.noise import FORCE_UNITS
+from hybrid.diagnosis.standing import spreads
+from hybrid.diagnosis.view import View, put_back, whole_data
 from hybrid.vessel.compiling import Floats
 
 CHANCE = 0.0001

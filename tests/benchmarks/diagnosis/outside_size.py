@@ -12,8 +12,9 @@ from math import sqrt
 from scipy.stats import chi2
 
 from hybrid.diagnosis.information import noncentrality
-from hybrid.diagnosis.name import searched, view_of
+from hybrid.diagnosis.name import searched
 from hybrid.diagnosis.remainder import CHANCE, Remainder, families, remainders
+from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.diagnosis.sound import examination_of

@@ -10,8 +10,10 @@ from scipy.stats import binom, chi2, kstest
 
 from hybrid.diagnosis.diagnose import suspects
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.name import FALSE_ALARM, View, rivals_of, searched, unseen_gains, view_of
-from hybrid.diagnosis.name import tested as stands
+from hybrid.diagnosis.name import rivals_of, searched
+from hybrid.diagnosis.standing import FALSE_ALARM, unseen_gains
+from hybrid.diagnosis.standing import tested as stands
+from hybrid.diagnosis.view import View, view_of
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from hybrid.diagnosis.name import view_of
 from hybrid.diagnosis.remainder import Remainder, families, remainders
+from hybrid.diagnosis.view import view_of
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import Design, Floats, a_design
 

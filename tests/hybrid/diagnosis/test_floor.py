@@ -1,0 +1,55 @@
+"""What noise alone leaves, against windows drawn second by second from the same levels."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from hybrid.diagnosis.examine import Examination
+from hybrid.diagnosis.floor import left_by_noise_m
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.reconstruct import reconstructed
+from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, Floats, a_ship, one_column
+
+EDGES = 40 * np.arange(6)
+STARTS = np.array([0, 20, 60, 100, 140])
+HORIZON_S, DRAWS = 15, 300
+
+
+@pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
+def test_it_is_the_mean_distance_of_drawn_windows(noise: Noise) -> None:
+    linear = a_ship(int(EDGES[-1]), 61)
+    examination = cast("Examination", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(edges=EDGES)))
+    variance = reconstructed(linear, one_column(linear.observed), noise, EDGES)[1]
+    random = np.random.default_rng(62)
+    away = np.concatenate([_drawn_distances(linear.A, linear.B, variance, noise, at, random) for at in STARTS])
+    assert left_by_noise_m(examination, STARTS, HORIZON_S) == pytest.approx(away.mean(), rel=0.06)
+
+
+def _drawn_distances(
+    A: Floats, B: Floats, variance: Floats, noise: Noise, start: int, random: np.random.Generator
+) -> Floats:
+    """Distances [draws, H] of one window's measured from its predicted track."""
+    x = random.standard_normal((DRAWS, 6)) * np.sqrt(variance[start, :6])
+    slow, kept = random.standard_normal((DRAWS, 3)) * noise.slow, np.exp(-1.0 / noise.slow_s)
+    seen = np.sqrt(noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2]))
+    result = []
+    for k in range(start, start + HORIZON_S):
+        force = slow + random.standard_normal((DRAWS, 3)) * noise.gust
+        x = x @ A[k].T + force @ B[k].T
+        slow = kept * slow + np.sqrt(1.0 - kept**2) * random.standard_normal((DRAWS, 3)) * noise.slow
+        result.append(np.linalg.norm(x[:, :2] + random.standard_normal((DRAWS, 2)) * seen, axis=1))
+    return np.column_stack(result)
+
+
+def test_more_noise_leaves_more() -> None:
+    linear, log = a_ship(int(EDGES[-1]), 63), SimpleNamespace(edges=EDGES)
+    left = [
+        left_by_noise_m(cast("Examination", SimpleNamespace(linear=linear, noise=each, log=log)), STARTS, HORIZON_S)
+        for each in (Noise(), Noise(gust=(3e3, 3e3, 3e4)), Noise(gust=(9e3, 9e3, 9e4)))
+    ]
+    assert left == sorted(left)
+    assert left[2] > 2.0 * left[0]

@@ -1,0 +1,56 @@
+"""Verdicts: one word for what is named, tied and left over."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hybrid.diagnosis.beyond import OPERATION
+from hybrid.diagnosis.remainder import Remainder
+from hybrid.diagnosis.verdict import intervals, unexplained, verdict_of
+from hybrid.effects import CATALOGUE, FAMILIES
+
+SHEAR = Remainder("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
+FADING = Remainder("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
+
+
+def test_one_word_for_it() -> None:
+    unknown = unexplained([SHEAR], [], 0.4)
+    assert verdict_of((), [], None) == "nothing_missing"
+    assert verdict_of(("skeg",), [], None) == "named"
+    assert verdict_of(("skeg",), [("skeg", "trim")], None) == "indistinguishable"
+    assert verdict_of(("skeg",), [("skeg", "trim")], unknown) == "unknown"
+    assert verdict_of((), [], unknown) == "unknown"
+
+
+def test_what_remains_is_said_with_its_size_and_what_it_hangs_on() -> None:
+    unknown = unexplained([SHEAR, FADING], [CATALOGUE["skeg"]], 0.4)
+    assert unknown is not None
+    assert unknown.where == ("place", "time")
+    assert "ocean current that varies with the place" in unknown.looks_like
+    assert "surge force of some 1.8e+03 N that varies with time" in unknown.looks_like
+
+
+@given(st.permutations(sorted(CATALOGUE)), st.integers(0, 6))
+def test_many_effects_at_once_are_rather_one_unknown(names: list[str], count: int) -> None:
+    """Three together are believed; more are what imitates one that the catalogue lacks."""
+    effects = [CATALOGUE[name] for name in names[:count]]
+    unknown = unexplained([], effects, 0.1)
+    assert (unknown is not None) == (count > 3)
+    if unknown is not None:
+        assert unknown.where == (OPERATION,)
+        said = {family for family in FAMILIES if family in unknown.looks_like}
+        assert said == {each.family for each in effects}
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_intervals_hold_the_value_and_stay_within_bounds(name: str) -> None:
+    effect = CATALOGUE[name]
+    free, size = np.array(effect.free(effect.typical)), np.array(effect.free_scale)
+    found = intervals(effect, free, np.diag((0.3 * size) ** 2))
+    for each in effect.parameters:
+        estimate = found[each.name]
+        assert estimate.low <= estimate.value <= estimate.high
+        assert estimate.value == pytest.approx(effect.typical[each.name], rel=1e-6)
