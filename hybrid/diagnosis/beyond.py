@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hybrid.diagnosis.averages import Ints
 from hybrid.diagnosis.linearise import Signature
-from hybrid.diagnosis.log import Ints, Log
+from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.tolerance import features
 from hybrid.vessel.compiling import Floats
 

@@ -11,7 +11,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
-from hybrid.diagnosis.examine import examined, settled
+from hybrid.diagnosis.examine import examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.information import limits
 from hybrid.diagnosis.kinematics import consistency
@@ -23,6 +23,7 @@ from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
+from hybrid.diagnosis.settle import settled
 from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, sentence, unexplained, verdict_of
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import map_of, notable

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid.baselines import present_motion_held
+from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.evidence import Ints
 from hybrid.diagnosis.examine import Examination
 from hybrid.diagnosis.floor import left_by_noise_m
 from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import moved_to, searched
 from hybrid.diagnosis.result import Gap, Tracks
 from hybrid.diagnosis.standing import FALSE_ALARM

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.examine import Examination, Layout, products_of
 from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import CLOSE, moved_to, rivals_of, searched, stays
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.standing import Tested, tested

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from acquisition.errors import ConfigurationError
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.diagnosis.averages import STEPS_PER_SECOND
+from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.vessel.compiling import Floats
 from hybrid.vessel.feedback import acting_controls

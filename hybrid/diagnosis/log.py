@@ -14,25 +14,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
-from scipy.ndimage import median_filter
 
-from acquisition.angles import unwrap
-from acquisition.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
+from acquisition.channels import COMMAND
 from acquisition.errors import DataShortageError
-from analysis.frames import NANO, times_ns
 from analysis.smoothing.noise_levels import NoiseLevels
-from analysis.smoothing.smooth import smooth
 from analysis.table import require
-from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
+from hybrid.diagnosis.averages import (
+    MOTION,
+    Ints,
+    averaged_motion,
+    mean_settings,
+    mean_wind,
+    setting_step_s,
+    smoothed_motion,
+)
 from hybrid.vessel.compiling import Floats
-
-Ints = NDArray[np.int64]
-
-STEPS_PER_SECOND = 4
-"""Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
 
 BLOCK_S = 60
 """Each block starts from a state of its own that nobody knows; longer ones gain nothing that can be measured."""
@@ -41,11 +38,7 @@ LEG_S = 180
 """Blocks of so long a stretch are kept together when some are left out."""
 
 _SHORTEST_BLOCK_S = 12
-_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded more seldom: what moved meanwhile is anyone's guess
-_GAP_STEPS = 2.5
 _LONGEST_BREAK_S = 60
-_OUTLIER = 6.0
-_MOTION = (*POSE, *VELOCITY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,181 +121,19 @@ def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
 
 
 def _one(table: pd.DataFrame, block_s: int) -> Log:
-    require(table, (*_MOTION, *COMMAND))
-    seconds, motion, slopes, levels = _smoothed(table)
-    measured, weight, refused = _averaged(table, seconds, motion, slopes)
-    controls = _settings(table, seconds)
+    require(table, (*MOTION, *COMMAND))
+    seconds, motion, slopes, levels = smoothed_motion(table)
+    measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
+    controls = mean_settings(table, seconds)
     usable = np.asarray(np.isfinite(motion).all(axis=1) & np.isfinite(controls).all(axis=(1, 2)))
     block = _blocks(usable, block_s)
     leg = np.where(block >= 0, _legs(block, seconds), -1)
     rows = block >= 0
     return Log(
-        measured[rows], weight[rows], motion[rows], controls[rows], _air(table, seconds)[rows], seconds[rows],
+        measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows],
-        leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, _setting_step_s(table), (levels,),
+        leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, setting_step_s(table), (levels,),
     )  # fmt: skip
-
-
-def _smoothed(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
-    """The motion without waves at full seconds: their times [s], states [T, 6] and rates of change [T, 6],
-    and the levels of noise."""
-    smoothed = smooth(_thinned(table), 1.0)
-    slow = smoothed.slow
-    seconds = (times_ns(slow) // NANO).astype(np.int64)
-    states = slow[list(_MOTION)].to_numpy(dtype=float)
-    known = np.isfinite(states[:, 2])
-    states[known, 2] = unwrap(states[known, 2])
-    states = states * STATE_UNITS
-    psi, u, v, r = states[:, 2:].T
-    accelerations = slow[["surge_mps2", "sway_mps2", "yaw_dps2"]].to_numpy(dtype=float)
-    north, east = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
-    slopes = np.column_stack([north, east, r, accelerations * [1.0, 1.0, np.pi / 180.0]])
-    return seconds, states, slopes, smoothed.noise
-
-
-def _thinned(table: pd.DataFrame) -> pd.DataFrame:
-    """The motion at two rows a second at most: enough for a smoothed motion, and quickly smoothed."""
-    motion = table[list(_MOTION)].dropna(how="all")
-    half = times_ns(motion) // (NANO // 2)
-    if np.unique(half).size > 0.7 * len(motion):
-        return motion
-    columns = {
-        "time": times_ns(motion),
-        **{name: motion[name].to_numpy(dtype=float, copy=True) for name in _MOTION},
-    }
-    for name in CIRCULAR.intersection(_MOTION):
-        known = np.isfinite(columns[name])
-        columns[name][known] = unwrap(columns[name][known])
-    middles = pd.DataFrame(columns).groupby(half).median()  # an outlier among several samples does no harm
-    thin = pd.DataFrame({name: middles[name].to_numpy() for name in _MOTION})
-    thin["heading_deg"] %= 360.0
-    thin.index = pd.DatetimeIndex(
-        pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True), name="time"
-    )
-    thin.attrs = table.attrs
-    return thin
-
-
-def _averaged(table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats) -> tuple[Floats, Floats, int]:
-    """The mean measured state near each second [T, 6], its weights [T, 6, 5], and how many samples were refused."""
-    nodes = (seconds - seconds[0]).astype(float)
-    measured, refused = np.full_like(motion, np.nan), 0
-    weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
-    known = np.isfinite(motion).all(axis=1)
-    if known.sum() < 2:
-        return measured, weight, 0
-    stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
-    path = CubicHermiteSpline(nodes[known], motion[known], slopes[known])
-    for column, name in enumerate(_MOTION):
-        values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
-        rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
-        times, expected = stamps[rows], path(stamps[rows])[:, column]
-        off = values[rows] - expected
-        if name in CIRCULAR:
-            off = (off + np.pi) % (2.0 * np.pi) - np.pi
-        away = np.abs(off - _near(off, times))
-        good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
-        refused += int((~good).sum())
-        measured[:, column], weight[:, column] = _binned(times[good], (expected + off)[good], len(nodes))
-    return measured, weight, refused
-
-
-def _near(values: Floats, times_s: Floats) -> Floats:
-    """The median of the neighbours within a third of a second of each sample, without itself; of four at least."""
-    if values.size < 5:
-        return np.full(values.size, np.median(values) if values.size else 0.0)
-    reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
-    around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
-    return np.asarray(np.median(np.delete(around, reach, axis=1), axis=1))
-
-
-def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
-    """Means [count] of the values within half a second of each node; the times' weights on quarters [count, 5]."""
-    node = np.floor(times_s + 0.5).astype(int)
-    place = (times_s - node + 0.5) * STEPS_PER_SECOND
-    lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
-    weight = np.zeros((count, STEPS_PER_SECOND + 1))
-    np.add.at(weight, (node, lower), 1.0 - (place - lower))
-    np.add.at(weight, (node, lower + 1), place - lower)
-    number = np.bincount(node, minlength=count)
-    total = np.bincount(node, weights=values, minlength=count)
-    mean = np.where(number > 0, total / np.maximum(number, 1), np.nan)
-    return mean, weight / np.maximum(number, 1)[:, None]
-
-
-def _settings(table: pd.DataFrame, seconds: Ints) -> Floats:
-    """The thrusters' mean setting in each quarter of the second after each node [T, 4, 5]."""
-    quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
-    result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
-    for column, name in enumerate(COMMAND):
-        mean = _means(table, name, quarters + float(seconds[0])) * CONTROL_UNITS[column]
-        result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
-    return result
-
-
-def _setting_step_s(table: pd.DataFrame) -> float:
-    """How often thruster settings were recorded [s], the rarest of them."""
-    steps = [0.0]
-    for name in COMMAND:
-        times = times_ns(table)[table[name].notna().to_numpy()] / NANO
-        if times.size > 2:
-            steps.append(float(np.median(np.diff(times))))
-    return max(steps)
-
-
-def _air(table: pd.DataFrame, seconds: Ints) -> Floats:
-    """Direction the wind comes from [rad] and its speed [m/s] in the second after each node, 0 if not recorded."""
-    edges = np.arange(len(seconds) + 1) + float(seconds[0])
-    if not set(ENVIRONMENT) <= set(table.columns):
-        return np.zeros((len(seconds), 2))
-    direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
-    towards = pd.DataFrame({"n": speed * np.cos(np.deg2rad(direction)), "e": speed * np.sin(np.deg2rad(direction))})
-    towards.index = table.index
-    north, east = (_filled(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
-    # The mean of the vane's own noise makes no wind: components, not speeds, are averaged.
-    return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
-
-
-def _filled(values: Floats) -> Floats:
-    """Unknown values taken from between the known ones; none where nothing is known."""
-    known = np.flatnonzero(np.isfinite(values))
-    if not known.size:
-        return np.zeros(len(values))
-    return np.interp(np.arange(len(values)), known, values[known])
-
-
-def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
-    """The mean of a channel, linear between its samples, from each edge to the next; NaN across long gaps."""
-    values = table[name].to_numpy(dtype=float)
-    rows = np.isfinite(values)
-    times, values = times_ns(table)[rows] / NANO, values[rows]
-    if times.size < 2:
-        return np.full(len(edges_s) - 1, np.nan)
-    if name in CIRCULAR:
-        values = unwrap(values)
-    values = _without_blips(times, values)
-    steps = np.diff(times)
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
-    index = np.clip(np.searchsorted(times, edges_s, side="right") - 1, 0, times.size - 2)
-    into = edges_s - times[index]
-    slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
-    upto = area[index] + values[index] * into + 0.5 * slope * into**2
-    gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
-    in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
-    crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
-    outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
-    return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
-
-
-def _without_blips(times_s: Floats, values: Floats) -> Floats:
-    """The values with those that jump away from their neighbours and back at once taken from between the others."""
-    if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # more seldom, a jump may be true
-        return values
-    away = np.abs(values - median_filter(values, 5, mode="nearest"))
-    # A drive that turns back is away from its neighbours too, by what it moves in a step.
-    moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
-    good = away <= _OUTLIER * 1.4826 * np.median(away) + 3.0 * moves + 1e-9
-    return np.asarray(np.interp(times_s, times_s[good], values[good]))
 
 
 def _blocks(usable: NDArray[np.bool_], block_s: int) -> Ints:

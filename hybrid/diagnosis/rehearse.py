@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
+from hybrid.diagnosis.averages import STEPS_PER_SECOND
+from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log
 from hybrid.truth.manoeuvres import Manoeuvre
 from hybrid.truth.sea_state import SeaState
 from hybrid.truth.trial import sail_through

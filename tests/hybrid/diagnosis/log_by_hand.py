@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.diagnosis.averages import STEPS_PER_SECOND
+from hybrid.diagnosis.log import Log
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 
-from hybrid.diagnosis.examine import Examination, examined, settled
+from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.information import (
     Information,
     as_parameter,
@@ -27,6 +27,7 @@ from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.name import named
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.rehearse import rehearsed
+from hybrid.diagnosis.settle import settled
 from hybrid.effects import CATALOGUE
 from hybrid.truth.manoeuvres import zigzag
 from hybrid.truth.sea_state import SeaState
