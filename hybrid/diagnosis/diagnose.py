@@ -14,7 +14,7 @@ from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.examine import examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.information import limits
-from hybrid.diagnosis.kinematics import consistency
+from hybrid.diagnosis.kinematics import Consistency, consistency
 from hybrid.diagnosis.linearise import Model, model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, moved_to, named
@@ -37,7 +37,6 @@ TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
 
 _PAIRS = 3
-_HUGE = 3.0  # times the ordinary size
 _UNEVEN = 0.15
 _NEGLIGIBLE = 0.01  # of what the named effects explain: an effect's own form is not exact either
 
@@ -89,13 +88,10 @@ def _diagnosed(
     contradictions = consistency(log, model, noise)
     progress(0.4)
     first = _in_form(named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6)))
-    naming, found = _with_what_remains(first, log, model, tolerance, noise)
+    naming, found = _with_what_remains(first, contradictions, log, model, tolerance, noise)
     progress(0.7)
+    gap = _gap(naming, log, found)
     rivals = close_rivals(naming)
-    others = frozenset(catalogue) - set(naming.names) if found or not naming.names else frozenset[str]()
-    gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), others)
-    if found:
-        gap = against_noise(gap, naming.view.examination)
     unknown = unexplained(found, [catalogue[name] for name in naming.names], max(0.0, 1.0 - gap.gap.closed))
     tied = groups(naming.names, rivals) if unknown is None else []
     progress(0.8)
@@ -134,28 +130,30 @@ def _in_form(naming: Naming) -> Naming:
 
 
 def _with_what_remains(
-    naming: Naming, log: Log, model: Model, tolerance: float, noise: Noise
+    naming: Naming, contradictions: Sequence[Consistency], log: Log, model: Model, tolerance: float, noise: Noise
 ) -> tuple[Naming, list[Remainder]]:
     """What stays named beside what no effect explains, and that; as it is where nothing remains.
 
-    A name has to hold out against the unknown: what may be as large as the data make it takes part in the fit.
+    What is unknown may look like any force, and a force that is named beside it may be its imitation. Only what the
+    sensors show against each other needs no model of the ship; what remains takes part in its fit at any size.
     """
     found = _standing_out(naming)
     if not found:
         return naming, []
     loose = frozenset((each.depends, each.what) for each in found)
-    others = frozenset(model.catalogue) - set(naming.names)
-    again = named(log, model, tolerance, noise, loose, barred=others)
-    uneven = {each.what for each in found}
-    names = tuple(name for name in again.names if name not in uneven and _believable(again, name))
-    return replace(again, names=names, tests={name: again.tests[name] for name in names}), found
+    others = frozenset(model.catalogue) - {each.effect for each in contradictions}
+    return named(log, model, tolerance, noise, loose, barred=others), found
 
 
-def _believable(naming: Naming, name: str) -> bool:
-    """Whether an effect has a size that such effects have; beside something unknown a huge one is likely that."""
-    view = naming.view
-    fit = view.fit(naming.names, prior=True)
-    return bool((np.abs(np.take(fit.values, view.places(fit, name))) <= _HUGE * view.prior([name])).all())
+def _gap(naming: Naming, log: Log, found: Sequence[Remainder]) -> HeldOut:
+    """The gap on legs left out; where something unknown remains, against what noise alone would leave.
+
+    Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.
+    """
+    others = frozenset(naming.view.names) - set(naming.names)
+    barred = others if found or not naming.names else frozenset[str]()
+    gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), barred)
+    return against_noise(gap, naming.view.examination) if found else gap
 
 
 def _next_manoeuvre(

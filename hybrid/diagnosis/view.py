@@ -15,6 +15,10 @@ from hybrid.diagnosis.evidence import Fit, Products, fitted, log_evidence, reduc
 from hybrid.diagnosis.examine import Examination
 from hybrid.vessel.compiling import Floats
 
+_CLOCKS = (
+    2  # that may be wrong at once: where all records are late by the same none is, and three are as the fourth
+)
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -66,8 +70,9 @@ class View:
         return [fit.columns.index(column) for column in self.columns([name])]
 
     def possible(self, names: Sequence[str]) -> bool:
-        """Whether the fitted values of all these effects are within their bounds."""
-        return all(self.values(names).get(name) is not None for name in names)
+        """Whether these effects can be at work together: few enough clocks are wrong, all values within bounds."""
+        late = [name for name in names if self.examination.model.catalogue[name].family == "clock"]
+        return len(late) <= _CLOCKS and all(value is not None for value in self.values(names).values())
 
     def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
         """The fitted parameters of each, None where they are out of bounds."""

@@ -216,3 +216,19 @@ def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_
     assert next(iter(ranked)) == "heading_bias"
     assert ranked["wind_load"].evidence < 0.0
     assert ranked["wind_load"].p_value > 0.5
+
+
+def test_no_more_than_two_clocks_are_wrong_at_once(design: Design) -> None:
+    """Were all records late by the same, none would be; so three that are late are one that is early."""
+    view = seen(design, 4, {"heading_bias": BIAS, "sway_bias": (0.4,), "yaw_rate_bias": (0.2,)})
+    three = ("heading_bias", "sway_bias", "yaw_rate_bias")
+    assert view.possible(three)
+    model = view.examination.model
+    clocks = {name: replace(each, family="clock") for name, each in model.catalogue.items() if name in three}
+    late = replace(
+        view, examination=replace(view.examination, model=replace(model, catalogue={**model.catalogue, **clocks}))
+    )
+    assert not late.possible(three)
+    assert late.possible(three[:2])
+    assert set(searched(view)) == set(three)
+    assert len(set(searched(late)) & set(three)) == 2
