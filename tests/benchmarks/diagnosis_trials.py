@@ -5,7 +5,7 @@
 The analyst sees the 13 channels only; the truth is compared afterwards. What stands in the file of results is not
 done again, so that a run may be broken off and taken up. ``small`` takes some ten minutes on two cores, ``full``
 a night, and less with ``--every``: every so many cases of each group. ``--page`` writes the results as a page, its
-pictures beside it.
+pictures beside it; ``--done`` does nothing new and writes it of what stands in the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acquisition.progress import bar
 from tests.benchmarks.diagnosis.cases import GROUPS, cases_of
 from tests.benchmarks.diagnosis.page import write_page
 from tests.benchmarks.diagnosis.plan import planned, preparations
-from tests.benchmarks.diagnosis.store import carried_out
+from tests.benchmarks.diagnosis.store import carried_out, stored
 
 
 def main() -> None:
@@ -28,9 +28,21 @@ def main() -> None:
     parser.add_argument("--size", choices=["small", "full"], default="small")
     parser.add_argument("--only", action="append", choices=GROUPS, help="a group; may be given several times")
     parser.add_argument("--every", type=int, default=1, help="take every so many cases of each group only")
+    parser.add_argument("--done", action="store_true", help="only write the page of what has been done")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--page", type=Path, help="where to write the page of results")
     given = parser.parse_args()
+    if given.done:
+        mine, none = [each for each in stored(given.output).values() if "group" in each], {}
+    else:
+        mine, none = run(given)
+    text = write_page(mine, none, given.size, given.page)
+    if given.page is None:
+        print(text)
+
+
+def run(given: argparse.Namespace) -> tuple[list[dict[str, Any]], dict[str, str]]:
+    """Prepare and do the cases asked for; their results, and why others are none."""
     groups = [[case for case in cases_of(given.size) if case.group == group] for group in given.only or GROUPS]
     cases = [case for group in groups for case in group[:: given.every]]
     with bar("predicting limits") as progress:
@@ -38,10 +50,7 @@ def main() -> None:
     plan = planned(cases, before)
     with bar(f"{len(plan.cases)} cases") as progress:
         results = carried_out(plan.cases, given.output, given.workers, tell, progress)
-    mine = [results[each.case.key] for each in plan.cases]
-    text = write_page(mine, plan.none, given.size, given.page)
-    if given.page is None:
-        print(text)
+    return [results[each.case.key] for each in plan.cases], plan.none
 
 
 def tell(result: dict[str, Any]) -> None:
