@@ -31,6 +31,7 @@ MOTION = (*POSE, *VELOCITY)
 
 _LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded more seldom: what moved meanwhile is anyone's guess
 _GAP_STEPS = 2.5
+_SELDOM_S = 0.3  # between samples of a setting: what happens meanwhile matters
 _OUTLIER = 6.0
 
 
@@ -173,18 +174,45 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
         return np.full(len(edges_s) - 1, np.nan)
     if name in CIRCULAR:
         values = unwrap(values)
-    values = _without_blips(times, values)
+    upto = _integral(*_with_corners(times, _without_blips(times, values)), edges_s)
     steps = np.diff(times)
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
-    index = np.clip(np.searchsorted(times, edges_s, side="right") - 1, 0, times.size - 2)
-    into = edges_s - times[index]
-    slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
-    upto = area[index] + values[index] * into + 0.5 * slope * into**2
     gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
     in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
     crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
     return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
+
+
+def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
+    """The integral from the first sample on of what is linear between samples."""
+    steps = np.diff(times_s)
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
+    index = np.clip(np.searchsorted(times_s, until_s, side="right") - 1, 0, times_s.size - 2)
+    into = until_s - times_s[index]
+    slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
+    return np.asarray(area[index] + values[index] * into + 0.5 * slope * into**2)
+
+
+def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Samples that come seldom, with those between at which a drive began or ended to move at an even rate.
+
+    Where the lines through the two samples before and the two behind meet within a step, they meet in a corner that
+    a straight line from sample to sample would cut; what it cuts off passes for a force. Noise makes no corners.
+    """
+    steps = np.diff(times_s)
+    if times_s.size < 4 or np.median(steps) < _SELDOM_S or (steps <= 0.0).any():
+        return times_s, values
+    slope = np.diff(values) / steps
+    turns = np.diff(slope)  # at each inner sample
+    before, behind, inside = slope[:-2], slope[2:], slope[1:-1]
+    alike = (turns[:-1] * turns[1:] > 0.0) & (
+        np.abs(before - behind) > _OUTLIER * 1.4826 * np.median(np.abs(turns))
+    )
+    part = np.where(alike, (inside - behind) / np.where(alike, before - behind, 1.0), 0.0)
+    corner_s = (times_s[1:-2] + part * steps[1:-1])[alike]
+    corner = (values[1:-2] + before * part * steps[1:-1])[alike]
+    place = np.flatnonzero(alike) + 2
+    return np.insert(times_s, place, corner_s), np.insert(values, place, corner)
 
 
 def _without_blips(times_s: Floats, values: Floats) -> Floats:

@@ -18,6 +18,7 @@ from acquisition.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
 from acquisition.errors import DataShortageError, InputError
 from analysis.smoothing.noise_levels import NoiseLevels
 from analysis.smoothing.smooth import smooth
+from hybrid.diagnosis.averages import _with_corners
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, log_of
 from hybrid.vessel.channels import as_table
 
@@ -143,17 +144,11 @@ def test_settings_are_means_over_quarters_of_a_second(sampling: str) -> None:
     assert tunnel[times > 71.0] == pytest.approx(300.0, abs=1e-6)  # a step is no outlier
 
 
-def piecewise(knots: list[tuple[float, float]]) -> tuple[Floats, Floats]:
-    """Times [s] and values at the ends of straight pieces."""
-    steps, values = (np.array(each) for each in zip(*knots, strict=True))
-    return np.cumsum(steps), values
-
-
-@settings(max_examples=12, deadline=None)
-@given(st.lists(st.tuples(st.floats(1.0, 2.0), st.floats(-1e3, 1e3)), min_size=30, max_size=40))
-def test_means_of_straight_pieces_are_exact(knots: list[tuple[float, float]]) -> None:
-    """Settings recorded now and then are straight between; their means are those of the pieces' integral."""
-    at_s, values = piecewise(knots)
+@pytest.mark.parametrize("seed", range(6))
+def test_means_of_straight_pieces_are_exact(seed: int) -> None:
+    """Settings recorded often are straight between; their means are those of the pieces' integral."""
+    random = np.random.default_rng(seed)
+    at_s, values = np.cumsum(random.uniform(0.05, 0.28, 160)), random.uniform(-1e3, 1e3, 160)
     table = a_table(every(2.0, 24.0))
     table[COMMAND[4]] = np.nan
     stamps = pd.DatetimeIndex(table.index[0] + pd.to_timedelta(np.round(at_s * 1e9).astype("int64"), unit="ns"))
@@ -162,11 +157,43 @@ def test_means_of_straight_pieces_are_exact(knots: list[tuple[float, float]]) ->
     table.index.name = "time"
     log = log_of([table])
     times = np.repeat((log.time_s - START_S).astype(float), 4) + np.tile(np.arange(4) / 4.0, len(log))
-    inside = times >= at_s[0]
+    inside = (times >= at_s[0]) & (times < at_s[-1] - 0.25)
     fine = (np.arange(2000) + 0.5) / 2000.0 * 0.25
     expected = [np.interp(begins + fine, at_s, values).mean() for begins in times[inside]]
     size = np.abs(values).max() + 1.0
     np.testing.assert_allclose(log.controls[:, :, 4].ravel()[inside], expected, atol=1e-5 * size)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.0, 0.99), st.floats(0.0, 0.99), st.floats(3.0, 12.0), st.floats(-40.0, 40.0))
+def test_a_drive_that_moves_at_an_even_rate_is_seen_whole_once_a_second(
+    begins: float, ends: float, rate: float, first: float
+) -> None:
+    """Wherever between two samples it begins and ends to move, the settings' means are the true ones."""
+    move_s = 6.0 + ends
+    corners_s = np.array([0.0, 20.0 + begins, 20.0 + begins + move_s, 60.0])
+    angle = first + np.array([0.0, 0.0, rate * move_s, rate * move_s])
+    times = np.arange(61.0)
+    table = a_table(every(2.0, 60.0))
+    sparse = pd.DataFrame(
+        {COMMAND[1]: np.interp(times, corners_s, angle)}, index=table.index[0] + pd.to_timedelta(times, unit="s")
+    )
+    table = pd.concat([table.drop(columns=COMMAND[1]), sparse]).sort_index()
+    table.index.name = "time"
+    log = log_of([table])
+    middles = np.repeat((log.time_s - START_S).astype(float), 4) + np.tile(0.25 * np.arange(4), len(log))
+    fine = (np.arange(400) + 0.5) / 400.0 * 0.25
+    expected = np.array([np.interp(each + fine, corners_s, angle).mean() for each in middles])
+    np.testing.assert_allclose(np.rad2deg(log.controls[:, :, 1].ravel()), expected, atol=0.01)
+
+
+def test_noise_of_a_setting_makes_no_corners() -> None:
+    random = np.random.default_rng(5)
+    times, noisy = np.arange(0.0, 400.0), random.standard_normal(400)
+    assert len(_with_corners(times, noisy)[0]) <= 404
+    ramp = np.interp(times, [0.0, 100.4, 110.7, 400.0], [0.0, 0.0, 80.0, 80.0]) + 0.1 * noisy
+    extra = np.setdiff1d(_with_corners(times, ramp)[0], times)
+    assert np.abs(np.subtract.outer([100.4, 110.7], extra)).min(axis=1) == pytest.approx(0.0, abs=0.1)
 
 
 def test_outliers_are_refused_counted_and_leave_no_trace() -> None:
