@@ -11,11 +11,11 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
-from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.information import limits
-from hybrid.diagnosis.kinematics import Consistency, consistency
-from hybrid.diagnosis.linearise import Model, model_of
+from hybrid.diagnosis.kinematics import contradictory, stated
+from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, moved_to, named
 from hybrid.diagnosis.next_manoeuvre import next_manoeuvre
@@ -85,17 +85,20 @@ def _diagnosed(
     log = log_of(tables)
     progress(0.1)
     log, noise = settled(log, model, tolerance, _part(progress, 0.1, 0.35))
-    contradictions = consistency(log, model, noise)
+    sensors = contradictory(log, model, noise)
     progress(0.4)
     first = _in_form(named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6)))
-    naming, found = _with_what_remains(first, contradictions, log, model, tolerance, noise)
+    found = _standing_out(first)
+    naming = _beside_the_unknown(first, sensors) if found else first
     progress(0.7)
     gap = _gap(naming, log, found)
+    if found:
+        gap = against_noise(gap, first.view.examination)
     rivals = close_rivals(naming)
     unknown = unexplained(found, [catalogue[name] for name in naming.names], max(0.0, 1.0 - gap.gap.closed))
     tied = groups(naming.names, rivals) if unknown is None else []
     progress(0.8)
-    maps = map_of(first.view.examination), map_of(naming.view.examination, repaired=True)
+    maps = map_of(first.view.examination), map_of(_last_look(naming, first), repaired=True)
     effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
     progress(0.85)
     diagnosis = Diagnosis(
@@ -107,13 +110,13 @@ def _diagnosed(
         unknown=unknown,
         where=notable(maps[0].places),
         gap=gap.gap,
-        next_manoeuvre=_next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
+        next_manoeuvre=None if found else _next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
         suspects=suspects(first.view),
         tracks=gap.tracks,
         remarks=_remarks(log, vessel, effects),
-        provenance={**(provenance or {}), **_granted(naming, noise)},
+        provenance={**(provenance or {}), **_granted(first, noise)},
     )
-    return Examined(diagnosis, naming, tuple(found), gap, Extras(*maps, contradictions))
+    return Examined(diagnosis, naming, tuple(found), gap, Extras(*maps, stated(sensors) if sensors else ()))
 
 
 def _part(progress: Progress, first: float, last: float) -> Progress:
@@ -129,31 +132,32 @@ def _in_form(naming: Naming) -> Naming:
     return replace(naming, view=view_of(again, by_leg=True))
 
 
-def _with_what_remains(
-    naming: Naming, contradictions: Sequence[Consistency], log: Log, model: Model, tolerance: float, noise: Noise
-) -> tuple[Naming, list[Remainder]]:
-    """What stays named beside what no effect explains, and that; as it is where nothing remains.
+def _beside_the_unknown(naming: Naming, sensors: Naming | None) -> Naming:
+    """What stays named beside what no effect explains.
 
     What is unknown may look like any force, and a force that is named beside it may be its imitation. Only what the
-    sensors show against each other needs no model of the ship; what remains takes part in its fit at any size.
+    ``sensors`` show against each other needs no model of the ship.
     """
-    found = _standing_out(naming)
-    if not found:
-        return naming, []
-    loose = frozenset((each.depends, each.what) for each in found)
-    others = frozenset(model.catalogue) - {each.effect for each in contradictions}
-    return named(log, model, tolerance, noise, loose, barred=others), found
+    return sensors or replace(naming, names=(), tests={})
+
+
+def _last_look(naming: Naming, first: Naming) -> Examination:
+    """The log through the whole model with what is named in it."""
+    if naming is first:
+        return first.view.examination
+    last = first.view.examination
+    model = replace(last.model, at=moved_to(naming.view, naming.names))
+    return examined(last.log, model, last.tolerance, last.noise)
 
 
 def _gap(naming: Naming, log: Log, found: Sequence[Remainder]) -> HeldOut:
-    """The gap on legs left out; where something unknown remains, against what noise alone would leave.
+    """The gap on legs left out.
 
     Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.
     """
     others = frozenset(naming.view.names) - set(naming.names)
     barred = others if found or not naming.names else frozenset[str]()
-    gap = held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), barred)
-    return against_noise(gap, naming.view.examination) if found else gap
+    return held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), barred)
 
 
 def _next_manoeuvre(

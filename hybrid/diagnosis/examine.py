@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.beyond import AXES, GRANTED, beyond
+from hybrid.diagnosis.beyond import GRANTED, beyond
 from hybrid.diagnosis.evidence import Ints, Products
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, signatures
 from hybrid.diagnosis.log import Log
@@ -20,12 +20,10 @@ from hybrid.diagnosis.whiten import Columns, columns_of, whitened
 from hybrid.vessel.compiling import Floats
 
 Progress = Callable[[float], None]
-Loose = frozenset[tuple[str, str]]
 Arrays = TypeVar("Arrays", Linear, Columns)
 
 _LEGS_AT_ONCE = 4
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
-_AT_LARGE = 10.0  # times the tolerance, for what is known to be there
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,18 +107,16 @@ def examined(
     model: Model,
     tolerance: float,
     noise: Noise,
-    loose: Loose = frozenset(),
     progress: Progress = lambda share: None,
     forms: Sequence[str] = (),
 ) -> Examination:
     """Examine ``log`` through ``model``, which may have effects in it already.
 
-    ``tolerance`` is the share of the force range that the model may be off by; ``loose`` are families of
-    :mod:`.beyond`, by what they depend on and what they are of, that may be as large as an effect; ``forms`` are
-    effects whose form is in question.
+    ``tolerance`` is the share of the force range that the model may be off by; ``forms`` are effects whose form is
+    in question (:mod:`.beyond`).
     """
     look = looked_at(log, model, tolerance, forms=forms)
-    nuisance, scale = _nuisances(look, loose)
+    nuisance, scale = _nuisances(look)
     products = products_of(log, look.linear, look.columns, noise, progress)
     return Examination(
         log, model, look.linear, look.effects, look.range, tolerance, noise, look.layout, products, nuisance, scale
@@ -163,7 +159,7 @@ def tolerated_forces(look: Look) -> Floats:
     return np.asarray(look.tolerance * look.range.as_array() / FORCE_UNITS)
 
 
-def _nuisances(look: Look, loose: Loose) -> tuple[Ints, Floats]:
+def _nuisances(look: Look) -> tuple[Ints, Floats]:
     """The columns that stand for what is tolerated, and the standard deviation of each."""
     layout = look.layout
     some = np.flatnonzero(layout.tolerated > 0.0)
@@ -174,14 +170,10 @@ def _nuisances(look: Look, loose: Loose) -> tuple[Ints, Floats]:
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
             own = layout.beyond(axis)[[each == depends for each in layout.depends]]
-            granted = _AT_LARGE if (depends, AXES[axis]) in loose else GRANTED[depends]
             columns.append(own)
-            scale.append(np.full(len(own), granted * force / np.sqrt(len(own))))
-    for number, label in enumerate(layout.varied):
-        what, depends = label.split("*")
-        size = layout.varied_prior[number] if (depends, what) in loose else layout.varied_granted[number]
-        columns.append(np.array([layout.first_varied + number]))
-        scale.append(np.array([size]))
+            scale.append(np.full(len(own), GRANTED[depends] * force / np.sqrt(len(own))))
+    columns.append(np.arange(len(layout.varied)) + layout.first_varied)
+    scale.append(layout.varied_granted)
     return np.concatenate(columns), np.concatenate(scale)
 
 

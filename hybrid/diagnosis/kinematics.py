@@ -17,7 +17,7 @@ from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.examine import Examination, Layout, products_of
 from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.name import CLOSE, moved_to, rivals_of, searched, stays
+from hybrid.diagnosis.name import CLOSE, Naming, moved_to, rivals_of, searched, stays
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.standing import Tested, tested
 from hybrid.diagnosis.tolerance import ForceRange
@@ -51,17 +51,27 @@ class Consistency:
 
 
 def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
-    """What must be wrong with the sensors of ``log``, the surest first; empty where they agree.
+    """What must be wrong with the sensors of ``log``, the surest first; empty where they agree."""
+    naming = contradictory(log, model, noise)
+    return stated(naming) if naming else ()
+
+
+def contradictory(log: Log, model: Model, noise: Noise) -> Naming | None:
+    """The sensor effects with which the sensors of ``log`` contradict each other, named as others are; or None.
 
     ``model`` gives the catalogue, and the plant only what happens within a second; its effects are left out.
     """
     sensors = motion_sensors(log, model)
     if not sensors:
-        return ()
+        return None
     given = {name: free for name, free in model.given.items() if name in sensors}
-    model = Model(model.base, sensors, given=given)
-    view, names = _found(log, model, noise)
-    results = [_stated(view, names, tested(view, names, name)) for name in names]
+    view, names = _found(log, Model(model.base, sensors, given=given), noise)
+    return Naming(names, {name: tested(view, names, name) for name in names}, view) if names else None
+
+
+def stated(naming: Naming) -> tuple[Consistency, ...]:
+    """Each contradiction in words, the surest first."""
+    results = [_stated(naming.view, naming.names, test) for test in naming.tests.values()]
     return tuple(sorted(results, key=lambda each: each.p_value))
 
 

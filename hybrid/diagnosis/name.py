@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from hybrid.diagnosis.examine import Loose, Progress, examined
+from hybrid.diagnosis.examine import Progress, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
@@ -109,18 +109,16 @@ def named(
     model: Model,
     tolerance: float,
     noise: Noise,
-    loose: Loose = frozenset(),
     barred: frozenset[str] = frozenset(),
     progress: Progress = lambda share: None,
 ) -> Naming:
     """Search, make linear about what is found, and search again until it stays; then test it.
 
-    Who fails a test is barred, and the search goes on without. ``loose`` are families beyond the catalogue that may
-    be as large as the data make them (:func:`.examine.examined`).
+    Who fails a test is barred, and the search goes on without.
     """
 
     def look(at: Coordinates) -> View:
-        return view_of(examined(log, replace(model, at=at), tolerance, noise, loose))
+        return view_of(examined(log, replace(model, at=at), tolerance, noise))
 
     view = look({})
     at = _begun(view, look, barred)

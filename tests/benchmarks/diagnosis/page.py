@@ -12,6 +12,7 @@ import numpy as np
 from acquisition.trial import software_version
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import VERSION
+from tests.benchmarks.diagnosis.cases import Size, cases_of
 from tests.benchmarks.diagnosis.pictures import draw_confusion, draw_power
 from tests.benchmarks.diagnosis.scoring import (
     STRONG,
@@ -44,13 +45,18 @@ from tests.benchmarks.diagnosis.text import ABOUT, GROUPS_ARE, HEAD
 Row = tuple[str, str, str]
 
 
-def write_page(results: Sequence[Result], none: Mapping[str, str], size: str, path: Path | None) -> str:
+def write_page(results: Sequence[Result], none: Mapping[str, str], size: Size, path: Path | None) -> str:
     """The page as Markdown; with a ``path`` it is written there, its pictures in ``pictures`` beside it."""
     singles = of_group(results, "singles")
     strong = named_alone(singles)
     parts = [
         HEAD.format(
-            size=size, cases=len(results), version=software_version(), catalogue=VERSION, effects=len(CATALOGUE)
+            size=size,
+            cases=len(results),
+            whole=len(cases_of(size)),
+            version=software_version(),
+            catalogue=VERSION,
+            effects=len(CATALOGUE),
         ),
         _table(("score", "result", "asked for"), _scores(results)),
         ABOUT,
