@@ -128,7 +128,9 @@ def _in_form(naming: Naming) -> Naming:
     if not naming.names:
         return naming
     last = naming.view.examination
-    again = examined(last.log, last.model, last.tolerance, last.noise, forms=naming.names)
+    again = examined(
+        last.log, last.model, last.tolerance, last.noise, forms=naming.names, known_effects=last.effects
+    )
     return replace(naming, view=view_of(again, by_leg=True))
 
 
@@ -143,9 +145,9 @@ def _beside_the_unknown(naming: Naming, sensors: Naming | None) -> Naming:
 
 def _last_look(naming: Naming, first: Naming) -> Examination:
     """The log through the whole model with what is named in it."""
-    if naming is first:
-        return first.view.examination
     last = first.view.examination
+    if naming is first:
+        return last
     model = replace(last.model, at=moved_to(naming.view, naming.names))
     return examined(last.log, model, last.tolerance, last.noise)
 

@@ -109,13 +109,14 @@ def examined(
     noise: Noise,
     progress: Progress = lambda share: None,
     forms: Sequence[str] = (),
+    known_effects: Sequence[Signature] | None = None,
 ) -> Examination:
     """Examine ``log`` through ``model``, which may have effects in it already.
 
     ``tolerance`` is the share of the force range that the model may be off by; ``forms`` are effects whose form is
-    in question (:mod:`.beyond`).
+    in question (:mod:`.beyond`); ``known_effects`` are signatures that are at hand.
     """
-    look = looked_at(log, model, tolerance, forms=forms)
+    look = looked_at(log, model, tolerance, known_effects=known_effects, forms=forms)
     nuisance, scale = _nuisances(look)
     products = products_of(log, look.linear, look.columns, noise, progress)
     return Examination(

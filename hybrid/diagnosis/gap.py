@@ -20,7 +20,7 @@ from hybrid.diagnosis.examine import Examination
 from hybrid.diagnosis.floor import left_by_noise_m
 from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.name import moved_to, searched
+from hybrid.diagnosis.name import Coordinates, moved_to, searched
 from hybrid.diagnosis.result import Gap, Tracks
 from hybrid.diagnosis.standing import FALSE_ALARM
 from hybrid.diagnosis.view import View, view_without
@@ -33,8 +33,6 @@ from hybrid.vessel.simulate import simulate_batch
 HORIZON_S = 15
 FOLDS = 4
 
-At = Mapping[str, tuple[float, ...]]
-
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
@@ -43,7 +41,7 @@ class HeldOut:
     gap: Gap
     shares: Mapping[str, float]
     tracks: Tracks
-    without: Mapping[int, At]
+    without: Mapping[int, Coordinates]
 
 
 def fold_of(log: Log) -> Ints:
@@ -82,7 +80,7 @@ def measured_tracks(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZ
 
 
 def held_out(
-    log: Log, view: View, names: Sequence[str], final: At, barred: frozenset[str] = frozenset()
+    log: Log, view: View, names: Sequence[str], final: Coordinates, barred: frozenset[str] = frozenset()
 ) -> HeldOut:
     """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give.
 
@@ -91,7 +89,7 @@ def held_out(
     starts, model = window_starts(log), replace(view.examination.model, at={})
     seen = measured_tracks(log, model.plant(), starts)
     dealt = fold_of(log)
-    fold, elsewhere = dealt[starts], dict[int, At]()
+    fold, elsewhere = dealt[starts], dict[int, Coordinates]()
     before = predicted(log, model.plant(), starts)
     after, without = before.copy(), {name: before.copy() for name in names}
     for number in np.unique(fold).tolist():
@@ -129,7 +127,7 @@ def against_noise(held: HeldOut, examination: Examination) -> HeldOut:
     return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
 
 
-def _named_without(view: View, legs: NDArray[np.bool_], barred: frozenset[str]) -> At:
+def _named_without(view: View, legs: NDArray[np.bool_], barred: frozenset[str]) -> Coordinates:
     """What the other legs ask for, and how much of it."""
     rest = view_without(view.examination, legs)
     names = searched(rest, barred)

@@ -8,7 +8,6 @@ of all.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +16,7 @@ from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.examine import Examination, Layout, products_of
 from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.name import CLOSE, Naming, moved_to, rivals_of, searched, stays
+from hybrid.diagnosis.name import CLOSE, Coordinates, Naming, moved_to, rivals_of, searched, stays
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.standing import Tested, tested
 from hybrid.diagnosis.tolerance import ForceRange
@@ -97,7 +96,7 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[View, tuple[str, ...]]
     better than the slope of a short one.
     """
     barred: frozenset[str] = frozenset()
-    at: Mapping[str, tuple[float, ...]] = {}
+    at: Coordinates = {}
     best: tuple[float, View, tuple[str, ...]] | None = None
     for _ in range(_LOOKS):
         view = view_of(_examined(log, replace(model, at=at), noise), by_leg=True)

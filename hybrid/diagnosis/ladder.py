@@ -19,9 +19,10 @@ from analysis.windows import trial_names
 from hybrid.baselines import reference
 from hybrid.diagnosis.diagnose import Examined
 from hybrid.diagnosis.evidence import Ints
-from hybrid.diagnosis.gap import FOLDS, HORIZON_S, At, fold_of
+from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.name import Coordinates
 from hybrid.diagnosis.result import Ladder
 from hybrid.evaluation.bootstrap import LegBootstrap
 from hybrid.evaluation.splits import Draw, with_stopping
@@ -98,7 +99,7 @@ def ladder(
     horizons: Horizons,
     seconds: Ints,
     model: Model,
-    named: Mapping[int, At] | None,
+    named: Mapping[int, Coordinates] | None,
     *,
     method: str = METHOD,
     seed: int = 0,

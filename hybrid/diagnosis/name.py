@@ -30,6 +30,7 @@ _LOOKS = 10
 _CLOSER = 3  # delays by themselves that are looked at closer where several effects seem to be at work
 
 Coordinates = Mapping[str, tuple[float, ...]]
+"""Free coordinates of effects by name."""
 
 
 def searched(view: View, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:

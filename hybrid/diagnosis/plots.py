@@ -127,10 +127,8 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
 
 def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> list[Artist]:
     """The mean distance of each rung by its title, with its 95 % interval."""
-    from hybrid.evaluation.plots import (
-        interval_bar,
-        logarithmic,
-    )  # these bring PyTorch, which no other figure needs
+    # These bring PyTorch, which no other figure needs.
+    from hybrid.evaluation.plots import interval_bar, logarithmic
 
     artists = [interval_bar(axes, each, row, PALETTE[0]) for row, each in enumerate(rungs.values())]
     axes.set_yticks(range(len(rungs)), list(rungs))

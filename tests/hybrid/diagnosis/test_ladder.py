@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from acquisition.errors import DataShortageError
 from hybrid.baselines import reference
 from hybrid.calibrators.calibrator import Calibrator
-from hybrid.diagnosis.gap import FOLDS, At
+from hybrid.diagnosis.gap import FOLDS
 from hybrid.diagnosis.gap_page import ladder_sentence
 from hybrid.diagnosis.ladder import draws_of_folds, ladder, seconds_in_folds
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.name import Coordinates
 from hybrid.diagnosis.result import Ladder
 from hybrid.effects import CATALOGUE
 from hybrid.evaluation.splits import shared_seconds
@@ -29,7 +30,7 @@ from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs
 
-Climbed = Callable[[str, Mapping[int, At] | None], tuple[Ladder, Horizons]]
+Climbed = Callable[[str, Mapping[int, Coordinates] | None], tuple[Ladder, Horizons]]
 CURRENT = {"ocean_current": (0.2, -0.1)}
 SIZES = [3, 9, 5, 8, 4, 6, 7, 3, 9, 5]
 
@@ -107,7 +108,7 @@ def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
 
     monkeypatch.setattr("hybrid.evaluation.study.make_calibrator", make)
 
-    def run(method: str, named: Mapping[int, At] | None) -> tuple[Ladder, Horizons]:
+    def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[Ladder, Horizons]:
         windows = windows_of_legs([7] * 12, gap_s=20)
         windows = replace(windows, track=reference(windows, replace(model, at=CURRENT).plant()))
         seconds = seconds_in_folds(windows, log_about(windows, 60), ("first",))
