@@ -26,7 +26,12 @@ is the model's own; but no sea is quite even."""
 OPERATION = "operating point"
 """What the form of a named effect may depend on: speeds and thruster settings."""
 
-_HARMONICS, _TIMES, _PLACES, _OPERATIONS = 4, 6, 16, 8
+_HARMONICS, _TIMES, _OPERATIONS = 4, 6, 8
+_PLACES = {1.5: 8, 5.0: 16}
+"""So many waves over the place, by how many radians they turn over the area's size: banks are narrow."""
+
+_EDGES = (0.25, 0.5, 0.75)  # of the largest azimuth that is used
+_FAINT = 0.1  # of a basis's largest singular value: a shape that is so faint is the difference of two alike
 _SLOW = 0.7  # how fast the form of a named effect may change over the range of speeds and settings
 _SEED = 20260902
 _VARIED = {
@@ -55,14 +60,18 @@ def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequen
     catalogue.
     """
     bases = {
-        "heading": _harmonics(origin[:, 2], _HARMONICS),
-        "place": _places(origin[:, :2]),
-        "time": _times(log.time_s),
-        "azimuth": _hinges(log),
+        "heading": _even(_harmonics(origin[:, 2], _HARMONICS)),
+        "place": _even(_places(origin[:, :2])),
+        "time": _even(_times(log.time_s)),
+        "azimuth": _even(_hinges(log)),
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
-    shapes = {**bases, "heading": _harmonics(origin[:, 2], 2), OPERATION: _operations(log, origin)}
+    shapes = {
+        **bases,
+        "heading": _even(_harmonics(origin[:, 2], 2)),
+        OPERATION: _even(_operations(log, origin)),
+    }
     varied = [
         Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
         for each in effects
@@ -70,6 +79,16 @@ def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequen
         for number, shape in enumerate(shapes[name].T)
     ]
     return Beyond(forces, depends, tuple(varied))
+
+
+def _even(shapes: Floats) -> Floats:
+    """Shapes that span the same, orthogonal and of unit mean square over the log [T, at most M].
+
+    So the squares of their coefficients add up to the mean square of what they make together.
+    """
+    left, size, _ = np.linalg.svd(shapes, full_matrices=False)
+    kept = size > _FAINT * max(float(size[0]), 1e-9)
+    return np.asarray(left[:, kept] * np.sqrt(len(shapes)))
 
 
 def _harmonics(angle_rad: Floats, number: int) -> Floats:
@@ -86,14 +105,17 @@ def _times(time_s: Ints) -> Floats:
 
 
 def _places(position_m: Floats) -> Floats:
-    """Smooth functions of the place [T, 16], their waves some of the area's size long."""
+    """Smooth functions of the place [T, 24], long and short waves over the area."""
     away = position_m - position_m.mean(axis=0)
     extent = max(float(np.sqrt((away**2).sum(axis=1).mean())), 1.0)
     generator = np.random.default_rng(_SEED)
-    wave = generator.standard_normal((2, _PLACES)) * 1.5
-    phase = generator.uniform(0.0, 2.0 * np.pi, _PLACES)
-    shapes = np.sqrt(2.0) * np.cos(away / extent @ wave + phase)
-    return np.asarray(shapes - shapes.mean(axis=0))
+    shapes = []
+    for pace, number in _PLACES.items():
+        wave = generator.standard_normal((2, number)) * pace
+        phase = generator.uniform(0.0, 2.0 * np.pi, number)
+        shapes.append(np.sqrt(2.0) * np.cos(away / extent @ wave + phase))
+    together = np.hstack(shapes)
+    return np.asarray(together - together.mean(axis=0))
 
 
 def _operations(log: Log, origin: Floats) -> Floats:
@@ -103,13 +125,10 @@ def _operations(log: Log, origin: Floats) -> Floats:
 
 
 def _hinges(log: Log) -> Floats:
-    """How far the azimuths are beyond certain angles to either side [T, 6], zero below; of unit mean square."""
+    """How far the azimuths are beyond certain angles to either side [T, 6], zero below."""
     angle = log.controls[:, :, (1, 3)].mean(axis=(1, 2))
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
-    shapes = []
-    for side in (1.0, -1.0):
-        for share in (0.5, 0.75, 0.9):
-            edge = np.quantile(np.abs(angle), share)
-            shape = np.maximum(side * angle - edge, 0.0)
-            shapes.append(shape / max(float(np.sqrt((shape**2).mean())), 1e-9))
-    return np.column_stack(shapes)
+    largest = float(np.quantile(np.abs(angle), 0.99))
+    return np.column_stack(
+        [np.maximum(side * angle - share * largest, 0.0) for side in (1.0, -1.0) for share in _EDGES]
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import exp
 from typing import Any
 
 import numpy as np
@@ -18,12 +19,13 @@ from hybrid.diagnosis.kinematics import contradictory, stated
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, moved_to, named
-from hybrid.diagnosis.next_manoeuvre import next_manoeuvre
+from hybrid.diagnosis.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
 from hybrid.diagnosis.settle import settled
+from hybrid.diagnosis.siblings import perhaps_one
 from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, sentence, unexplained, verdict_of
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import map_of, notable
@@ -36,7 +38,7 @@ Progress = Callable[[float], None]
 TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
 
-_PAIRS = 3
+_RIVALS = 10  # of one effect, the closest, that a manoeuvre is chosen to separate
 _UNEVEN = 0.15
 _NEGLIGIBLE = 0.01  # of what the named effects explain: an effect's own form is not exact either
 
@@ -96,7 +98,8 @@ def _diagnosed(
         gap = against_noise(gap, first.view.examination)
     rivals = close_rivals(naming)
     unknown = unexplained(found, [catalogue[name] for name in naming.names], max(0.0, 1.0 - gap.gap.closed))
-    tied = groups(naming.names, rivals) if unknown is None else []
+    one = perhaps_one(naming.view, naming.names) if unknown is None else []
+    tied = [*groups(naming.names, rivals), *one] if unknown is None else []
     progress(0.8)
     maps = map_of(first.view.examination), map_of(_last_look(naming, first), repaired=True)
     effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
@@ -113,7 +116,7 @@ def _diagnosed(
         next_manoeuvre=None if found else _next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
         suspects=suspects(first.view),
         tracks=gap.tracks,
-        remarks=_remarks(log, vessel, effects),
+        remarks=_remarks(log, vessel, effects, one),
         provenance={**(provenance or {}), **_granted(first, noise)},
     )
     return Examined(diagnosis, naming, tuple(found), gap, Extras(*maps, stated(sensors) if sensors else ()))
@@ -166,11 +169,25 @@ def _next_manoeuvre(
     naming: Naming, vessel: Vessel, rivals: Sequence[Rival], progress: Progress
 ) -> Manoeuvre | None:
     """What to do next where a rival is close; where it is not, but not far either, too."""
-    pairs = [(each.instead_of, each.name) for each in rivals if each.evidence < WEAK]
+    pairs = [pair for name in naming.names for pair in _pairs(naming, name, rivals)]
     if not pairs:
         return None
     values = {name: each for name, each in naming.view.values(naming.names).items() if each is not None}
-    return next_manoeuvre(naming.view.examination, vessel, values, pairs[:_PAIRS], progress)
+    return next_manoeuvre(naming.view.examination, vessel, values, pairs, progress)
+
+
+def _pairs(naming: Naming, name: str, rivals: Sequence[Rival]) -> list[Pair]:
+    """A named effect and its closest rivals, each against each: whichever is true, by how likely it is."""
+    others = tuple(each for each in naming.names if each != name)
+    close = {each.name: each.evidence for each in rivals if each.instead_of == name and each.evidence < WEAK}
+    group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
+    found = {each: naming.view.values((*others, each))[each] for each in group}
+    return [
+        Pair(one, rival, values, others, exp(-group[one]))
+        for one, values in found.items()
+        for rival in group
+        if rival != one and values is not None
+    ]
 
 
 def _standing_out(naming: Naming) -> list[Remainder]:
@@ -208,7 +225,9 @@ def suspects(view: View) -> tuple[Suspect, ...]:
     return tuple(sorted(result, key=lambda each: -each.evidence))
 
 
-def _remarks(log: Log, vessel: Vessel, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
+def _remarks(
+    log: Log, vessel: Vessel, effects: Sequence[NamedEffect], one: Sequence[tuple[str, ...]]
+) -> tuple[str, ...]:
     remarks = []
     if not log.wind[:, 1].any():
         remarks.append("no wind was recorded: what the wind does cannot be told from other causes")
@@ -218,12 +237,12 @@ def _remarks(log: Log, vessel: Vessel, effects: Sequence[NamedEffect]) -> tuple[
         )
     if log.refused:
         remarks.append(f"{log.refused} samples lay off by themselves and were refused")
-    for family in dict.fromkeys(each.family for each in effects):
-        of_it = [plain(each.name) for each in effects if each.family == family]
-        if len(of_it) > 1:
-            remarks.append(
-                f"{listed(of_it)} are of one family, {family}: it may be one effect that is not in the catalogue"
-            )
+    for group in one:
+        family = next(each.family for each in effects if each.name in group)
+        remarks.append(
+            f"{listed([plain(name) for name in group])} are of one family, {family}: together they may be one "
+            "effect that is not in the catalogue"
+        )
     for each in effects:
         if each.name in vessel.effects:
             remarks.append(

@@ -201,8 +201,9 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     """How large an effect must be, in free coordinates, for its gains on unseen legs to be no chance (Student).
 
     ``legs`` [L, d, d] is its information in each. A leg gains half its noncentrality, with the noncentrality as
-    variance; and legs that say little beside legs that say much are scatter, too. Infinite where the latter alone
-    hides any size: an effect that shows in one leg of many is not predicted by the others.
+    variance; so in units of its scatter half the root, and legs that say little beside legs that say much are
+    scatter, too. Infinite where the latter alone hides any size: an effect that shows in one leg of many is not
+    predicted by the others.
     """
     shape = _shape(information.catalogue[name])
     direction = shape * np.linalg.eigh(information.of(name) * np.outer(shape, shape))[1][:, 0]
@@ -211,13 +212,14 @@ def predicted_limit(information: Information, name: str, legs: Floats) -> float:
     if count < 2 or total <= 0.0:
         return inf
     level, margin = float(t.isf(UNSEEN, count - 1)), float(norm.ppf(POWER))
-    uneven = float(each.var(ddof=1)) * count / total**2 / 4.0
-    # (x / 2 - margin)^2 = level^2 (1 + uneven x^2), with x^2 the noncentrality of all legs
-    leading = 0.25 - level**2 * uneven
+    share = np.sqrt(np.maximum(each, 0.0) / total)
+    even, uneven = 0.5 * float(share.mean()) * sqrt(count), 0.25 * float(share.var(ddof=1))
+    # (even x - margin)^2 = level^2 (1 + uneven x^2), with x^2 the noncentrality of all legs
+    leading = even**2 - level**2 * uneven
     if leading <= 0.0:
         return inf
     constant = margin**2 - level**2
-    root = (margin + sqrt(max(0.0, margin**2 - 4.0 * leading * constant))) / (2.0 * leading)
+    root = (margin * even + sqrt(max(0.0, (margin * even) ** 2 - leading * constant))) / leading
     return root / sqrt(total)
 
 

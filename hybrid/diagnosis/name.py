@@ -8,7 +8,7 @@ must then stand the tests of :mod:`.standing` by itself, given the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -18,7 +18,7 @@ from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.standing import Tested, tested
-from hybrid.diagnosis.view import View, view_of
+from hybrid.diagnosis.view import View, view_of, whole_data
 
 CLOSE = 4.5
 """A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
@@ -28,6 +28,7 @@ _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
 _MOST = 6
 _LOOKS = 10
 _CLOSER = 3  # delays by themselves that are looked at closer where several effects seem to be at work
+_SWAPS, _DOUBT = 2, 0.25  # rivals that are looked at closer, where they lack less than this of the evidence
 
 Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
@@ -77,6 +78,13 @@ def rivals_of(view: View, names: tuple[str, ...], name: str) -> dict[str, float]
     return result
 
 
+def log_density(view: View, names: Sequence[str]) -> float:
+    """Log density of the data with these effects and their priors, up to what all views have in common."""
+    examination = view.examination
+    determinant = whole_data(examination, examination.products.total, examination.nuisance_scale)[1]
+    return view.evidence(names) - 0.5 * (float(view.inner[0, 0]) + determinant)
+
+
 def moved_to(view: View, names: Sequence[str]) -> Coordinates:
     """The free coordinates at which the equations are to be made linear next."""
     fit = view.fit(names, prior=True)
@@ -98,11 +106,15 @@ def stays(view: View, names: Sequence[str], at: Coordinates, errors: float, shar
 
 @dataclass(frozen=True, slots=True)
 class Naming:
-    """What was named: the effects, how each stands, the last view of the data, linear about them."""
+    """What was named: the effects, how each stands, the last view of the data, linear about them.
+
+    ``nearer`` has, by name and rival, what a rival lacks where the equations are linear about the rival.
+    """
 
     names: tuple[str, ...]
     tests: dict[str, Tested]
     view: View
+    nearer: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
 def named(
@@ -122,7 +134,7 @@ def named(
         return view_of(examined(log, replace(model, at=at), tolerance, noise))
 
     view = look({})
-    at = _begun(view, look, barred)
+    at, tried = _begun(view, look, barred)
     for number in range(_LOOKS):
         view = look(at) if at else view
         names = searched(view, barred)
@@ -135,26 +147,72 @@ def named(
         if set(names) == set(at):
             break
         at = moved_to(view, names)
-    return Naming(names, tests, view)
+    return Naming(names, tests, view, _nearer(view, names, tried))
 
 
-def _begun(view: View, look: Callable[[Coordinates], View], barred: frozenset[str]) -> Coordinates:
-    """What to be linear about first: what a look about nothing finds, or one strong delay by itself.
+def _begun(
+    view: View, look: Callable[[Coordinates], View], barred: frozenset[str]
+) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
+    """What to be linear about first, and how well each set that was tried explains the data, linear about itself.
 
-    About nothing a long delay is no more like itself than like several others. About itself it explains all.
+    It is what a look about nothing finds, or what is almost as good there: what is far from nothing is not like
+    itself there.
     """
     names = searched(view, barred)
+    starts = [names, *_late_alone(view, names, barred), *_swaps(view, names, barred)]
+    if len(starts) == 1:
+        return moved_to(view, names), {}
+    densities, places = dict[tuple[str, ...], float](), []
+    for start in starts:
+        at, seen = _about_itself(view, look, start)
+        densities[start] = log_density(seen, start)
+        places.append((log_density(seen, searched(seen, barred)), at))
+    return max(places, key=lambda each: each[0])[1], densities
+
+
+def _about_itself(
+    view: View, look: Callable[[Coordinates], View], names: tuple[str, ...]
+) -> tuple[Coordinates, View]:
+    """A set of effects at the values that explain most, as far as two steps go, and the view about them."""
+    at = moved_to(view, names)
+    seen = look(at)
+    if stays(seen, names, at, _SETTLED, _SETTLED_SHARE):
+        return at, seen
+    at = moved_to(seen, names)
+    return at, look(at)
+
+
+def _late_alone(view: View, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
+    """Strong delays, each by itself: about nothing a long one is no more like itself than like several others."""
     late = {name for name, effect in view.examination.model.catalogue.items() if effect.family == "clock"}
     if len(names) < 2 or not late & set(names):
-        return moved_to(view, names)
+        return []
     singles = sorted(late - barred, key=lambda name: -view.evidence([name]))[:_CLOSER]
-    starts = [names, *((name,) for name in singles if view.possible([name]))]
+    return [(name,) for name in singles if view.possible([name])]
 
-    def explained(at: Coordinates) -> float:
-        seen = look(at)
-        return seen.evidence(searched(seen, barred)) - 0.5 * float(seen.inner[0, 0])
 
-    return max((moved_to(view, start) for start in starts), key=explained)
+def _swaps(view: View, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
+    """The same effects with a rival in the place of one that it comes close to, for the evidence there is."""
+    found = []
+    for name in names:
+        others = tuple(each for each in names if each != name)
+        whole = view.evidence(names) - view.evidence(others)
+        for rival, less in rivals_of(view, names, name).items():
+            if rival not in barred and CLOSE < less < _DOUBT * whole:
+                found.append((less, (*others, rival)))
+    return [swapped for _, swapped in sorted(found)[:_SWAPS]]
+
+
+def _nearer(
+    view: View, names: tuple[str, ...], tried: Mapping[tuple[str, ...], float]
+) -> dict[tuple[str, str], float]:
+    """What rivals lack that were tried in the place of one of ``names``."""
+    mine, result = log_density(view, names), {}
+    for some, density in tried.items():
+        out, put = set(names) - set(some), set(some) - set(names)
+        if len(out) == len(put) == 1:
+            result[out.pop(), put.pop()] = mine - density
+    return result
 
 
 def _standing(

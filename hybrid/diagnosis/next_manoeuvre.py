@@ -2,8 +2,9 @@
 
 Every candidate is rehearsed on the ship as she is thought to be, in the wind of the recording and at its noise, and
 examined behind the recording in one pass: so that the tolerance granted to the model is the same error in both. The
-best one is where the worst pair gains the most evidence by the minute (T-optimality: Atkinson and Fedorov 1975,
-with the rival's size fitted).
+best one is where most pairs are likely to be told apart afterwards, whichever of them is true (Box and Hill 1967);
+what it says of a pair is the evidence of the one against the other, at any size (T-optimality: Atkinson and Fedorov
+1975).
 """
 
 from __future__ import annotations
@@ -12,11 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from acquisition.errors import ModelRangeError
 from hybrid.diagnosis.examine import Examination, Progress, examined
 from hybrid.diagnosis.information import Design, Information, design_of, separation
 from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.name import CLOSE
 from hybrid.diagnosis.rehearse import behind, one_leg, rehearsed
 from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.diagnosis.result import Manoeuvre
@@ -33,17 +36,35 @@ _LONGEST_S = 7200  # of a recording goes into the comparison: more of the same c
 
 
 @dataclass(frozen=True, slots=True)
+class Pair:
+    """An effect at ``values`` that may be true, a ``rival`` of any size, and what is fitted beside either of them.
+
+    ``weight`` is how likely the first is to be the true one.
+    """
+
+    name: str
+    rival: str
+    values: Values
+    given: tuple[str, ...] = ()
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Ranked:
-    """A candidate and the log odds that each pair would stand at with it, and stands at without it."""
+    """A candidate, the log odds that each pair would stand at with it and stands at without it, and its worth.
+
+    ``told_apart`` is the share of the pairs that is likely to be told apart with it.
+    """
 
     candidate: Candidate
     with_it: tuple[float, ...]
     without: tuple[float, ...]
+    told_apart: float
 
     @property
-    def per_minute(self) -> float:
-        """What the pair that gains least gains a minute."""
-        return min(a - b for a, b in zip(self.with_it, self.without, strict=True)) / MINUTES
+    def gains(self) -> tuple[float, ...]:
+        """What each pair gains a minute."""
+        return tuple((a - b) / MINUTES for a, b in zip(self.with_it, self.without, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,26 +80,30 @@ def next_manoeuvre(
     examination: Examination,
     vessel: Vessel,
     values: Mapping[str, Values],
-    pairs: Sequence[tuple[str, str]],
+    pairs: Sequence[Pair],
     progress: Progress = lambda share: None,
 ) -> Manoeuvre | None:
-    """The manoeuvre that separates ``pairs`` best, or None where no candidate does so to any use.
+    """The manoeuvre that separates most of ``pairs``, or None where no candidate separates any to any use.
 
-    ``values`` has the parameters of everything that is named, and of each pair's first at least; the second is what
-    might be in its place. The evidence is in log odds, of the pair that stays the closest, recording and manoeuvre
-    together.
+    ``values`` has the parameters of everything that is named: with them the ship rehearses.
     """
-    return asked_for(ranked(rehearsal_of(examination, vessel, values, progress), values, pairs), pairs)
+    return asked_for(ranked(rehearsal_of(examination, vessel, values, progress), pairs), pairs)
 
 
-def asked_for(ranking: Sequence[Ranked], pairs: Sequence[tuple[str, str]]) -> Manoeuvre | None:
-    """The first of a ranking as a request, or None where it is not worth it."""
+def asked_for(ranking: Sequence[Ranked], pairs: Sequence[Pair]) -> Manoeuvre | None:
+    """The first of a ranking as a request, or None where it is not worth it.
+
+    The evidence is in log odds, recording and manoeuvre together, of the pair that stays the closest among those
+    that the manoeuvre separates at all.
+    """
     best = next(iter(ranking), None)
-    if best is None or best.per_minute < _WORTH_A_MINUTE:
+    if best is None or max(best.gains) < _WORTH_A_MINUTE:
         return None
-    worst = int(np.argmin(best.with_it))
-    what = f"{best.candidate.what}, {MINUTES} minutes in all"
-    return Manoeuvre(what, pairs[worst], best.with_it[worst], float(MINUTES))
+    worst = min(
+        (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
+    )
+    what, pair = f"{best.candidate.what}, {MINUTES} minutes in all", pairs[worst]
+    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], float(MINUTES))
 
 
 def rehearsal_of(
@@ -94,15 +119,22 @@ def rehearsal_of(
     return Rehearsal(design_of(whole), range(log.legs), tuple(made))
 
 
-def ranked(rehearsal: Rehearsal, values: Mapping[str, Values], pairs: Sequence[tuple[str, str]]) -> list[Ranked]:
+def ranked(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[Ranked]:
     """Every candidate and what it says of ``pairs``, the best first."""
     design, recorded = rehearsal.design, rehearsal.recorded
-    now = _evidence(design.information(recorded), values, pairs)
+    now = _evidence(design.information(recorded), pairs)
     result = []
     for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
-        both = _evidence(design.information([*recorded, leg]), values, pairs)
-        result.append(Ranked(candidate, both, now))
-    return sorted(result, key=lambda each: -each.per_minute)
+        both = _evidence(design.information([*recorded, leg]), pairs)
+        result.append(Ranked(candidate, both, now, _told_apart(both, pairs)))
+    return sorted(result, key=lambda each: (-each.told_apart, -min(each.gains)))
+
+
+def _told_apart(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
+    """The share of the pairs that is likely to be told apart: log odds scatter by the root of twice their mean."""
+    expected = np.maximum(np.array(evidence), 1e-9)
+    chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))
+    return float(np.average(chances, weights=[each.weight for each in pairs]))
 
 
 def rehearsals(
@@ -139,13 +171,10 @@ def _shortened(log: Log) -> Log:
     return log.subset(np.isin(log.leg, chosen))
 
 
-def _evidence(
-    information: Information, values: Mapping[str, Values], pairs: Sequence[tuple[str, str]]
-) -> tuple[float, ...]:
-    """The log odds of each pair's first, at its value, against its second at any; the others named are fitted."""
+def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
+    """The log odds of each pair's first, at its value, against its second at any."""
     result = []
-    for name, rival in pairs:
-        free = information.catalogue[name].free(values[name])
-        given = [other for other in values if other not in (name, rival)]
-        result.append(0.5 * separation(information, name, rival, free, given))
+    for each in pairs:
+        free = information.catalogue[each.name].free(each.values)
+        result.append(0.5 * separation(information, each.name, each.rival, free, each.given))
     return tuple(result)

@@ -121,8 +121,9 @@ def _judged(
     along = vectors[:, kept].T @ (right / scale)
     gain = float((along**2 / values[kept]).sum()) / spread
     p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum()))))
-    fitted = (vectors[:, kept] @ (along / values[kept])) / scale
-    size = float(np.sqrt((fitted**2).sum()))
+    back = vectors[:, kept] / scale[:, None]
+    fitted, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
+    size = float(np.sqrt(max(float((fitted**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
     if family.what in AXES:
         return Remainder(
             family.depends, family.what, p_value, gain, size * float(FORCE_UNITS[AXES.index(family.what)]), True

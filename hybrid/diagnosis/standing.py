@@ -56,21 +56,35 @@ def tested(view: View, names: tuple[str, ...], name: str) -> Tested:
     gain, columns = together.gain - without.gain, view.columns([name])
     spread = _spread_of_legs(view, names, name)
     p_value = view.chance(gain / spread, len(columns))
-    gains = unseen_gains(view, others, names)[_telling(view, together, name)]
-    deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) >= _FEW_LEGS else 0.0
-    p_unseen = float(t.sf(gains.mean() / max(deviation, 1e-12), max(len(gains) - 1, 1)))
+    said = _said(view, together, name)
+    gains, telling = unseen_gains(view, others, names), _telling(said)
+    p_unseen = _no_chance(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
     return Tested(name, gain, p_value, spread, float(gains.sum()), p_unseen, _large_enough(view, together, name))
 
 
-def _telling(view: View, fit: Fit, name: str) -> Ints:
-    """The legs that say most of what is said of an effect: those in which nothing happens cannot bear it out."""
+def _said(view: View, fit: Fit, name: str) -> Floats:
+    """What each leg says of an effect of the size that is fitted [L]: the noncentrality of its gain there."""
     assert view.alone is not None
     columns = np.array(view.columns([name]))
     values = fit.values[view.places(fit, name)]
-    said = np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in view.alone])
+    return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in view.alone])
+
+
+def _telling(said: Floats) -> Ints:
+    """The legs that say most of what is said of an effect: those in which nothing happens cannot bear it out."""
     order = np.argsort(-said)
     needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
     return np.asarray(order[:needed])
+
+
+def _no_chance(gains: Floats) -> float:
+    """The chance of such gains of legs where there is no effect (Student 1908).
+
+    They are in units of their scatter, which grows with the root of what a leg says: else a leg that says more than
+    the others would be the scatter of them all.
+    """
+    deviation = gains.std(ddof=1) / np.sqrt(len(gains)) if len(gains) >= _FEW_LEGS else 0.0
+    return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
 def _large_enough(view: View, fit: Fit, name: str) -> bool:

@@ -64,12 +64,12 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
 
 def close_rivals(naming: Naming) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
-    found = [
-        Rival(name, rival, float(less))
-        for name in naming.names
-        for rival, less in rivals_of(naming.view, naming.names, name).items()
-        if less < 3.0 * CLOSE
-    ]
+    found = []
+    for name in naming.names:
+        for rival, less in rivals_of(naming.view, naming.names, name).items():
+            less = min(less, naming.nearer.get((name, rival), less))
+            if less < 3.0 * CLOSE:
+                found.append(Rival(name, rival, float(less)))
     return sorted(found, key=lambda each: each.evidence)
 
 

@@ -141,16 +141,18 @@ def test_what_one_leg_alone_shows_is_not_predicted_by_the_others() -> None:
 
 
 def test_gains_on_unseen_legs_pass_their_test_in_nine_of_ten_at_the_limit() -> None:
-    legs = np.linspace(1.0, 3.0, 20)[:, None, None]
+    legs = np.geomspace(0.2, 5.0, 20)[:, None, None]
     size = predicted_limit(by_hand(1), "hull_fouling", legs)
     each = legs[:, 0, 0]
     scores = size * each + np.sqrt(each) * np.random.default_rng(3).standard_normal((5000, 20))
     gains = size * scores - 0.5 * size**2 * each
-    chance = t.sf(gains.mean(axis=1) / (gains.std(axis=1, ddof=1) / np.sqrt(20)), 19)
+    scaled = gains / (size * np.sqrt(each))
+    chance = t.sf(scaled.mean(axis=1) / (scaled.std(axis=1, ddof=1) / np.sqrt(20)), 19)
     assert np.mean(chance < 0.05) == pytest.approx(0.9, abs=0.04)
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     """At 1.2 times the limit in nine of ten; 20 trials may show 16 by chance."""
     model, sea = Model(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
@@ -159,11 +161,12 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     limit = limits(examined(log, model, 0.01, noise))
     names = [name for name in CATALOGUE if limit[name] < 3.0 * CATALOGUE[name].free_scale[0]]
     names = [name for name in names if CATALOGUE[name].chart == "linear"][::2][:20]
-    found = 0
+    missed = []
     for number, name in enumerate(names, start=1):
         effect = CATALOGUE[name]
         size = effect.values([1.2 * limit[name], *(0.0,) * (len(effect.free_scale) - 1)])
         table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, number, {name: size})
         log, noise = settled(log_of([table]), model, 0.01)
-        found += bool(named(log, model, 0.01, noise).names)
-    assert found >= 0.8 * len(names)
+        if not named(log, model, 0.01, noise).names:
+            missed.append(name)
+    assert len(missed) <= 0.2 * len(names), missed

@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2, kstest
 
 from hybrid.diagnosis.diagnose import suspects
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.name import rivals_of, searched
+from hybrid.diagnosis.name import log_density, moved_to, rivals_of, searched
 from hybrid.diagnosis.standing import FALSE_ALARM, unseen_gains
 from hybrid.diagnosis.standing import tested as stands
 from hybrid.diagnosis.view import View, view_of
@@ -119,6 +119,18 @@ def test_an_effect_that_only_one_leg_shows_is_not_accepted(design: Design) -> No
     assert not stands(view, ("sway_bias",), "sway_bias").accepted
 
 
+def test_an_effect_that_few_legs_show_well_and_others_little_is_accepted(design: Design) -> None:
+    """What a leg gains scatters with what it says: taken as it is, the best legs would be scatter to the rest."""
+    columns = design.columns.copy()
+    column = design.layout.of("sway_bias")[0]
+    columns[:, :, column] *= np.geomspace(0.25, 4.0, len(columns))[:, None]
+    uneven, accepted = with_columns(design, columns), 0
+    for seed in range(10):
+        view = seen(uneven, seed, {"sway_bias": (0.15,)}, by_leg=True)
+        accepted += stands(view, ("sway_bias",), "sway_bias").accepted
+    assert accepted >= 9
+
+
 def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant) -> None:
     """Far above the noise in a very long trial, and still nothing to name."""
     long = a_design(plant, 8, 43, sigmas=2000.0)
@@ -127,6 +139,20 @@ def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant)
     assert result.p_value < 1e-9
     assert not result.large_enough
     assert not result.accepted
+
+
+def test_the_density_of_data_does_not_hang_on_what_the_equations_are_linear_about(design: Design) -> None:
+    """Of a linear problem: with effects taken off and put back, the density of each set is the same."""
+    examination = design.examination(design.data(np.random.default_rng(6), SETS[2]))
+    view, names = view_of(examination), ("ocean_current", "thrust_loss_port")
+    at = moved_to(view, names)
+    z = design.data(np.random.default_rng(6), SETS[2])
+    for name, free in at.items():
+        z = z - design.columns[:, :, design.layout.of(name)] @ np.array(free)
+    model = replace(examination.model, at=at)
+    moved = view_of(replace(design.examination(z), model=model))
+    for some in ((), names, ("heading_bias",)):
+        assert log_density(moved, some) == pytest.approx(log_density(view, some), abs=1e-6)
 
 
 def test_what_is_out_of_bounds_is_not_named(design: Design) -> None:

@@ -12,6 +12,7 @@ from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.next_manoeuvre import (
+    Pair,
     Ranked,
     Rehearsal,
     asked_for,
@@ -49,7 +50,7 @@ def recorded(plant: Plant, vessel: Vessel, legs: Manoeuvre) -> Examination:
 
 
 def ranking(rehearsal: Rehearsal) -> Rank:
-    return lambda name, rival, values: ranked(rehearsal, {name: values}, [(name, rival)])
+    return lambda name, rival, values: ranked(rehearsal, [Pair(name, rival, values)])
 
 
 @pytest.fixture(scope="module")
@@ -82,14 +83,14 @@ def test_port_is_told_from_starboard_by_using_them_unlike(
 ) -> None:
     ranks = after_zigzags(name, rival, values)
     assert set(names_of(ranks)[:3]) == ONE_SIDE_AT_A_TIME
-    gained = {each.candidate.name: each.per_minute for each in ranks}
+    gained = {each.candidate.name: each.gains[0] for each in ranks}
     assert gained["zigzags_20_20"] < 0.1 * gained["one_thruster_at_a_time"]
 
 
 def test_an_offset_is_told_from_a_steady_moment_by_one_thruster(after_zigzags: Rank) -> None:
     ranks = after_zigzags("azimuth_offset_port", "yaw_asymmetry", {"angle_deg": 2.0})
     assert "one_thruster_at_a_time" in names_of(ranks)[:3]
-    gained = {each.candidate.name: each.per_minute for each in ranks}
+    gained = {each.candidate.name: each.gains[0] for each in ranks}
     assert gained["zigzags_20_20"] < 0.7 * gained["one_thruster_at_a_time"]
 
 
@@ -99,7 +100,7 @@ def test_inertia_ahead_is_seen_in_changes_of_speed(after_zigzags: Rank) -> None:
 
 def test_a_current_along_the_one_heading_is_told_from_fouling_by_another_heading(after_one_heading: Rank) -> None:
     ranks = after_one_heading("ocean_current", "hull_fouling", {"speed_mps": 0.2, "direction_deg": 180.0})
-    gained = {each.candidate.name: each.per_minute for each in ranks}
+    gained = {each.candidate.name: each.gains[0] for each in ranks}
     assert gained["reciprocal_headings"] > 1.5 * gained["azimuths_opposed"] > 0.0
 
 
@@ -121,12 +122,39 @@ def test_more_data_never_tell_less(after_zigzags: Rank) -> None:
 
 def test_nothing_separates_an_effect_from_its_double(after_zigzags: Rank) -> None:
     ranks = after_zigzags("heading_bias", "compass_bias", {"angle_deg": 2.0})
-    assert asked_for(ranks, [("heading_bias", "compass_bias")]) is None
+    assert asked_for(ranks, [Pair("heading_bias", "compass_bias", {"angle_deg": 2.0})]) is None
+
+
+def test_a_rival_that_nothing_separates_is_no_reason_not_to_separate_the_others(
+    plant: Plant, vessel: Vessel
+) -> None:
+    legs = tuple(steer(0.0, 150.0, rpm) for rpm in (170.0, 120.0, 190.0, 150.0))
+    rehearsal = rehearsal_of(recorded(plant, vessel, legs), vessel, {})
+    values = {"angle_deg": 1.5}
+    double = Pair("heading_bias", "compass_bias", values)
+    other = Pair("heading_bias", "ocean_current", values)
+    asked = asked_for(ranked(rehearsal, [double, other]), [double, other])
+    assert asked is not None
+    assert asked.separates == ("heading_bias", "ocean_current")
+    assert asked == asked_for(ranked(rehearsal, [other]), [other])
+
+
+def test_what_is_likelier_to_be_true_weighs_more(plant: Plant, vessel: Vessel) -> None:
+    rehearsal = rehearsal_of(recorded(plant, vessel, zigzag(swings=12)), vessel, {})
+    inertia = Pair("surge_added_mass", "drift_force", {"factor": 1.15})
+    offset = Pair("azimuth_offset_port", "azimuth_offset_starboard", {"angle_deg": 0.5})
+
+    def first(*pairs: Pair) -> str:
+        return ranked(rehearsal, pairs)[0].candidate.name
+
+    assert first(replace(inertia, weight=1e-6), offset) == first(offset)
+    assert first(inertia, replace(offset, weight=1e-6)) == first(inertia)
+    assert first(inertia) != first(offset)
 
 
 def test_what_is_asked_for_can_be_read_out_on_the_bridge(after_zigzags: Rank) -> None:
     pair = ("azimuth_offset_port", "azimuth_offset_starboard")
-    asked = asked_for(after_zigzags(*pair, {"angle_deg": 2.0}), [pair])
+    asked = asked_for(after_zigzags(*pair, {"angle_deg": 2.0}), [Pair(*pair, {"angle_deg": 2.0})])
     assert asked is not None
     assert asked.separates == pair
     assert asked.expected_evidence > 4.5

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.name import Naming
+from hybrid.diagnosis.name import CLOSE, Naming
 from hybrid.diagnosis.remainder import remainders
+from hybrid.diagnosis.verdict import close_rivals
 from tests.hybrid.diagnosis.conftest import Diagnosed
 
 Floats = NDArray[np.float64]
@@ -67,3 +68,15 @@ def test_a_moment_that_hangs_on_heading_is_no_effect_of_the_catalogue(diagnosed:
     naming = diagnosed(seed=7, hidden={}, outside={"yaw_moment_4psi": 6e4}, sea="calm", duration_s=3600.0)
     found = [each for each in remainders(naming.view, naming.names) if each.found]
     assert (found[0].depends, found[0].what) == ("heading", "yaw")
+
+
+@pytest.mark.slow
+def test_a_wind_scale_far_from_one_is_compared_with_the_wind_load_where_each_explains_most(
+    diagnosed: Diagnosed,
+) -> None:
+    """About nothing, and about the other, a scale of two looks worse than it is."""
+    scale = {"wind_speed_scale": {"factor": 2.2}}
+    naming = diagnosed(seed=600403, hidden=scale, sea="gentle", programme="zigzags", duration_s=1800.0)
+    assert len(naming.names) == 1
+    alike = {each.name for each in close_rivals(naming) if each.evidence < CLOSE}
+    assert "wind_speed_scale" in {*naming.names, *alike}

@@ -1,0 +1,61 @@
+"""Shapes that what is in no catalogue may have: even, smooth, and none of them a difference of two alike."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hybrid.diagnosis.beyond import Beyond, beyond
+from hybrid.diagnosis.log import Log
+from hybrid.vessel.plant import Plant
+from tests.hybrid.diagnosis.log_by_hand import a_log
+
+
+@pytest.fixture(scope="module")
+def log(plant: Plant) -> Log:
+    return a_log(plant, 400)
+
+
+def shapes(log: Log) -> Beyond:
+    return beyond(log, log.nominal, [])
+
+
+def test_squares_of_coefficients_are_the_mean_square_of_what_they_make(log: Log) -> None:
+    found = shapes(log)
+    for depends in set(found.depends):
+        own = found.features[:, [each == depends for each in found.depends]]
+        assert own.T @ own / len(log) == pytest.approx(np.eye(own.shape[1]), abs=1e-9)
+
+
+def test_azimuths_that_are_held_at_a_few_angles_make_no_steps(log: Log) -> None:
+    """Edges at the angles themselves would make of half a tenth of a degree an angle of its own."""
+    random = np.random.default_rng(1)
+    held = np.deg2rad(random.choice([0.0, 20.0, -20.0, 30.0, -30.0], (len(log), 1, 1), p=[0.4, 0.2, 0.2, 0.1, 0.1]))
+    angle = held + np.deg2rad(0.05) * random.standard_normal((len(log), 1, 1))
+    controls = log.controls.copy()
+    controls[:, :, (1, 3)] = angle
+    found = shapes(replace(log, controls=controls))
+    own = found.features[:, [each == "azimuth" for each in found.depends]]
+    assert own.shape[1] >= 3
+    for side in np.unique(held):
+        same = own[held[:, 0, 0] == side]
+        assert np.ptp(same, axis=0).max() < 0.25
+
+
+def test_a_bank_beside_the_track_is_among_the_places(log: Log) -> None:
+    """A force that falls off within a fifth of the area."""
+    random = np.random.default_rng(2)
+    nominal = np.zeros((3000, 6))
+    nominal[:, :2] = random.uniform(-1000.0, 1000.0, (3000, 2))
+    log = replace(
+        log, controls=np.resize(log.controls, (3000, *log.controls.shape[1:])), nominal=nominal,
+        time_s=np.arange(3000), leg=np.zeros(3000, dtype=np.int64),
+    )  # fmt: skip
+    found = beyond(log, nominal, [])
+    own = found.features[:, [each == "place" for each in found.depends]]
+    bank = np.exp(-np.abs(nominal[:, 0] - 500.0) / 300.0)
+    bank -= bank.mean()
+    left = bank - own @ np.linalg.lstsq(own, bank, rcond=None)[0]
+    assert (left**2).sum() < 0.25 * (bank**2).sum()
