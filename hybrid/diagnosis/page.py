@@ -11,7 +11,7 @@ from analysis.page import Page
 from hybrid.diagnosis.gap_page import add_gap, add_ladder
 from hybrid.diagnosis.grounds_page import add_consistency, add_granted, add_map, add_suspects
 from hybrid.diagnosis.result import Diagnosis, Estimate, Ladder, NamedEffect
-from hybrid.diagnosis.words import chance, listed, number, parameter_title, percent, plain
+from hybrid.diagnosis.words import alternatives, chance, listed, number, parameter_title, percent, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -65,9 +65,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "unknown":
         return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
     if diagnosis.verdict == "indistinguishable":
-        groups = [listed([plain(name) for name in group], "or") for group in diagnosis.indistinguishable]
+        groups = [alternatives(group, _names(diagnosis)) for group in diagnosis.indistinguishable]
         return f"This trial cannot say which is missing: {'; '.join(groups)}"
     return named
+
+
+def _names(diagnosis: Diagnosis) -> list[str]:
+    return [each.name for each in diagnosis.effects]
 
 
 def _named(effects: Sequence[NamedEffect]) -> str:
@@ -113,10 +117,10 @@ def _meaning(diagnosis: Diagnosis) -> str:
         "could be and stay hidden stands in the ranking below.",
         "unknown": "Something remains above the noise that has structure; what it depends on stands below. A name "
         "is not given to it, because none fits.",
-        "indistinguishable": "What is listed together explains the trial equally well. The manoeuvre that would "
-        "separate them stands below.",
+        "indistinguishable": "What is listed together explains the trial equally well.",
     }
-    return f"{says[diagnosis.verdict]} {judged}"
+    after = " The manoeuvre that would separate it best stands below." if diagnosis.next_manoeuvre else ""
+    return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
 def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
@@ -172,7 +176,7 @@ def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
         return
     page.heading("What could stand in its place")
     for group in diagnosis.indistinguishable:
-        page.note(f"This trial cannot tell {listed([plain(each) for each in group], 'from')}.")
+        page.note(f"This trial cannot tell {alternatives(group, _names(diagnosis), 'from')}.")
     if diagnosis.rivals:
         count = min(len(diagnosis.rivals), 15)
 

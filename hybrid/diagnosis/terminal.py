@@ -7,6 +7,7 @@ from rich.text import Text
 
 from hybrid.diagnosis.gap_page import ladder_sentence
 from hybrid.diagnosis.result import Diagnosis, Ladder
+from hybrid.diagnosis.words import alternatives
 
 _VERDICTS = {
     "named": "The model lacks what is named here.",
@@ -20,7 +21,11 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     """The diagnosis in some lines, and what a calibrator adds where one was trained."""
     lines = [Text(_VERDICTS[diagnosis.verdict], style="bold")]
     lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
-    lines += [Text(f"Not to be told apart: {', '.join(group)}.") for group in diagnosis.indistinguishable]
+    names = [each.name for each in diagnosis.effects]
+    lines += [
+        Text(f"These data cannot tell {alternatives(group, names, 'from')}.")
+        for group in diagnosis.indistinguishable
+    ]
     if diagnosis.unknown is not None:
         lines.append(Text(f"What remains looks like {diagnosis.unknown.looks_like}."))
     gap = diagnosis.gap

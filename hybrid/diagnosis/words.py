@@ -26,6 +26,22 @@ def listed(words: Sequence[str], last: str = "and") -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
 
 
+ONE_OF_THEM = "one effect of their family that is not in the catalogue"
+"""What all effects of a group may stand for that are named together."""
+
+
+def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
+    """Effects of which the data do not tell which it is; or, where all are named, that may be one unknown.
+
+    >>> alternatives(["trim", "skeg"], ["trim"])
+    'trim or skeg'
+    >>> alternatives(["trim", "skeg"], ["skeg", "trim"], "from")
+    'trim and skeg from one effect of their family that is not in the catalogue'
+    """
+    words = [plain(name) for name in group]
+    return f"{listed(words)} {last} {ONE_OF_THEM}" if set(group) <= set(named) else listed(words, last)
+
+
 def number(value: float) -> str:
     """Three figures, without exponents where people read none.
 

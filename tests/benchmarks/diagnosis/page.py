@@ -29,6 +29,7 @@ from tests.benchmarks.diagnosis.scoring import (
     in_set,
     mean_set_size,
     named_alone,
+    named_for_unknown,
     names,
     names_something,
     of_group,
@@ -39,6 +40,7 @@ from tests.benchmarks.diagnosis.scoring import (
     share,
     silently_wrong,
     undecided_rightly,
+    wrong_in_doubt,
 )
 from tests.benchmarks.diagnosis.text import ABOUT, GROUPS_ARE, HEAD
 
@@ -114,12 +116,13 @@ def _outside_scores(results: Sequence[Result]) -> list[Row]:
     unknown = [each for each in outside if says_unknown(each)]
     return [
         ("outside the catalogue: `unknown`", str(share(outside, says_unknown)), "90 %"),
-        ("outside the catalogue: an effect named without `unknown`", str(share(outside, silently_wrong)), ""),
+        ("outside the catalogue: an effect named without `unknown`", str(share(outside, named_for_unknown)), ""),
         ("outside the catalogue: any effect named", str(share(outside, names_something)), "at most 5 %"),
         ("outside the catalogue, `unknown`: on what it depends right", str(share(unknown, place_right)), ""),
         ("outside the catalogue, `unknown`: axis right", str(share(unknown, axis_right)), ""),
         ("outside the catalogue: its forces, rms, median", size, ""),
         ("taken out of the catalogue: silently misnamed", str(share(without, silently_wrong)), "at most 10 %"),
+        ("taken out of the catalogue: misnamed, `indistinguishable`", str(share(without, wrong_in_doubt)), ""),
         ("taken out of the catalogue: `unknown`", str(share(without, says_unknown)), ""),
         ("taken out of the catalogue: named in the right family", str(share(without, right_family)), ""),
         ("taken out of the catalogue: nothing said", str(share(without, lambda each: not detected(each))), ""),

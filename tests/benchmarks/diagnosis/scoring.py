@@ -118,8 +118,18 @@ def in_set(result: Result) -> bool:
 
 
 def silently_wrong(result: Result) -> bool:
-    """Whether an effect that is not there is named, and nothing said of the unknown."""
-    return bool(set(names(result)) - truths(result)) and not says_unknown(result)
+    """Whether an effect that is not there is named without a doubt: neither `unknown` nor `indistinguishable`."""
+    return bool(set(names(result)) - truths(result)) and result["said"]["verdict"] == "named"
+
+
+def wrong_in_doubt(result: Result) -> bool:
+    """Whether an effect that is not there is listed, and said to be one of several possible causes."""
+    return bool(set(names(result)) - truths(result)) and result["said"]["verdict"] == "indistinguishable"
+
+
+def named_for_unknown(result: Result) -> bool:
+    """Whether an effect is named and nothing said of the unknown."""
+    return names_something(result) and not says_unknown(result)
 
 
 def place_right(result: Result) -> bool:

@@ -40,7 +40,10 @@ shows.
   that something remains. That size follows from the gain of the family of remainders that stands out most in a
   trial where it is alone, beside whatever the search names there: less what chance gives, the gain grows with
   the square of the size.
-- **without**: an effect at 3 times its limit that the analyst's catalogue lacks.
+- **without**: an effect at 3 times its limit that the analyst's catalogue lacks. Silently misnamed is what is
+  `named` and is not there; beside it stand `unknown` and `indistinguishable`, which say that it may be another.
+  Two effects often make up one that is lacking, a loss of thrust at port and one at starboard that at both: then
+  no data tell.
 - **cannot tell**: effects at 3 times their limit in trials of one heading, of one speed with turns, of both,
   and of zigzags with both thrusters always alike; cases are those in which another effect of free size differs
   by less than 4 in twice the log likelihood. Where a manoeuvre is proposed, the same ship makes it another day,

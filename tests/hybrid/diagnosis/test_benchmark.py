@@ -23,7 +23,9 @@ from tests.benchmarks.diagnosis.scoring import (
     names,
     place_right,
     says_unknown,
+    silently_wrong,
     undecided_rightly,
+    wrong_in_doubt,
 )
 from tests.benchmarks.diagnosis.second_trial import orders_of
 from tests.benchmarks.diagnosis.sound import placed
@@ -181,6 +183,15 @@ def test_a_rival_counts_for_the_set_and_not_for_the_name() -> None:
     assert not exact(result("singles", alike, "skeg"))
     assert not in_set(result("singles", alike, "loading"))
     assert names(result("singles", said("unknown"), "skeg")) == []
+
+
+def test_a_wrong_name_is_silent_only_where_nothing_is_said_of_another() -> None:
+    alike = said("indistinguishable", "trim", alike=(("trim", "skeg"),))
+    for says, silent, doubt in ((said("named", "trim"), True, False), (alike, False, True)):
+        case = result("without", says, "loading")
+        assert (silently_wrong(case), wrong_in_doubt(case)) == (silent, doubt)
+    assert not silently_wrong(result("without", said("unknown", "trim"), "loading"))
+    assert not silently_wrong(result("without", said("named", "trim"), "trim"))
 
 
 def test_directions_are_compared_around_the_circle() -> None:

@@ -85,6 +85,18 @@ def test_every_verdict(verdict: str, sentence: str, words: list[str]) -> None:
         assert each in text
 
 
+def test_two_that_may_be_one() -> None:
+    """Both are named, and the page says what cannot be known; no manoeuvre would tell."""
+    two = of_verdict("indistinguishable")
+    losses = tuple(replace(two.effects[0], name=f"thrust_loss_{side}") for side in ("port", "starboard"))
+    group = tuple(each.name for each in losses)
+    text = "".join(page_of(replace(
+        two, effects=losses, rivals=(), indistinguishable=(group,), next_manoeuvre=None
+    ), Extras()).parts)  # fmt: skip
+    assert "cannot tell thrust loss port and thrust loss starboard from one effect of their family" in text
+    assert "manoeuvre that would separate" not in text
+
+
 def test_unknown_alone() -> None:
     """Without any name the sentence begins with what is missing."""
     alone = replace(of_verdict("unknown"), effects=())
