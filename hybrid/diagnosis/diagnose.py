@@ -97,7 +97,7 @@ def _diagnosed(
     if found:
         gap = against_noise(gap, first.view.examination)
     rivals = close_rivals(naming)
-    unknown = unexplained(found, [catalogue[name] for name in naming.names], max(0.0, 1.0 - gap.gap.closed))
+    unknown = unexplained(found, [catalogue[name] for name in naming.names], _left_open(gap))
     one = perhaps_one(naming.view, naming.names) if unknown is None else []
     tied = [*groups(naming.names, rivals), *one] if unknown is None else []
     progress(0.8)
@@ -163,6 +163,11 @@ def _gap(naming: Naming, log: Log, found: Sequence[Remainder]) -> HeldOut:
     others = frozenset(naming.view.names) - set(naming.names)
     barred = others if found or not naming.names else frozenset[str]()
     return held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), barred)
+
+
+def _left_open(gap: HeldOut) -> float:
+    """The share of the gap that stays open."""
+    return min(1.0, max(0.0, 1.0 - gap.gap.closed))
 
 
 def _next_manoeuvre(

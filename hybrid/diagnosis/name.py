@@ -165,7 +165,8 @@ def _begun(
     densities, places = dict[tuple[str, ...], float](), []
     for start in starts:
         at, seen = _about_itself(view, look, start)
-        densities[start] = log_density(seen, start)
+        if seen.possible(start):
+            densities[start] = log_density(seen, start)
         places.append((log_density(seen, searched(seen, barred)), at))
     return max(places, key=lambda each: each[0])[1], densities
 
@@ -176,7 +177,7 @@ def _about_itself(
     """A set of effects at the values that explain most, as far as two steps go, and the view about them."""
     at = moved_to(view, names)
     seen = look(at)
-    if stays(seen, names, at, _SETTLED, _SETTLED_SHARE):
+    if not seen.possible(names) or stays(seen, names, at, _SETTLED, _SETTLED_SHARE):
         return at, seen
     at = moved_to(seen, names)
     return at, look(at)

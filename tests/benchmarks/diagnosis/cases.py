@@ -11,16 +11,18 @@ from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.other_ship.outside import OUTSIDE
 
 Size = Literal["small", "full"]
-GROUPS = ("nothing", "singles", "pairs", "triples", "outside", "without", "cannot_tell")
+GROUPS = ("nothing", "singles", "model_off", "pairs", "triples", "outside", "without", "cannot_tell")
 
+_USUAL = Design(0, "", "", 0.0)
 _PROGRAMME_S, _SHORT_S, _SMALL_S = 3600.0, 1800.0, 1500.0
 _NULL_SEED, _SEED = 300_000, 600_000
 _SEEDS = 8
 _OWN_EVERY = 10
+_ABOUT_TOLERANCE = 1.3  # percent of the thrusters' mean square; their range is larger
 _VARIATIONS: tuple[dict[str, Any], ...] = (
     {},
-    {"model_error_percent": 1.3, "model_error_form": "coefficients"},
-    {"model_error_percent": 1.3, "model_error_form": "polynomial"},
+    {"model_error_percent": _ABOUT_TOLERANCE, "model_error_form": "coefficients"},
+    {"model_error_percent": _ABOUT_TOLERANCE, "model_error_form": "polynomial"},
     {"noise": 2.0},
     {"correlated": True},
     {"outliers": 0.01},
@@ -57,12 +59,17 @@ class Case:
         what = "+".join(self.effects) or self.outside or (f"{self.number}-drawn" if self.number else "nothing")
         return f"{self.group}/{self.design.key}/{what}/x{self.multiple:g}"
 
+    @property
+    def sound_design(self) -> Design:
+        """The trial from which sizes follow: the same with an exact model."""
+        return replace(self.design, model_error_percent=0.0, model_error_form=_USUAL.model_error_form)
+
 
 def cases_of(size: Size) -> list[Case]:
     """All cases, by group in the order of :data:`GROUPS`."""
     make = {
-        "nothing": _nothing, "singles": _singles, "pairs": _pairs, "triples": _triples, "outside": _outside,
-        "without": _without, "cannot_tell": _cannot_tell,
+        "nothing": _nothing, "singles": _singles, "model_off": _model_off, "pairs": _pairs, "triples": _triples,
+        "outside": _outside, "without": _without, "cannot_tell": _cannot_tell,
     }  # fmt: skip
     return [case for group in GROUPS for case in make[group](size)]
 
@@ -112,6 +119,19 @@ def _singles(size: Size) -> list[Case]:
     for number, (name, (sea, programme), multiple) in enumerate(product(names, kinds, (1.2, 2.0, 4.0))):
         own = number % _OWN_EVERY == 0
         cases.append(Case("singles", _family(programme, sea, number // 3, size, own), (name,), 1, multiple))
+    return cases
+
+
+def _model_off(size: Size) -> list[Case]:
+    """Singles where the model is off by about the tolerance: intervals have to hold the truth there, too."""
+    cases = []
+    for number, name in enumerate(CATALOGUE if size == "full" else ("hull_fouling", "thrust_loss_port")):
+        sea, programme = ("calm", "gentle", "moderate")[number % 3], ("programme", "zigzags")[number % 2]
+        form = ("coefficients", "polynomial")[number // 2 % 2]
+        design = replace(
+            _family(programme, sea, number, size), model_error_percent=_ABOUT_TOLERANCE, model_error_form=form
+        )
+        cases.append(Case("model_off", design, (name,), 1, 3.0))
     return cases
 
 

@@ -106,6 +106,7 @@ def _scores(results: Sequence[Result]) -> list[Row]:
         *_outside_scores(results),
         *_design_scores(results),
         *_parameter_scores(hidden),
+        *_off_scores(results),
         _seconds(results),
     ]
 
@@ -160,6 +161,21 @@ def _parameter_scores(hidden: Sequence[Result]) -> list[Row]:
         ("parameters: 95 % intervals that hold the truth", str(covered(hidden)), "93-97 %"),
         ("gap closed in rightly `named` cases: at least 0.95", str(share(rightly, _closes)), ""),
         ("gap closed in rightly `named` cases: median", median, "at least 0.95"),
+    ]
+
+
+def _off_scores(results: Sequence[Result]) -> list[Row]:
+    """Where the model is off by about what it is granted: there the intervals are as wide as they have to be."""
+    off = of_group(results, "model_off")
+    low, middle, high, rms, count = error_quartiles(off)
+    errors = f"{middle:.2f} ({low:.2f} to {high:.2f}; {rms:.2f}) of {count}" if count else "no case"
+    error = _tolerances([against_tolerance(each, each["truth"]["model_error"]["error_rms"]) for each in off])
+    return [
+        ("singles, the model off: named, nothing else", str(share(named_alone(off), exact)), ""),
+        ("singles, the model off: in the reported set", str(share(off, in_set)), ""),
+        ("singles, the model off: median error over the bound (quartiles; rms)", errors, ""),
+        ("singles, the model off: 95 % intervals that hold the truth", str(covered(off)), ""),
+        ("singles, the model off: model error, rms, median", error, ""),
     ]
 
 

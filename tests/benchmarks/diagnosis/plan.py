@@ -36,7 +36,7 @@ def preparations(cases: Sequence[Case]) -> list[Job]:
             size = SizeOutside(case.outside, case.design)
             jobs[size.key] = size
         elif case.number:
-            jobs[case.design.key] = case.design
+            jobs[case.sound_design.key] = case.sound_design
     return list(jobs.values())
 
 
@@ -55,7 +55,7 @@ def planned(cases: Sequence[Case], results: Results) -> Plan:
         elif not case.number:
             plan.cases.append(Planned(case, {}, {}))
         else:
-            _plan_hidden(case, sound(case.design), plan)
+            _plan_hidden(case, sound(case.sound_design), plan)
     return plan
 
 

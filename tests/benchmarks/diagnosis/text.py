@@ -34,6 +34,9 @@ shows.
   times its ordinary size, or whose size would be out of bounds, cannot be identified by that trial and is no
   case. Nor does a name count that a trial of that kind cannot give: where another effect of free size differs
   by less than 9 in twice the log likelihood, only the reported set is judged.
+- **singles, the model off**: each effect at 3 times its limit where the model is off by about the tolerance, in the
+  forms of coefficients or of a polynomial. Intervals are as wide as this error takes; where the model is exact
+  they are wider than they need be, which nobody aboard can know.
 - **pairs**, **triples**: effects of different families, each at 2 to 4 times its limit given the others; drawn
   among those that keep a quarter of their information when the others are unknown, and that nothing imitates.
 - **outside**: what no effect of the catalogue describes, at 3 times the size at which nine of ten trials show

@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2, kstest
 
 from hybrid.diagnosis.diagnose import suspects
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.name import log_density, moved_to, rivals_of, searched
+from hybrid.diagnosis.name import Coordinates, _about_itself, log_density, moved_to, rivals_of, searched
 from hybrid.diagnosis.standing import FALSE_ALARM, unseen_gains
 from hybrid.diagnosis.standing import tested as stands
 from hybrid.diagnosis.view import View, view_of
@@ -153,6 +153,21 @@ def test_the_density_of_data_does_not_hang_on_what_the_equations_are_linear_abou
     moved = view_of(replace(design.examination(z), model=model))
     for some in ((), names, ("heading_bias",)):
         assert log_density(moved, some) == pytest.approx(log_density(view, some), abs=1e-6)
+
+
+def test_nobody_steps_out_of_bounds_to_see_what_is_there(design: Design) -> None:
+    """What is possible about nothing may, linear about itself, ask for more than there can be."""
+    view, names = seen(design, 2, {"thrust_loss_port": (-0.12,)}), ("thrust_loss_port",)
+    beyond = seen(design, 2, {"thrust_loss_port": (-3.0,)})
+    asked: list[Coordinates] = []
+
+    def look(at: Coordinates) -> View:
+        asked.append(at)
+        return beyond
+
+    at, last = _about_itself(view, look, names)
+    assert asked == [at] == [moved_to(view, names)]
+    assert last is beyond
 
 
 def test_what_is_out_of_bounds_is_not_named(design: Design) -> None:
