@@ -24,9 +24,10 @@ from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
+from hybrid.diagnosis.sentences import sentence
 from hybrid.diagnosis.settle import settled
 from hybrid.diagnosis.siblings import perhaps_one
-from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, sentence, unexplained, verdict_of
+from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, unexplained, verdict_of
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import map_of, notable
 from hybrid.diagnosis.words import listed, plain
@@ -116,7 +117,7 @@ def _diagnosed(
         next_manoeuvre=None if found else _next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
         suspects=suspects(first.view),
         tracks=gap.tracks,
-        remarks=_remarks(log, vessel, effects, one),
+        remarks=_remarks(log, vessel, effects, one, gap),
         provenance={**(provenance or {}), **_granted(first, noise)},
     )
     return Examined(diagnosis, naming, tuple(found), gap, Extras(*maps, stated(sensors) if sensors else ()))
@@ -231,7 +232,7 @@ def suspects(view: View) -> tuple[Suspect, ...]:
 
 
 def _remarks(
-    log: Log, vessel: Vessel, effects: Sequence[NamedEffect], one: Sequence[tuple[str, ...]]
+    log: Log, vessel: Vessel, effects: Sequence[NamedEffect], one: Sequence[tuple[str, ...]], gap: HeldOut
 ) -> tuple[str, ...]:
     remarks = []
     if not log.wind[:, 1].any():
@@ -247,6 +248,10 @@ def _remarks(
         remarks.append(
             f"{listed([plain(name) for name in group])} are of one family, {family}: together they may be one "
             "effect that is not in the catalogue"
+        )
+    if effects and gap.gap.closed < 0.0:
+        remarks.append(
+            "predictions are no better with what was named: what the model lacks besides is larger, and hides it"
         )
     for each in effects:
         if each.name in vessel.effects:

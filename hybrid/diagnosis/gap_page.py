@@ -24,27 +24,35 @@ _TITLES = {
 }
 
 
+_FLOOR = (
+    " From before down to the floor is what could be closed, from before down to after is what is. The floor is "
+    "the model with the sizes that all legs together give."
+)
+
+
 def add_gap(page: Page, diagnosis: Diagnosis) -> None:
     """The gap, the error by second and some windows."""
     from hybrid.diagnosis import plots
 
-    left = "that nobody can predict" if diagnosis.unknown is None else "and what remains without a name"
+    known = diagnosis.unknown is None
+    floor = (
+        "the error of the model with all that was named at its best: noise, gusts and waves that nobody can predict"
+        if known
+        else "what the levels of noise, gusts and waves alone would leave"
+    )
     page.heading("The gap, before and after")
     page.figure(
         lambda figure: plots.gap(figure.subplots(), diagnosis),
         (8, 1.0 + 0.34 * (3 + len(diagnosis.effects))),
-        "What each named effect takes off the error on held-out windows. The floor is the error of the model with "
-        f"all that was named at its best: noise, gusts and waves {left}.",
+        f"What each named effect takes off the error on held-out windows. The floor is {floor}.",
     )
     tracks = None if diagnosis.tracks is None else plots.whole_windows(diagnosis.tracks)
     if tracks is None or not len(tracks.measured):
         return
     page.figure(
-        lambda figure: plots.error_by_second(figure.subplots(), tracks),
+        lambda figure: plots.error_by_second(figure.subplots(), tracks, known),
         (8, 3.4),
-        "How the error grows with the time predicted, mean over all held-out windows. From before down to the "
-        "floor is what could be closed, from before down to after is what is. The floor is the model with the "
-        "sizes that all legs together give.",
+        f"How the error grows with the time predicted, mean over all held-out windows.{_FLOOR if known else ''}",
     )
     page.figure(
         lambda figure: plots.window_tracks(figure, tracks),

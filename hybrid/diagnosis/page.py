@@ -11,7 +11,7 @@ from analysis.page import Page
 from hybrid.diagnosis.gap_page import add_gap, add_ladder
 from hybrid.diagnosis.grounds_page import add_consistency, add_granted, add_map, add_suspects
 from hybrid.diagnosis.result import Diagnosis, Estimate, Ladder, NamedEffect
-from hybrid.diagnosis.words import alternatives, chance, listed, number, parameter_title, percent, plain
+from hybrid.diagnosis.words import DEPENDS, alternatives, chance, listed, number, parameter_title, percent, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,8 +86,7 @@ def _named(effects: Sequence[NamedEffect]) -> str:
 
 def _about(diagnosis: Diagnosis) -> str:
     known = diagnosis.provenance
-    files = [Path(str(each)).name for each in known.get("files", ())]
-    parts = [", ".join(files), f"vessel {known['vessel']}" if "vessel" in known else ""]
+    parts = [str(known.get("recordings", "")), f"vessel {known['vessel']}" if "vessel" in known else ""]
     return "; ".join(["Diagnosis", *(each for each in parts if each)])
 
 
@@ -168,7 +167,7 @@ def _add_unknown(page: Page, diagnosis: Diagnosis) -> None:
         return
     page.note(f"It looks like {unknown.looks_like}; it keeps {percent(unknown.share_of_gap)} of the gap open.")
     if unknown.where:
-        page.text(f"It goes with {listed([plain(each) for each in unknown.where])}.")
+        page.text(f"It goes with {listed([DEPENDS.get(each, plain(each)) for each in unknown.where])}.")
 
 
 def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:

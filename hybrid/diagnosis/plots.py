@@ -115,7 +115,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     widths, colours = [*widths, whole.after_m, whole.floor_m], [*colours, INK, FAINT]
     bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
-        sign = "" if start == 0.0 else "\u2212"
+        sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.3g} m", va="center", fontsize=8, color=INK)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
@@ -138,13 +138,14 @@ def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> list[Artist]:
     return artists
 
 
-def error_by_second(axes: Axes, tracks: Tracks) -> list[Artist]:
+def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> list[Artist]:
     """The mean distance from what was measured against the second of the prediction, all of it known.
 
-    What could be closed lies between before and the floor, what is closed between before and after.
+    What could be closed lies between before and the floor, what is closed between before and after. Where something
+    unknown remains, no model is ``known`` whose tracks would be the floor.
     """
     artists: list[Artist] = []
-    for label, track, colour in [*_predictions(tracks), ("floor", tracks.floor, INK)]:
+    for label, track, colour in [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known else [])]:
         mean = distances_m(track, tracks.measured).mean(axis=0)
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
         artists += axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from math import atan2, degrees, hypot, isfinite
+from collections.abc import Sequence
+from math import atan2, degrees, hypot
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from hybrid.diagnosis.beyond import AXES, OPERATION
 from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
 from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
-from hybrid.diagnosis.words import number, plain
+from hybrid.diagnosis.words import DEPENDS, plain
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
@@ -118,95 +118,5 @@ def looks_like(remainder: Remainder) -> str:
     if remainder.what in AXES:
         kind = "moment" if remainder.what == "yaw" else "force"
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
-        return f"a {remainder.what} {kind} of some {size} that varies with {_WORDS[remainder.depends]}"
-    return f"{plain(remainder.what)} that varies with {_WORDS[remainder.depends]}"
-
-
-_WORDS = {
-    "heading": "the heading",
-    "place": "the place",
-    "time": "time",
-    "azimuth": "large azimuth angles",
-    OPERATION: "speed and thrusters",
-}
-
-
-def sentence(effect: Effect, parameters: Mapping[str, Estimate], share_of_gap: float) -> str:
-    """A named effect in one plain sentence, with its size, certainty and share of the gap."""
-    what = _SAYS.get(effect.name, _general)(effect, parameters)
-    ends = "; ".join(_span(each) for each in parameters.values())
-    return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
-
-
-def _span(estimate: Estimate) -> str:
-    return (
-        f"{number(estimate.low)}-{number(estimate.high)}"
-        if estimate.low >= 0.0
-        else (f"{number(estimate.low)} to {number(estimate.high)}")
-    )
-
-
-def _general(effect: Effect, parameters: Mapping[str, Estimate]) -> str:
-    sizes = ", ".join(
-        f"{name.rsplit('_', 1)[0]} {number(each.value)} {each.unit}" for name, each in parameters.items()
-    )
-    return f"The model lacks {effect.name.replace('_', ' ')}: {sizes.replace(' 1,', ',').removesuffix(' 1')}"
-
-
-def _current(effect: Effect, p: Mapping[str, Estimate]) -> str:
-    return (
-        f"The ship drifts with a current of {number(p['speed_mps'].value)} m/s "
-        f"towards {p['direction_deg'].value:.0f} deg"
-    )
-
-
-def _waves(effect: Effect, p: Mapping[str, Estimate]) -> str:
-    return (
-        f"Waves push the ship with {number(p['force_n'].value)} N in beam sea towards "
-        f"{p['direction_deg'].value:.0f} deg"
-    )
-
-
-def _loading(effect: Effect, p: Mapping[str, Estimate]) -> str:
-    change = 100.0 * (p["mass_factor"].value - 1.0)
-    return f"The ship is {number(abs(change))} % {'heavier' if change >= 0.0 else 'lighter'} than her model"
-
-
-def _first(text: str) -> Callable[[Effect, Mapping[str, Estimate]], str]:
-    """A sentence about the first parameter: its value, or its change in percent."""
-
-    def say(effect: Effect, parameters: Mapping[str, Estimate]) -> str:
-        value = next(iter(parameters.values())).value
-        neutral = effect.parameters[0].neutral
-        change = 100.0 * (value - neutral) if isfinite(neutral) else value
-        more = "more" if value >= neutral else "less"
-        return text.format(value=number(value), percent=f"{abs(change):.3g}", more=more)
-
-    return say
-
-
-_SAYS = {
-    "ocean_current": _current,
-    "wave_drift": _waves,
-    "hull_lengthening": _first("The ship is {value} m longer than her model"),
-    "loading": _loading,
-    "hull_fouling": _first("The hull has {percent} % {more} resistance straight ahead"),
-    "cross_flow_drag": _first("The hull has {percent} % {more} cross-flow drag"),
-    "yaw_damping": _first("The hull has {percent} % {more} resistance to turning"),
-    "wind_load": _first("The wind loads are {percent} % {more} than the tables say"),
-    "towed_load": _first("Something holds the ship back with a steady {value} N"),
-    "yaw_asymmetry": _first("A steady moment of {value} N m turns the ship"),
-    "shallow_water": _first("The water is about {value} m deep, and the hull feels it"),
-    "thrust_loss_port": _first("The port thruster lacks {percent} % of its thrust"),
-    "thrust_loss_starboard": _first("The starboard thruster lacks {percent} % of its thrust"),
-    "thrust_loss_both": _first("Both thrusters lack {percent} % of their thrust"),
-    "azimuth_offset_port": _first("The port azimuth truly stands {value} deg beyond what it reports"),
-    "azimuth_offset_starboard": _first("The starboard azimuth truly stands {value} deg beyond what it reports"),
-    "azimuth_offset_both": _first("Both azimuths truly stand {value} deg beyond what they report"),
-    "thruster_lag": _first("The thrusters follow what is recorded {value} s late"),
-    "heading_bias": _first("The compass reads {value} deg too much"),
-    "position_antenna_offset": _general,
-    "position_delay": _first("Positions are stamped {value} s too late"),
-    "speed_scale": _first("Reported speeds are {value} times the true ones"),
-    "wind_direction_bias": _first("The wind vane reads {value} deg too much"),
-}
+        return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
+    return f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"

@@ -7,6 +7,15 @@ from math import inf
 
 _SMALL = 0.001
 
+DEPENDS = {
+    "heading": "the heading",
+    "place": "the place",
+    "time": "time",
+    "azimuth": "large azimuth angles",
+    "operating point": "speed and thrusters",
+}
+"""What something unknown may depend on."""
+
 
 def plain(name: str) -> str:
     """An effect's or a channel's name for people.
