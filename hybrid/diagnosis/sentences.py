@@ -29,7 +29,7 @@ def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple
     In percent of change where the text has percent.
     """
     neutral = effect.parameters[0].neutral
-    less = len(texts) == 2 and estimate.value < neutral
+    less = len(texts) == 2 and bool(estimate.value < neutral)
     text = texts[less]
 
     def size(value: float) -> float:

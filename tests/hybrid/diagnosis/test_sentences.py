@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -49,7 +50,8 @@ def test_sizes_in_words(name: str, ranges: list[tuple[float, float, float]], wor
 def test_every_effect_has_a_sentence_of_its_own(name: str, share: float) -> None:
     """With its share, and in other words than those for what nobody knows."""
     effect = CATALOGUE[name]
-    ranges = [(0.5 * max(each.low, -9.0) + share, -9.0, 9.0) for each in effect.parameters]
+    value = np.float64(share)  # as fits give them
+    ranges = [(0.5 * max(each.low, -9.0) + value, -9.0, 9.0) for each in effect.parameters]
     text = said(name, *ranges, share=abs(share))
     assert "The model lacks" not in text
     assert "{" not in text
