@@ -6,6 +6,8 @@ first, and what tells an outlier.
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
@@ -25,6 +27,11 @@ Ints = NDArray[np.int64]
 
 STEPS_PER_SECOND = 4
 """Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
+
+Reading = Literal["line", "until the next record", "since the last record"]
+"""What a setting does between two records: moves on a straight line, stays as it was, or is already what comes."""
+
+READINGS: tuple[Reading, ...] = get_args(Reading)
 
 MOTION = (*POSE, *VELOCITY)
 """The channels of the motion."""
@@ -124,12 +131,12 @@ def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats
     return mean, weight / np.maximum(number, 1)[:, None]
 
 
-def mean_settings(table: pd.DataFrame, seconds: Ints) -> Floats:
+def mean_settings(table: pd.DataFrame, seconds: Ints, reading: Reading = "line") -> Floats:
     """The thrusters' mean setting in each quarter of the second after each node [T, 4, 5]."""
     quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
     result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
     for column, name in enumerate(COMMAND):
-        mean = _means(table, name, quarters + float(seconds[0])) * CONTROL_UNITS[column]
+        mean = _means(table, name, quarters + float(seconds[0]), reading) * CONTROL_UNITS[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 
@@ -165,8 +172,8 @@ def _filled(values: Floats) -> Floats:
     return np.interp(np.arange(len(values)), known, values[known])
 
 
-def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
-    """The mean of a channel, linear between its samples, from each edge to the next; NaN across long gaps."""
+def _means(table: pd.DataFrame, name: str, edges_s: Floats, reading: Reading = "line") -> Floats:
+    """The mean of a channel, as read between its samples, from each edge to the next; NaN across long gaps."""
     values = table[name].to_numpy(dtype=float)
     rows = np.isfinite(values)
     times, values = times_ns(table)[rows] / NANO, values[rows]
@@ -174,13 +181,21 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats) -> Floats:
         return np.full(len(edges_s) - 1, np.nan)
     if name in CIRCULAR:
         values = unwrap(values)
-    upto = _integral(*_with_corners(times, _without_blips(times, values)), edges_s)
+    upto = _integral(*_path(times, _without_blips(times, values), reading), edges_s)
     steps = np.diff(times)
     gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
     in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
     crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
     outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
     return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
+
+
+def _path(times_s: Floats, values: Floats, reading: Reading) -> tuple[Floats, Floats]:
+    """Points that are joined by straight lines: with corners between the samples, or two at each step."""
+    if reading == "line":
+        return _with_corners(times_s, values)
+    times, twice = np.repeat(times_s, 2), np.repeat(values, 2)
+    return (times[1:], twice[:-1]) if reading == "until the next record" else (times[:-1], twice[1:])
 
 
 def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:

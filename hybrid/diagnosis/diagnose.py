@@ -22,6 +22,7 @@ from hybrid.diagnosis.name import Naming, moved_to, named
 from hybrid.diagnosis.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
+from hybrid.diagnosis.reading import read_as_fits
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
 from hybrid.diagnosis.sentences import sentence
@@ -87,7 +88,10 @@ def _diagnosed(
     model = model_of(vessel, catalogue)
     log = log_of(tables)
     progress(0.1)
-    log, noise = settled(log, model, tolerance, _part(progress, 0.1, 0.35))
+    log, noise = settled(log, model, tolerance, _part(progress, 0.1, 0.3))
+    read = read_as_fits(log, tables, model, tolerance, noise)
+    if read is not log:
+        log, noise = settled(read, model, tolerance, _part(progress, 0.3, 0.35))
     sensors = contradictory(log, model, noise)
     progress(0.4)
     first = _in_form(named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6)))
@@ -237,7 +241,11 @@ def _remarks(
     remarks = []
     if not log.wind[:, 1].any():
         remarks.append("no wind was recorded: what the wind does cannot be told from other causes")
-    if log.setting_step_s > 0.5:
+    if log.reading != "line":
+        remarks.append(
+            f"thruster settings are read as held {log.reading}: with lines between them the motion is less likely"
+        )
+    elif log.setting_step_s > 0.5:
         remarks.append(
             f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
         )

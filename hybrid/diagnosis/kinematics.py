@@ -14,7 +14,7 @@ import numpy as np
 
 from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.examine import Examination, Layout, products_of
-from hybrid.diagnosis.linearise import Linear, Model, linear_model, reported, signatures
+from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, reported, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import CLOSE, Coordinates, Naming, moved_to, rivals_of, searched, stays
 from hybrid.diagnosis.noise import Noise
@@ -28,6 +28,8 @@ from hybrid.effects import Catalogue
 from hybrid.vessel.compiling import Floats
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
+_ALL_LATE_S = 10.0  # by as much all sensors together may be late: without dynamics nobody would know
+_LATE = {"position_delay": slice(0, 2), "heading_delay": slice(2, 3), "speed_delay": slice(3, 6)}
 _LOOKS = 6
 _SETTLED = 0.5  # of a standard error
 
@@ -117,20 +119,21 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
     """The log through the sensors' effects only; what is tolerated of each sensor is a nuisance.
 
     The motion that the equations are linear about stays: sensors that err are no reason to doubt where the ship
-    went, and only what they report of it moves with the effects.
+    went, and only what they report of it moves with the effects. One delay of all sensors is a nuisance too: it is
+    seen only as far as motions within a second are not those of even changes of speed.
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
     seen = reported(log, model.plant(), linear.origin) + _between(log, linear.origin)
     linear = replace(linear, observed=log.measured - seen)
-    effects = signatures(log, model, linear.origin, list(model.catalogue))
+    effects, late = _signatures(log, model, linear.origin)
     granted = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
     layout = Layout(
         effect=tuple(each.effect for each in effects),
         prior=scales,
         tolerated=granted,
-        wind=0,
+        wind=1,  # all sensors late together
         features=0,
         varied=(),
         varied_prior=np.zeros(0),
@@ -138,17 +141,33 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
         depends=(),
     )
     loose = without_dynamics(noise, linear)
-    products = products_of(log, linear, columns_of(linear, effects), loose)
+    products = products_of(log, linear, columns_of(linear, [*effects, late]), loose)
     some = np.flatnonzero(granted > 0.0)
-    none = ForceRange(0.0, 0.0, 0.0)
+    nuisance = np.concatenate([1 + some, [layout.first_wind]])
     return Examination(
-        log, model, linear, tuple(effects), none, 0.0, loose, layout, products, 1 + some, granted[some]
-    )
+        log, model, linear, tuple(effects), ForceRange(0.0, 0.0, 0.0), 0.0, loose, layout, products,
+        nuisance, np.concatenate([granted[some], [_ALL_LATE_S]]),
+    )  # fmt: skip
 
 
-def _between(log: Log, origin: Floats) -> Floats:
-    """How the mean state at the samples' times differs from that at the full second [T, 6], by kinematics alone.
+def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], Signature]:
+    """What each sensor effect does, and what it does to be late with everything; delays by kinematics alone."""
+    none = np.zeros_like(origin)
+    late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    effects = []
+    for each in signatures(log, model, origin, list(model.catalogue)):
+        if each.effect in _LATE:
+            own = none.copy()
+            own[:, _LATE[each.effect]] = late[:, _LATE[each.effect]]
+            each = replace(each, D=none, E=own)
+        effects.append(each)
+    return effects, Signature("all_late", 0, none, late)
 
+
+def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
+    """How the mean state ``late_s`` before the samples' times differs from that at the full second [T, 6].
+
+    By kinematics alone.
     From second to second speeds change evenly; a ship model that lacks a force would bend them.
     """
     inside = np.diff(log.block) == 0
@@ -158,7 +177,7 @@ def _between(log: Log, origin: Floats) -> Floats:
     ahead[last], behind[first] = behind[last], ahead[first]
     around = np.empty((len(log), STEPS_PER_SECOND + 1, 6))
     for quarter in range(STEPS_PER_SECOND + 1):
-        tau = quarter / STEPS_PER_SECOND - 0.5
+        tau = quarter / STEPS_PER_SECOND - 0.5 - late_s
         change = behind if tau < 0.0 else ahead
         u, v, r = (origin[:, 3:] + 0.5 * tau * change).T  # the mean over the way there
         psi = origin[:, 2] + 0.5 * tau * (origin[:, 5] + 0.25 * tau * change[:, 2])

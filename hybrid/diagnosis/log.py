@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from analysis.table import require
 from hybrid.diagnosis.averages import (
     MOTION,
     Ints,
+    Reading,
     averaged_motion,
     mean_settings,
     mean_wind,
@@ -50,7 +52,8 @@ class Log:
     ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad],
     speed [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up
     from 0. All SI, angles in radians, heading without jumps. ``refused`` counts samples that lay off by themselves,
-    ``setting_step_s`` is how often thruster settings were recorded, ``levels`` what the smoother thought of noise.
+    ``setting_step_s`` is how often thruster settings were recorded, ``reading`` what they are taken to do between,
+    ``levels`` what the smoother thought of noise.
     """
 
     measured: Floats
@@ -65,6 +68,7 @@ class Log:
     refused: int = 0
     setting_step_s: float = 0.1
     levels: tuple[NoiseLevels, ...] = ()
+    reading: Reading = "line"
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -111,7 +115,7 @@ def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
             fix="see what is missing with `seatrial check`",
         )
-    together = {name: np.concatenate([getattr(each, name) for each in joined]) for name in _ARRAYS}
+    together: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in joined]) for name in _ARRAYS}
     return Log(
         **together,
         refused=sum(each.refused for each in joined),

@@ -51,7 +51,7 @@ def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambd
 
 def estimated_noise(log: Log, look: Look, start: Noise | None = None) -> Noise:
     """Noise levels from blocks spread over the log, a likely part of all that may be missing taken off first."""
-    chosen = _spread_out(log)
+    chosen = spread_out(log)
     part, linear = log.subset(chosen), some_of(look.linear, chosen)
     some = replace(look, linear=linear, columns=some_of(look.columns, chosen))
     noise = start or first_guess(log)
@@ -100,7 +100,7 @@ def _both_ways(noise: Noise) -> list[Noise]:
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 
-def _spread_out(log: Log) -> NDArray[np.bool_]:
+def spread_out(log: Log) -> NDArray[np.bool_]:
     """Whole blocks spread evenly over the log, of some 25 minutes in all."""
     blocks = int(log.block.max()) + 1
     wanted = min(blocks, max(1, round(_NOISE_S * blocks / len(log))))

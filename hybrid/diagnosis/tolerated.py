@@ -28,7 +28,7 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     for each in signatures:
         effect = catalogue[each.effect]
         size = effect.parameters[each.coordinate].tolerance
-        if each.effect in _SETTING:  # a setting recorded every so often may have changed at any time between
+        if each.effect in _SETTING and log.reading == "line":  # it may have changed at any time between two records
             size = max(size, 0.5 * log.setting_step_s)
         result.append(size if effect.chart == "linear" else 0.0)
     return np.array(result)

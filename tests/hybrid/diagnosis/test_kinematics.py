@@ -7,10 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.kinematics import consistency, motion_sensors, without_dynamics
+from hybrid.diagnosis.kinematics import _examined, consistency, motion_sensors, without_dynamics
 from hybrid.diagnosis.linearise import Model, linear_model
+from hybrid.diagnosis.log import log_of
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.plant import Plant
+from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
 
 HIDDEN = {
@@ -98,3 +102,16 @@ def test_without_dynamics_a_speed_says_nothing_of_the_next(plant: Plant) -> None
     gained = np.abs(linear.B[:, [3, 4, 5], [0, 1, 2]]) * loose.gust
     assert (gained > [1.0, 1.0, 0.1]).all()
     assert replace(loose, gust=QUIET.gust) == QUIET
+
+
+def test_what_all_sensors_share_is_no_contradiction(plant: Plant) -> None:
+    """Forces that are not even within a second do not pass for one delay of all, and that for three of each."""
+    table, _ = make_trial(seed=6, sea="calm", programme="zigzags", duration_s=900.0)
+    log = log_of([table])
+    view = view_of(_examined(log, Model(plant, motion_sensors(log, Model(plant, CATALOGUE))), Noise()))
+    delays = ("position_delay", "heading_delay", "speed_delay")
+    for name in delays:
+        fit = view.fit([name])
+        assert abs(fit.values[0]) < 1.5 * np.sqrt(fit.covariance[0, 0])
+    common = view.fit(delays).covariance.sum() / len(delays) ** 2
+    assert np.sqrt(common) > 1.0  # s: nobody knows by how much all are late

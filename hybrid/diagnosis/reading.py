@@ -1,0 +1,52 @@
+"""How thruster settings are to be read between their records.
+
+A drive moves from record to record, and a straight line between them is near the truth. A recorder, or a simulator,
+that takes a setting and holds it until the next makes steps, half a record later or earlier in the mean than the
+line: at one record a second enough to pass for what a ship lacks. The motion itself says which it is, and loudly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from hybrid.diagnosis.averages import READINGS, Reading, mean_settings
+from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.linearise import Model, Signature
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.name import log_density
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.settle import spread_out
+from hybrid.diagnosis.view import view_of
+
+_PLAIN = 20.0  # log likelihood by which steps have to be better than lines
+
+
+def read_as_fits(log: Log, tables: Sequence[pd.DataFrame], model: Model, tolerance: float, noise: Noise) -> Log:
+    """The log of ``tables`` with its settings read in the way that the motion asks for: as lines, or held."""
+    effects: Sequence[Signature] | None = None
+    best, likeliest, some = log, -np.inf, spread_out(log)
+    for reading in READINGS:
+        other = log if reading == log.reading else read_as(log, tables, reading)
+        examination = examined(other.subset(some), model, tolerance, noise, known_effects=effects)
+        effects = examination.effects
+        density = log_density(view_of(examination), ()) - (_PLAIN if reading != log.reading else 0.0)
+        if density > likeliest:
+            best, likeliest = other, density
+    return best
+
+
+def read_as(log: Log, tables: Sequence[pd.DataFrame], reading: Reading) -> Log:
+    """The log of ``tables`` with its settings read in another way; where that is not known, as before."""
+    controls = log.controls.copy()
+    for number, table in enumerate(tables):
+        rows = np.flatnonzero(log.recording == number)
+        if not rows.size:
+            continue
+        first, last = log.time_s[rows].min(), log.time_s[rows].max()
+        settings = mean_settings(table, np.arange(first, last + 1), reading)[log.time_s[rows] - first]
+        controls[rows] = np.where(np.isfinite(settings), settings, controls[rows])
+    return replace(log, controls=controls, reading=reading)
