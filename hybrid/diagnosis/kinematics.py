@@ -8,6 +8,7 @@ of all.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,10 +27,11 @@ from hybrid.diagnosis.whiten import columns_of
 from hybrid.diagnosis.words import listed, number, parameter_title, plain
 from hybrid.effects import Catalogue
 from hybrid.vessel.compiling import Floats
+from hybrid.vessel.sensors import HEADING
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
-_ALL_LATE_S = 10.0  # by as much all sensors together may be late: without dynamics nobody would know
-_LATE = {"position_delay": slice(0, 2), "heading_delay": slice(2, 3), "speed_delay": slice(3, 6)}
+_SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: that much all sensors together may be off, and nobody would know
+_DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
 _LOOKS = 6
 _SETTLED = 0.5  # of a standard error
 
@@ -119,21 +121,21 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
     """The log through the sensors' effects only; what is tolerated of each sensor is a nuisance.
 
     The motion that the equations are linear about stays: sensors that err are no reason to doubt where the ship
-    went, and only what they report of it moves with the effects. One delay of all sensors is a nuisance too: it is
-    seen only as far as motions within a second are not those of even changes of speed.
+    went, and only what they report of it moves with the effects. What all sensors share, one delay, another point
+    or another axis of the ship, is a nuisance too: it shows only as far as speeds do not change evenly in a second.
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
     seen = reported(log, model.plant(), linear.origin) + _between(log, linear.origin)
     linear = replace(linear, observed=log.measured - seen)
-    effects, late = _signatures(log, model, linear.origin)
+    effects, shared = _signatures(log, model, linear.origin)
     granted = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
     layout = Layout(
         effect=tuple(each.effect for each in effects),
         prior=scales,
         tolerated=granted,
-        wind=1,  # all sensors late together
+        wind=len(shared),
         features=0,
         varied=(),
         varied_prior=np.zeros(0),
@@ -141,27 +143,50 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
         depends=(),
     )
     loose = without_dynamics(noise, linear)
-    products = products_of(log, linear, columns_of(linear, [*effects, late]), loose)
+    products = products_of(log, linear, columns_of(linear, [*effects, *shared]), loose)
     some = np.flatnonzero(granted > 0.0)
-    nuisance = np.concatenate([1 + some, [layout.first_wind]])
+    nuisance = np.concatenate([1 + some, layout.first_wind + np.arange(len(shared))])
     return Examination(
         log, model, linear, tuple(effects), ForceRange(0.0, 0.0, 0.0), 0.0, loose, layout, products,
-        nuisance, np.concatenate([granted[some], [_ALL_LATE_S]]),
+        nuisance, np.concatenate([granted[some], _SHARED]),
     )  # fmt: skip
 
 
-def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], Signature]:
-    """What each sensor effect does, and what it does to be late with everything; delays by kinematics alone."""
-    none = np.zeros_like(origin)
-    late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], list[Signature]]:
+    """What each sensor effect does, and what all sensors may share; what hangs on the motion, by kinematics."""
+    none, known = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
     for each in signatures(log, model, origin, list(model.catalogue)):
-        if each.effect in _LATE:
-            own = none.copy()
-            own[:, _LATE[each.effect]] = late[:, _LATE[each.effect]]
-            each = replace(each, D=none, E=own)
-        effects.append(each)
-    return effects, Signature("all_late", 0, none, late)
+        own = known.get((each.effect, each.coordinate))
+        effects.append(each if own is None else replace(each, D=none, E=own))
+    shared = [
+        ("all_late", _sum(known[name, 0] for name in _DELAYS)),
+        ("all_ahead", known["position_antenna_offset", 0] + known["speed_sensor_offset", 0]),
+        ("all_to_starboard", known["position_antenna_offset", 1] + known["speed_sensor_offset", 1]),
+        ("all_turned", known["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
+    ]
+    return effects, [Signature(name, 0, none, each) for name, each in shared]
+
+
+def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
+    """What a second of delay, a metre of lever arm and a degree of turn do to what is reported [T, 6]."""
+    late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
+    nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
+    result = {(name, 0): np.where(np.isin(np.arange(6), some), late, 0.0) for name, some in _DELAYS.items()}
+    for name, coordinate, columns in (
+        ("position_antenna_offset", 0, (cosine, sine, nil, nil, nil, nil)),
+        ("position_antenna_offset", 1, (-sine, cosine, nil, nil, nil, nil)),
+        ("speed_sensor_offset", 0, (nil, nil, nil, nil, r, nil)),
+        ("speed_sensor_offset", 1, (nil, nil, nil, -r, nil, nil)),
+        ("speed_sensor_rotation", 0, (nil, nil, nil, degree * v, -degree * u, nil)),
+    ):
+        result[name, coordinate] = np.column_stack(columns)
+    return result
+
+
+def _sum(signals: Iterable[Floats]) -> Floats:
+    return np.asarray(np.sum(list(signals), axis=0))
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:

@@ -115,3 +115,20 @@ def test_what_all_sensors_share_is_no_contradiction(plant: Plant) -> None:
         assert abs(fit.values[0]) < 1.5 * np.sqrt(fit.covariance[0, 0])
     common = view.fit(delays).covariance.sum() / len(delays) ** 2
     assert np.sqrt(common) > 1.0  # s: nobody knows by how much all are late
+
+
+@pytest.mark.parametrize(
+    "shared",
+    [
+        {name: {"seconds": 0.5} for name in ("position_delay", "heading_delay", "speed_delay")},
+        {
+            name: {"forward_m": 4.0, "starboard_m": 1.0}
+            for name in ("position_antenna_offset", "speed_sensor_offset")
+        },
+        {name: {"angle_deg": 2.0} for name in ("heading_bias", "speed_sensor_rotation")},
+    ],
+)  # fmt: skip
+def test_another_point_or_axis_of_the_ship_is_no_error(plant: Plant, shared: dict[str, dict[str, float]]) -> None:
+    """Whoever moves the reference of all sensors moves no sensor against another."""
+    log = noisy_log(apply_effects(plant, shared), 5)
+    assert consistency(log, Model(plant, CATALOGUE), QUIET) == ()
