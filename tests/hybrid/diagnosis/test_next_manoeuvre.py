@@ -54,14 +54,24 @@ def ranking(rehearsal: Rehearsal) -> Rank:
 
 
 @pytest.fixture(scope="module")
-def after_zigzags(plant: Plant, vessel: Vessel) -> Rank:
-    return ranking(rehearsal_of(recorded(plant, vessel, zigzag(swings=12)), vessel, {}))
+def zigzags(plant: Plant, vessel: Vessel) -> Rehearsal:
+    return rehearsal_of(recorded(plant, vessel, zigzag(swings=12)), vessel, {})
 
 
 @pytest.fixture(scope="module")
-def after_one_heading(plant: Plant, vessel: Vessel) -> Rank:
+def one_heading(plant: Plant, vessel: Vessel) -> Rehearsal:
     legs = tuple(steer(0.0, 150.0, rpm) for rpm in (170.0, 120.0, 190.0, 150.0))
-    return ranking(rehearsal_of(recorded(plant, vessel, legs), vessel, {}))
+    return rehearsal_of(recorded(plant, vessel, legs), vessel, {})
+
+
+@pytest.fixture(scope="module")
+def after_zigzags(zigzags: Rehearsal) -> Rank:
+    return ranking(zigzags)
+
+
+@pytest.fixture(scope="module")
+def after_one_heading(one_heading: Rehearsal) -> Rank:
+    return ranking(one_heading)
 
 
 def names_of(ranks: list[Ranked]) -> list[str]:
@@ -125,27 +135,22 @@ def test_nothing_separates_an_effect_from_its_double(after_zigzags: Rank) -> Non
     assert asked_for(ranks, [Pair("heading_bias", "compass_bias", {"angle_deg": 2.0})]) is None
 
 
-def test_a_rival_that_nothing_separates_is_no_reason_not_to_separate_the_others(
-    plant: Plant, vessel: Vessel
-) -> None:
-    legs = tuple(steer(0.0, 150.0, rpm) for rpm in (170.0, 120.0, 190.0, 150.0))
-    rehearsal = rehearsal_of(recorded(plant, vessel, legs), vessel, {})
+def test_a_rival_that_nothing_separates_is_no_reason_not_to_separate_the_others(one_heading: Rehearsal) -> None:
     values = {"angle_deg": 1.5}
     double = Pair("heading_bias", "compass_bias", values)
     other = Pair("heading_bias", "ocean_current", values)
-    asked = asked_for(ranked(rehearsal, [double, other]), [double, other])
+    asked = asked_for(ranked(one_heading, [double, other]), [double, other])
     assert asked is not None
     assert asked.separates == ("heading_bias", "ocean_current")
-    assert asked == asked_for(ranked(rehearsal, [other]), [other])
+    assert asked == asked_for(ranked(one_heading, [other]), [other])
 
 
-def test_what_is_likelier_to_be_true_weighs_more(plant: Plant, vessel: Vessel) -> None:
-    rehearsal = rehearsal_of(recorded(plant, vessel, zigzag(swings=12)), vessel, {})
+def test_what_is_likelier_to_be_true_weighs_more(zigzags: Rehearsal) -> None:
     inertia = Pair("surge_added_mass", "drift_force", {"factor": 1.15})
     offset = Pair("azimuth_offset_port", "azimuth_offset_starboard", {"angle_deg": 0.5})
 
     def first(*pairs: Pair) -> str:
-        return ranked(rehearsal, pairs)[0].candidate.name
+        return ranked(zigzags, pairs)[0].candidate.name
 
     assert first(replace(inertia, weight=1e-6), offset) == first(offset)
     assert first(inertia, replace(offset, weight=1e-6)) == first(inertia)
