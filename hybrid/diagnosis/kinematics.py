@@ -69,7 +69,21 @@ def contradictory(log: Log, model: Model, noise: Noise) -> Naming | None:
         return None
     given = {name: free for name, free in model.given.items() if name in sensors}
     view, names = _found(log, Model(model.base, sensors, given=given), noise)
+    names = _commoner(view, names)
     return Naming(names, {name: tested(view, names, name) for name in names}, view) if names else None
+
+
+def _commoner(view: View, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Of two that look alike the one that stands first in the catalogue, the commoner; the other is its rival."""
+    order = list(view.names)
+    for name in names:
+        less = rivals_of(view, names, name)
+        for rival in order[: order.index(name)]:
+            swapped = tuple(rival if each == name else each for each in names)
+            if less.get(rival, np.inf) < CLOSE and tested(view, swapped, rival).accepted:
+                names = swapped
+                break
+    return names
 
 
 def stated(naming: Naming) -> tuple[Consistency, ...]:

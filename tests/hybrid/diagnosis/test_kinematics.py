@@ -51,6 +51,16 @@ def test_a_sensors_error_is_found_and_sized(plant: Plant, name: str) -> None:
             assert twins - {first.effect} <= set(first.alike)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_of_twins_the_commoner_is_named(plant: Plant, seed: int) -> None:
+    """An antenna off its place rather than a speed sensor off the other way; which it is nobody can see."""
+    hidden = {"forward_m": 3.0, "starboard_m": -1.0}
+    log = noisy_log(CATALOGUE["position_antenna_offset"].apply(plant, hidden), seed)
+    (found,) = consistency(log, Model(plant, CATALOGUE), QUIET)
+    assert found.effect == "position_antenna_offset"
+    assert "speed_sensor_offset" in found.alike
+
+
 @pytest.mark.parametrize(
     "hidden",
     [
