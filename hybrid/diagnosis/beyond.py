@@ -14,7 +14,7 @@ import numpy as np
 from hybrid.diagnosis.averages import Ints
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.tolerance import features
+from hybrid.diagnosis.tolerance import operating_point
 from hybrid.vessel.compiling import Floats
 
 AXES = ("surge", "sway", "yaw")
@@ -24,15 +24,18 @@ GRANTED = {"heading": 0.1, "place": 0.1, "time": 0.1, "azimuth": 1.0}
 is the model's own; but no sea is quite even."""
 
 OPERATION = "operating point"
-"""What the form of a named effect may depend on: speeds and thruster settings."""
+"""What the forces depend on that the model's tolerance stands for: speeds and thruster settings."""
 
-_HARMONICS, _TIMES, _OPERATIONS = 4, 6, 8
+FORMS = ("speed", "drift", "turning", "thrust", "side thrust")
+"""With what a named effect may change that is rather a relative of the one that it is named for."""
+
+_HARMONICS, _TIMES = 4, 6
 _PLACES = {1.5: 8, 5.0: 16}
 """So many waves over the place, by how many radians they turn over the area's size: banks are narrow."""
 
 _EDGES = (0.25, 0.5, 0.75)  # of the largest azimuth that is used
 _FAINT = 0.1  # of a basis's largest singular value: a shape that is so faint is the difference of two alike
-_SLOW = 0.7  # how fast the form of a named effect may change over the range of speeds and settings
+_STAYS = 0.01  # of its usual range: what changes less says nothing of a change
 _SEED = 20260902
 _VARIED = {
     "ocean_current": ("place", "time"),
@@ -56,8 +59,8 @@ class Beyond:
 def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequence[str] = ()) -> Beyond:
     """The families for a log. Constants are in none of them: they are effects of the catalogue.
 
-    Effects in ``forms`` may also vary with speeds and thruster settings, as a relative of theirs does that is in no
-    catalogue.
+    Effects in ``forms`` may also change with each of :data:`FORMS`, as a relative of theirs does that is in no
+    catalogue: a resistance for one that goes with the thrust.
     """
     bases = {
         "heading": _even(_harmonics(origin[:, 2], _HARMONICS)),
@@ -67,15 +70,12 @@ def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequen
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
-    shapes = {
-        **bases,
-        "heading": _even(_harmonics(origin[:, 2], 2)),
-        OPERATION: _even(_operations(log, origin)),
-    }
+    asked = _forms(log, origin)
+    shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2)), **asked}
     varied = [
         Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
         for each in effects
-        for name in (*_VARIED.get(each.effect, ()), *([OPERATION] if each.effect in forms else []))
+        for name in (*_VARIED.get(each.effect, ()), *(asked if each.effect in forms else ()))
         for number, shape in enumerate(shapes[name].T)
     ]
     return Beyond(forces, depends, tuple(varied))
@@ -118,10 +118,15 @@ def _places(position_m: Floats) -> Floats:
     return np.asarray(together - together.mean(axis=0))
 
 
-def _operations(log: Log, origin: Floats) -> Floats:
-    """Smooth functions of speeds and thruster settings [T, 8]: the tolerance's, but slow, and without a mean."""
-    shapes = features(log, origin, _OPERATIONS, _SLOW)
-    return np.asarray(shapes - shapes.mean(axis=0))
+def _forms(log: Log, origin: Floats) -> dict[str, Floats]:
+    """Each of :data:`FORMS` [T, 1], away from its mean, of unit mean square; without those that hardly change."""
+    surge, sway, yaw_rate, port, port_side, starboard, starboard_side, _ = operating_point(log, origin).T
+    every = (surge, np.abs(sway), np.abs(yaw_rate), port + starboard, np.abs(port_side + starboard_side))
+    return {
+        name: ((values - values.mean()) / values.std())[:, None]
+        for name, values in zip(FORMS, every, strict=True)
+        if values.std() > _STAYS
+    }
 
 
 def _hinges(log: Log) -> Floats:

@@ -12,6 +12,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
+from hybrid.diagnosis.beyond import FORMS
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.information import limits
@@ -41,7 +42,8 @@ TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
 
 _RIVALS = 10  # of one effect, the closest, that a manoeuvre is chosen to separate
-_UNEVEN = 0.15
+_UNEVEN = 0.15  # of its own size: no current is quite even
+_OWN_FORM = 0.03  # of its own size: by more than that, what is named has another form than it is named for
 _NEGLIGIBLE = 0.01  # of what the named effects explain: an effect's own form is not exact either
 
 
@@ -207,7 +209,8 @@ def _standing_out(naming: Naming) -> list[Remainder]:
     def matters(each: Remainder) -> bool:
         if each.what in naming.names:  # a named effect that is uneven: by how much of itself
             whole = np.take(fit.values, view.places(fit, each.what))
-            return each.size > _UNEVEN * float(np.linalg.norm(whole))
+            least = _OWN_FORM if each.depends in FORMS else _UNEVEN
+            return each.size > least * float(np.linalg.norm(whole))
         return each.gain > _NEGLIGIBLE * fit.gain
 
     return [each for each in remainders(view, naming.names) if each.found and matters(each)]

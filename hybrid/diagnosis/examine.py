@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.diagnosis.beyond import GRANTED, beyond
+from hybrid.diagnosis.beyond import FORMS, GRANTED, beyond
 from hybrid.diagnosis.evidence import Ints, Products
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, signatures
 from hybrid.diagnosis.log import Log
@@ -17,6 +17,7 @@ from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.tolerance import FEATURES, ForceRange, features, force_range
 from hybrid.diagnosis.tolerated import WIND_MPS, tolerances, wind_errors
 from hybrid.diagnosis.whiten import Columns, columns_of, whitened
+from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
 Progress = Callable[[float], None]
@@ -149,10 +150,17 @@ def looked_at(
         features=known.shape[1],
         varied=tuple(each.effect for each in more.varied),
         varied_prior=np.array([each.free_scale[0] for each in of]),
-        varied_granted=np.array([_UNEVEN * each.smallest_free[0] for each in of]),
+        varied_granted=np.array(
+            [_granted(each.effect, known) for each, known in zip(more.varied, of, strict=True)]
+        ),
         depends=more.depends,
     )
     return Look(linear, tuple(effects), columns, layout, extent, tolerance)
+
+
+def _granted(label: str, effect: Effect) -> float:
+    """How uneven an effect may be in the way that its label says; of its form it is granted nothing."""
+    return 0.0 if label.split("*")[1] in FORMS else _UNEVEN * effect.smallest_free[0]
 
 
 def tolerated_forces(look: Look) -> Floats:
@@ -173,8 +181,9 @@ def _nuisances(look: Look) -> tuple[Ints, Floats]:
             own = layout.beyond(axis)[[each == depends for each in layout.depends]]
             columns.append(own)
             scale.append(np.full(len(own), GRANTED[depends] * force / np.sqrt(len(own))))
-    columns.append(np.arange(len(layout.varied)) + layout.first_varied)
-    scale.append(layout.varied_granted)
+    uneven = np.flatnonzero(layout.varied_granted > 0.0)
+    columns.append(uneven + layout.first_varied)
+    scale.append(layout.varied_granted[uneven])
     return np.concatenate(columns), np.concatenate(scale)
 
 

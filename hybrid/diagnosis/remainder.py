@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from hybrid.diagnosis.beyond import AXES, OPERATION
+from hybrid.diagnosis.beyond import AXES, FORMS, OPERATION
 from hybrid.diagnosis.evidence import Ints, reduced
 from hybrid.diagnosis.examine import Examination
 from hybrid.diagnosis.noise import FORCE_UNITS
@@ -25,10 +25,11 @@ from hybrid.vessel.compiling import Floats
 CHANCE = 0.0001
 """The chance that a trial with nothing beyond its named effects and the tolerance shows any family."""
 
-ANOTHER_FORM = 0.005
-"""The chance that an effect that is named rightly seems to have another form."""
+ANOTHER_FORM = 0.01
+"""The chance that effects that are named rightly seem to have another form."""
 
 _RANK = 1e-5
+_NOTHING = 1e-6  # of a column's squares
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """How one family stands: ``p_value`` corrected for all families, ``size`` in the unit of ``what``.
+    """How one family stands: ``p_value`` corrected for all of its kind, ``size`` in the unit of ``what``.
 
     ``gain`` is how much of the squares it explains; ``size`` is that of what it adds to what is tolerated.
     """
@@ -57,8 +58,7 @@ class Remainder:
     @property
     def found(self) -> bool:
         """Whether it stands out and is large enough to matter."""
-        questioned = self.depends == OPERATION and self.what not in AXES and self.what != "force"
-        return self.p_value < (ANOTHER_FORM if questioned else CHANCE) and self.matters
+        return self.p_value < (ANOTHER_FORM if self.depends in FORMS else CHANCE) and self.matters
 
 
 def families(examination: Examination) -> list[Family]:
@@ -86,18 +86,18 @@ def remainders(view: View, names: Sequence[str]) -> list[Remainder]:
     inner = _inner(examination, np.concatenate([[0], free, columns]))
     number = 1 + len(free)
     if len(free):
-        solved = np.linalg.solve(inner[1:number, 1:number], inner[1:number])
-        inner = inner - inner[:, 1:number] @ solved
+        inner = _beside(inner, number)
     place = {int(column): number + i for i, column in enumerate(columns)}
-    tests = len(every) + 1
+    forms = sum(each.depends in FORMS for each in every)
+    tests = len(every) - forms + 1
     result = [_of_tolerance(examination, view, names, tests)]
     for each in every:
-        judged = _judged(examination, inner, [place[int(c)] for c in each.columns], each, tests, 1.0)
+        chances = forms if each.depends in FORMS else tests
+        places = [place[int(column)] for column in each.columns]
+        judged = _judged(examination, inner, places, each, chances, 1.0)
         if judged.found:  # what scatters from leg to leg more than the model of the noise says counts for less
             spread = float(np.median(spreads(examination, each.columns, free, free)))
-            judged = _judged(
-                examination, inner, [place[int(c)] for c in each.columns], each, tests, max(spread, 1.0)
-            )
+            judged = _judged(examination, inner, places, each, chances, max(spread, 1.0))
         result.append(judged)
     return sorted(result, key=lambda each: each.p_value)
 
@@ -111,16 +111,24 @@ def _inner(examination: Examination, kept: Ints) -> Floats:
     return reduced(total, kept, examination.nuisance, examination.nuisance_scale)[0]
 
 
+def _beside(inner: Floats, number: int) -> Floats:
+    """Products of what columns 1 to ``number`` leave of the others, zero where that is nothing."""
+    left = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
+    gone = np.diag(left) < _NOTHING * np.diag(inner)
+    left[gone] = left[:, gone] = 0.0
+    return np.asarray(left)
+
+
 def _judged(
     examination: Examination, inner: Floats, places: list[int], family: Family, tests: int, spread: float
 ) -> Remainder:
     information, right = inner[np.ix_(places, places)], inner[places, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    kept = values > _RANK * values[-1]
+    kept = values > _RANK * max(float(values[-1]), _RANK)
     along = vectors[:, kept].T @ (right / scale)
     gain = float((along**2 / values[kept]).sum()) / spread
-    p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum()))))
+    p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum())))) if kept.any() else 1.0
     back = vectors[:, kept] / scale[:, None]
     fitted, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
     size = float(np.sqrt(max(float((fitted**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
@@ -129,7 +137,8 @@ def _judged(
             family.depends, family.what, p_value, gain, size * float(FORCE_UNITS[AXES.index(family.what)]), True
         )
     least = max(examination.model.catalogue[family.what].smallest_free)
-    return Remainder(family.depends, family.what, p_value, gain, size, size > least)
+    matters = family.depends in FORMS or size > least  # another form says that the name is wrong, however small
+    return Remainder(family.depends, family.what, p_value, gain, size, matters)
 
 
 def _of_tolerance(examination: Examination, view: View, names: Sequence[str], tests: int) -> Remainder:

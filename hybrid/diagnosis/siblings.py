@@ -15,9 +15,6 @@ import numpy as np
 from hybrid.diagnosis.view import View
 from hybrid.effects import Effect
 
-_COME_TOGETHER = ("environment", "sensor")
-"""Wind, sea and current come together, and each instrument has errors of its own: two of these are no wonder."""
-
 _MADE = 0.9  # of an effect's own squares: two that explain so much of it make it together
 
 
@@ -35,9 +32,18 @@ def perhaps_one(view: View, names: Sequence[str]) -> list[tuple[str, ...]]:
 
 def _akin(one: Effect, other: Effect) -> bool:
     """Whether one cause may well show as both."""
-    if one.family != other.family or one.kind != other.kind or one.family in _COME_TOGETHER:
+    if one.family != other.family or one.kind != other.kind or any(_comes_along(each) for each in (one, other)):
         return False
     return one.family == "clock" or other.name in one.confused_with or one.name in other.confused_with
+
+
+def _comes_along(effect: Effect) -> bool:
+    """Whether it is no wonder beside others of its family.
+
+    Sea and current come together, and each instrument has errors of its own; a factor on what the wind does is an
+    error of the model.
+    """
+    return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
 def _tried_together(view: View, one: str, other: str) -> bool:

@@ -52,12 +52,9 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> ForceRange:
     return ForceRange(float(surge), float(sway), float(max(yaw, _LEAST_SHARE * surge * lever)))
 
 
-def features(log: Log, origin: Floats, number: int = FEATURES, pace: float = 1.0) -> Floats:
-    """Random Fourier features [T, number] of unit mean square, of speeds and thruster settings.
-
-    They lose their memory over 1 / ``pace`` of the usual range of each.
-    """
-    inputs = pace * operating_point(log, origin)
+def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
+    """Random Fourier features [T, number] of unit mean square, of speeds and thruster settings."""
+    inputs = operating_point(log, origin)
     generator = np.random.default_rng(_SEED)
     frequency = generator.standard_normal((inputs.shape[1], number))
     phase = generator.uniform(0.0, 2.0 * np.pi, number)
@@ -65,7 +62,7 @@ def features(log: Log, origin: Floats, number: int = FEATURES, pace: float = 1.0
 
 
 def operating_point(log: Log, origin: Floats) -> Floats:
-    """What a model error may depend on, each over its usual range: [T, 9].
+    """What a model error may depend on, each over its usual range: [T, 8].
 
     Surge, sway, yaw rate; the pods' thrust vectors, each by its square-law size along and across; the tunnel.
     """

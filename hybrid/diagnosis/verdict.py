@@ -7,7 +7,7 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from hybrid.diagnosis.beyond import AXES, OPERATION
+from hybrid.diagnosis.beyond import AXES, FORMS, OPERATION
 from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
 from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
@@ -95,6 +95,7 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: U
 def unexplained(found: Sequence[Remainder], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
     if found:
+        found = _told(found)
         where = tuple(dict.fromkeys(each.depends for each in found))
         return Unexplained(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
     if len(effects) <= _CREDIBLE:
@@ -104,6 +105,12 @@ def unexplained(found: Sequence[Remainder], effects: Sequence[Effect], share_of_
         f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
     )
     return Unexplained(share_of_gap, (OPERATION,), words)
+
+
+def _told(found: Sequence[Remainder]) -> list[Remainder]:
+    """Without weaker signs that an effect has another form than it is named for."""
+    first = {each.what: each for each in reversed(found) if each.depends in FORMS}
+    return [each for each in found if each.depends not in FORMS or each is first[each.what]]
 
 
 _UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
@@ -119,4 +126,5 @@ def looks_like(remainder: Remainder) -> str:
         kind = "moment" if remainder.what == "yaw" else "force"
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
-    return f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
+    varies = f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
+    return f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in FORMS else varies

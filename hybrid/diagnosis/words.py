@@ -13,6 +13,11 @@ DEPENDS = {
     "time": "time",
     "azimuth": "large azimuth angles",
     "operating point": "speed and thrusters",
+    "speed": "the speed",
+    "drift": "the speed sideways",
+    "turning": "the yaw rate",
+    "thrust": "the thrust ahead",
+    "side thrust": "the thrust sideways",
 }
 """What something unknown may depend on."""
 

@@ -33,7 +33,7 @@ from tests.benchmarks.diagnosis.store import stored
 from tests.benchmarks.diagnosis.work import Planned, judged
 from tests.benchmarks.other_ship.programmes import PROGRAMMES, STEER, TURN, ZIGZAG
 
-SHORT_S = 1200.0
+SHORT_S, RATE_HZ = 1200.0, 2.0
 
 
 def outcome(
@@ -44,7 +44,7 @@ def outcome(
     sea: str = "gentle",
     programme: str = "zigzags",
 ) -> dict[str, Any]:
-    case = Case("singles", Design(seed, sea, programme, SHORT_S), tuple(hidden), len(hidden), 3.0)
+    case = Case("singles", Design(seed, sea, programme, SHORT_S, rate_hz=RATE_HZ), tuple(hidden), len(hidden), 3.0)
     return judged(Planned(case, hidden, outside or {}))
 
 

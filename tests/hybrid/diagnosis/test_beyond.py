@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.beyond import Beyond, beyond
+from hybrid.diagnosis.beyond import FORMS, Beyond, beyond
+from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
@@ -59,3 +60,18 @@ def test_a_bank_beside_the_track_is_among_the_places(log: Log) -> None:
     bank -= bank.mean()
     left = bank - own @ np.linalg.lstsq(own, bank, rcond=None)[0]
     assert (left**2).sum() < 0.25 * (bank**2).sum()
+
+
+def test_a_named_effect_may_change_with_each_form_and_with_nothing_that_stays(log: Log) -> None:
+    """Shapes away from their mean and of one size, so that sizes of forms compare."""
+    ones = Signature("hull_fouling", 0, np.ones((len(log), 6)), np.zeros((len(log), 6)))
+    other = replace(ones, effect="towed_load")
+    found = {each.effect: each.D[:, 0] for each in beyond(log, log.nominal, [ones, other], ["hull_fouling"]).varied}
+    assert set(found) == {f"hull_fouling*{name}" for name in FORMS}
+    for shape in found.values():
+        assert shape.mean() == pytest.approx(0.0, abs=1e-9)
+        assert (shape**2).mean() == pytest.approx(1.0)
+    steady = log.nominal.copy()
+    steady[:, 4] = 0.2
+    rest = {each.effect for each in beyond(log, steady, [ones], ["hull_fouling"]).varied}
+    assert set(found) - rest == {"hull_fouling*drift"}

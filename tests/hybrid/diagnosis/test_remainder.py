@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binom
 
-from hybrid.diagnosis.remainder import Remainder, families, remainders
+from hybrid.diagnosis.beyond import FORMS
+from hybrid.diagnosis.remainder import ANOTHER_FORM, Remainder, families, remainders
 from hybrid.diagnosis.view import view_of
 from hybrid.vessel.plant import Plant
-from tests.hybrid.diagnosis.examination_by_hand import Design, Floats, a_design
+from tests.hybrid.diagnosis.examination_by_hand import Design, Floats, a_design, with_columns
 
 DRAWS = 100
 
@@ -92,3 +95,48 @@ def test_a_model_that_is_off_by_more_than_granted_is_told_so(design: Design) -> 
     off = next(each for each in judged(design, data) if each.depends == "operating point")
     assert off.found
     assert off.size > 0.01
+
+
+@pytest.fixture(scope="module")
+def doubted(plant: Plant) -> Design:
+    """A bias whose form is in question: of that it is granted nothing."""
+    design = a_design(plant, 8, 60)
+    layout = design.layout
+    varied = tuple(f"sway_bias*{name}" for name in FORMS[:2])
+    rest = ~np.isin(design.nuisance, np.arange(2) + layout.first_varied)
+    return replace(
+        design, layout=replace(layout, varied=varied, varied_granted=np.zeros(2)), nuisance=design.nuisance[rest],
+        scale=design.scale[rest],
+    )  # fmt: skip
+
+
+def forms(design: Design, data: Floats) -> list[Remainder]:
+    return [each for each in judged(design, data, ("sway_bias",)) if each.depends in FORMS]
+
+
+def test_an_effect_that_is_named_rightly_seldom_seems_to_have_another_form(doubted: Design) -> None:
+    random, draws = np.random.default_rng(61), 300
+    wrong = 0
+    for _ in range(draws):
+        found = forms(doubted, doubted.data(random, {"sway_bias": (0.5,)}))
+        assert len(found) == 2
+        wrong += any(each.found for each in found)
+    assert wrong <= binom.ppf(0.9999, draws, ANOTHER_FORM)
+
+
+def test_another_form_is_found_however_small_it_is(doubted: Design) -> None:
+    """Half of the smallest bias that matters."""
+    size = (
+        0.5
+        * doubted.examination(doubted.data(np.random.default_rng(0))).model.catalogue["sway_bias"].smallest_free[0]
+    )
+    column = doubted.layout.first_varied + 1
+    clear = 6.0 / np.linalg.norm(doubted.columns[:, :, column])
+    columns = doubted.columns.copy()
+    columns[:, :, column] *= clear / size  # it stands out by six standard deviations
+    known = with_columns(doubted, columns)
+    data = known.data(np.random.default_rng(62), {"sway_bias": (0.5,)}) + size * columns[:, :, column]
+    first = forms(known, data)[0]
+    assert (first.what, first.depends) == ("sway_bias", FORMS[1])
+    assert first.size == pytest.approx(size, rel=0.5)
+    assert first.found

@@ -59,6 +59,7 @@ def test_where_it_has_one_that_was_tried(design: Design) -> None:
         ("hull_fouling", "wake_fraction"),
         ("position_delay", "thruster_lag"),
         ("ocean_current", "heading_bias"),
+        ("wave_drift", "wind_side_load"),
     ],
 )
 def test_what_comes_together_anyway_or_has_nothing_to_do_with_each_other_stays_two(
@@ -70,6 +71,11 @@ def test_what_comes_together_anyway_or_has_nothing_to_do_with_each_other_stays_t
 def test_two_clocks_may_be_the_third(design: Design) -> None:
     pair = ("position_delay", "heading_delay")
     assert perhaps_one(seen(design, *pair), pair) == [pair]
+
+
+def test_factors_on_the_wind_may_be_the_one_on_what_is_left(design: Design) -> None:
+    names = ("wind_yaw_load", "wind_drag", "wind_load")
+    assert perhaps_one(seen(design, *names), names) == [names]
 
 
 def test_what_hangs_together_is_one_group_in_the_order_of_names(design: Design) -> None:

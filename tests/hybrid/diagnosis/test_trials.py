@@ -30,6 +30,7 @@ def error(naming: Naming, name: str, **truth: float) -> Floats:
     return np.asarray(fit.values[places] - np.array(model.catalogue[name].free(truth)))
 
 
+@pytest.mark.slow
 def test_a_current_is_named_with_its_speed_and_direction(diagnosed: Diagnosed) -> None:
     naming = diagnosed(seed=3, hidden=CURRENT, sea="calm", duration_s=SHORT_S)
     assert naming.names == ("ocean_current",)

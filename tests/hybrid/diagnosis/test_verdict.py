@@ -33,6 +33,17 @@ def test_what_remains_is_said_with_its_size_and_what_it_hangs_on() -> None:
     assert "surge force of some 1.8e+03 N that varies with time" in unknown.looks_like
 
 
+def test_of_several_signs_of_another_form_the_strongest_is_told() -> None:
+    thrust, drift = (
+        Remainder(depends, "hull_fouling", chance, 50.0, 0.03, matters=True)
+        for depends, chance in (("thrust", 1e-9), ("drift", 1e-3))
+    )
+    unknown = unexplained([thrust, drift, FADING], [CATALOGUE["hull_fouling"]], 0.4)
+    assert unknown is not None
+    assert unknown.where == ("thrust", "time")
+    assert "hull fouling that varies with the thrust ahead: rather a relative" in unknown.looks_like
+
+
 @given(st.permutations(sorted(CATALOGUE)), st.integers(0, 6))
 def test_many_effects_at_once_are_rather_one_unknown(names: list[str], count: int) -> None:
     """Three together are believed; more are what imitates one that the catalogue lacks."""
