@@ -38,7 +38,7 @@ MOTION = (*POSE, *VELOCITY)
 
 _LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded more seldom: what moved meanwhile is anyone's guess
 _GAP_STEPS = 2.5
-_SELDOM_S = 0.3  # between samples of a setting: what happens meanwhile matters
+SELDOM_S = 0.3  # between samples of a setting: what happens meanwhile matters
 _OUTLIER = 6.0
 
 
@@ -215,7 +215,7 @@ def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
     a straight line from sample to sample would cut; what it cuts off passes for a force. Noise makes no corners.
     """
     steps = np.diff(times_s)
-    if times_s.size < 4 or np.median(steps) < _SELDOM_S or (steps <= 0.0).any():
+    if times_s.size < 4 or np.median(steps) < SELDOM_S or (steps <= 0.0).any():
         return times_s, values
     slope = np.diff(values) / steps
     turns = np.diff(slope)  # at each inner sample

@@ -247,6 +247,11 @@ def _remarks(
     if log.reading != "line":
         remarks.append(
             f"thruster settings are read as held {log.reading}: with lines between them the motion is less likely"
+            + (
+                "; or they are held until the next, and act that much later"
+                if log.reading.startswith("since")
+                else ""
+            )
         )
     elif log.setting_step_s > 0.5:
         remarks.append(

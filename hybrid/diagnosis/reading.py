@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from hybrid.diagnosis.averages import READINGS, Reading, mean_settings
+from hybrid.diagnosis.averages import READINGS, SELDOM_S, Reading, mean_settings
 from hybrid.diagnosis.examine import examined
-from hybrid.diagnosis.linearise import Model, Signature
+from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.name import log_density
+from hybrid.diagnosis.name import log_density, named, searched
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.settle import spread_out
 from hybrid.diagnosis.view import view_of
@@ -27,16 +27,26 @@ _PLAIN = 20.0  # log likelihood by which steps have to be better than lines
 
 def read_as_fits(log: Log, tables: Sequence[pd.DataFrame], model: Model, tolerance: float, noise: Noise) -> Log:
     """The log of ``tables`` with its settings read in the way that the motion asks for: as lines, or held."""
-    effects: Sequence[Signature] | None = None
     best, likeliest, some = log, -np.inf, spread_out(log)
     for reading in READINGS:
         other = log if reading == log.reading else read_as(log, tables, reading)
-        examination = examined(other.subset(some), model, tolerance, noise, known_effects=effects)
-        effects = examination.effects
-        density = log_density(view_of(examination), ()) - (_PLAIN if reading != log.reading else 0.0)
+        density = _explained(other.subset(some), model, tolerance, noise)
+        density -= _PLAIN if reading != log.reading else 0.0
         if density > likeliest:
             best, likeliest = other, density
     return best
+
+
+def _explained(log: Log, model: Model, tolerance: float, noise: Noise) -> float:
+    """How likely the data are with what is missing in the model so read.
+
+    Where settings come seldom, a lag or a delay is as large as the difference: about nothing it is not like itself.
+    """
+    if log.setting_step_s > SELDOM_S:
+        naming = named(log, model, tolerance, noise)
+        return log_density(naming.view, naming.names)
+    view = view_of(examined(log, model, tolerance, noise))
+    return log_density(view, searched(view))
 
 
 def read_as(log: Log, tables: Sequence[pd.DataFrame], reading: Reading) -> Log:

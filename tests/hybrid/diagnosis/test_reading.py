@@ -14,6 +14,7 @@ from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.reading import read_as, read_as_fits
+from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
@@ -56,10 +57,12 @@ def recorded(plant: Plant, kind: Reading) -> pd.DataFrame:
 
 @pytest.mark.parametrize("kind", get_args(Reading))
 def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: Reading) -> None:
-    table = recorded(plant, kind)
+    """Also where the drives lag: a line between two records is more like a long lag than steps without any."""
+    lags = {"thruster_lag": {"time_constant_s": 2.0}} if kind == "until the next record" else {}
+    table = recorded(apply_effects(plant, lags), kind)
     log = log_of([table])
     assert log.reading == "line"
-    model = Model(plant, SMALL_CATALOGUE)
+    model = Model(plant, {**SMALL_CATALOGUE, **{name: CATALOGUE[name] for name in lags}})
     levels = Noise(position_m=0.05, heading_rad=2e-3, surge_mps=0.03, sway_mps=0.03, yaw_rate_radps=1e-3)
     read = read_as_fits(log, [table], model, 0.01, levels)
     assert read.reading == kind
