@@ -22,12 +22,13 @@ from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.settle import spread_out
 from hybrid.diagnosis.view import view_of
 
+_ENOUGH_S = 600.0  # of the log: it shows in every turn
 _PLAIN = 20.0  # log likelihood by which steps have to be better than lines
 
 
 def read_as_fits(log: Log, tables: Sequence[pd.DataFrame], model: Model, tolerance: float, noise: Noise) -> Log:
     """The log of ``tables`` with its settings read in the way that the motion asks for: as lines, or held."""
-    best, likeliest, some = log, -np.inf, spread_out(log)
+    best, likeliest, some = log, -np.inf, spread_out(log, _ENOUGH_S)
     for reading in READINGS:
         other = log if reading == log.reading else read_as(log, tables, reading)
         density = _explained(other.subset(some), model, tolerance, noise)

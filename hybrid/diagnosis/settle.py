@@ -100,10 +100,10 @@ def _both_ways(noise: Noise) -> list[Noise]:
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 
-def spread_out(log: Log) -> NDArray[np.bool_]:
-    """Whole blocks spread evenly over the log, of some 25 minutes in all."""
+def spread_out(log: Log, seconds: float = _NOISE_S) -> NDArray[np.bool_]:
+    """Whole blocks spread evenly over the log, of some 25 minutes in all, or as long as asked for."""
     blocks = int(log.block.max()) + 1
-    wanted = min(blocks, max(1, round(_NOISE_S * blocks / len(log))))
+    wanted = min(blocks, max(1, round(seconds * blocks / len(log))))
     chosen = np.unique(np.linspace(0, blocks - 1, wanted).round().astype(int))
     return np.asarray(np.isin(log.block, chosen))
 

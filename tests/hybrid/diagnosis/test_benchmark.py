@@ -33,7 +33,7 @@ from tests.benchmarks.diagnosis.store import stored
 from tests.benchmarks.diagnosis.work import Planned, judged
 from tests.benchmarks.other_ship.programmes import PROGRAMMES, STEER, TURN, ZIGZAG
 
-SHORT_S, RATE_HZ = 1200.0, 2.0
+SHORT_S, RATE_HZ = 1200.0, 5.0
 
 
 def outcome(

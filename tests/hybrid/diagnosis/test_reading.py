@@ -57,7 +57,7 @@ def recorded(plant: Plant, kind: Reading) -> pd.DataFrame:
 
 @pytest.mark.parametrize("kind", get_args(Reading))
 def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: Reading) -> None:
-    """Also where the drives lag: a line between two records is more like a long lag than steps without any."""
+    """Also where the drives lag."""
     lags = {"thruster_lag": {"time_constant_s": 2.0}} if kind == "until the next record" else {}
     table = recorded(apply_effects(plant, lags), kind)
     log = log_of([table])
