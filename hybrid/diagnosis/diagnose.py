@@ -244,19 +244,7 @@ def _remarks(
     remarks = []
     if not log.wind[:, 1].any():
         remarks.append("no wind was recorded: what the wind does cannot be told from other causes")
-    if log.reading != "line":
-        remarks.append(
-            f"thruster settings are read as held {log.reading}: with lines between them the motion is less likely"
-            + (
-                "; or they are held until the next, and act that much later"
-                if log.reading.startswith("since")
-                else ""
-            )
-        )
-    elif log.setting_step_s > 0.5:
-        remarks.append(
-            f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
-        )
+    remarks += _about_settings(log)
     if log.refused:
         remarks.append(f"{log.refused} samples lay off by themselves and were refused")
     for group in one:
@@ -275,6 +263,16 @@ def _remarks(
                 f"{each.name} stands in the vessel's file already: its value here takes that one's place"
             )
     return tuple(remarks)
+
+
+def _about_settings(log: Log) -> list[str]:
+    """How thruster settings were read between their records, where that is not as usual."""
+    if log.reading == "line":
+        seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
+        return [seldom] if log.setting_step_s > 0.5 else []
+    held = f"thruster settings are read as held {log.reading}: with lines between them the motion is less likely"
+    late = "; or they are held until the next, and act that much later"
+    return [held + late if log.reading == "since the last record" else held]
 
 
 def _granted(naming: Naming, noise: Noise) -> dict[str, Any]:

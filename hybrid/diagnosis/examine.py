@@ -141,18 +141,17 @@ def looked_at(
     known = features(log, linear.origin, number)
     more = beyond(log, linear.origin, effects, forms)
     columns = columns_of(linear, [*effects, *wind, *more.varied], np.hstack([known, more.features]))
-    of = [model.catalogue[each.effect.split("*")[0]] for each in more.varied]
+    varied = tuple(each.effect for each in more.varied)
+    of = [model.catalogue[label.split("*")[0]] for label in varied]
     layout = Layout(
         effect=tuple(each.effect for each in effects),
         prior=np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
         tolerated=tolerances(log, model.catalogue, effects),
         wind=len(wind),
         features=known.shape[1],
-        varied=tuple(each.effect for each in more.varied),
+        varied=varied,
         varied_prior=np.array([each.free_scale[0] for each in of]),
-        varied_granted=np.array(
-            [_granted(each.effect, known) for each, known in zip(more.varied, of, strict=True)]
-        ),
+        varied_granted=np.array([_granted(*each) for each in zip(varied, of, strict=True)]),
         depends=more.depends,
     )
     return Look(linear, tuple(effects), columns, layout, extent, tolerance)

@@ -12,7 +12,7 @@ from hybrid.diagnosis.beyond import FORMS
 from hybrid.diagnosis.remainder import ANOTHER_FORM, Remainder, families, remainders
 from hybrid.diagnosis.view import view_of
 from hybrid.vessel.plant import Plant
-from tests.hybrid.diagnosis.examination_by_hand import Design, Floats, a_design, with_columns
+from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, Floats, a_design, with_columns
 
 DRAWS = 100
 
@@ -126,10 +126,7 @@ def test_an_effect_that_is_named_rightly_seldom_seems_to_have_another_form(doubt
 
 def test_another_form_is_found_however_small_it_is(doubted: Design) -> None:
     """Half of the smallest bias that matters."""
-    size = (
-        0.5
-        * doubted.examination(doubted.data(np.random.default_rng(0))).model.catalogue["sway_bias"].smallest_free[0]
-    )
+    size = 0.5 * SMALL_CATALOGUE["sway_bias"].smallest_free[0]
     column = doubted.layout.first_varied + 1
     clear = 6.0 / np.linalg.norm(doubted.columns[:, :, column])
     columns = doubted.columns.copy()
