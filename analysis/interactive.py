@@ -44,9 +44,13 @@ _NOTHING_LOADED = (
     "worker-src blob:"
 )
 """What the browser is told: nothing may be fetched from anywhere, not even by the embedded library."""
-_KEY = "Dark: measured. Blue shade: thrusters held. Orange: a manoeuvre by its number; dotted, where its command changed."
+_KEY = "Dark: measured. Blue shade: thrusters held. Orange: a manoeuvre; dotted, where its command changed."
 _KNOWN_METHODS = {"constant_velocity": 3, "reference": 4, "data_driven": 2, "hybrid": 0}
-_SHIP = '<g id="ship"><path id="hull" d="M0,-15 L5,-7 V12 H-5 V-7 Z"/><path id="dot" d="M-6,0a6,6 0 1 0 12,0a6,6 0 1 0 -12,0"/></g>'  # noqa: E501
+_SHIP = (
+    '<g id="ship"><path id="hull" d="M0,-15 L5,-7 V12 H-5 V-7 Z"/>'
+    '<path id="dot" d="M-6,0a6,6 0 1 0 12,0a6,6 0 1 0 -12,0"/></g>'
+)
+"""The outline, pointing north; a dot where the heading is not known."""
 
 
 def interactive_page(
@@ -168,7 +172,8 @@ def _figures(data: Mapping[str, Any]) -> dict[str, str]:
     held_s = sum(end - begin for begin, end in data["held"])
     return {
         "duration": duration, "rows": f"{data['rows']:,}", "channels": f"{len(data['channels'])} of {len(NAMES)}",
-        "held": f"{held_s / 60:.1f} min", "legs": f"{len(data['legs'])}", "manoeuvres": f"{len(data['manoeuvres'])}",
+        "held": f"{held_s / 60:.1f} min", "legs": str(len(data["legs"])),
+        "manoeuvres": str(len(data["manoeuvres"])),
     }  # fmt: skip
 
 
@@ -212,7 +217,7 @@ def _left(data: Mapping[str, Any]) -> str:
         f'<svg id="overlay">{_SHIP}</svg><div id="tip" hidden></div></div>'
     )
     caption = (
-        "North up, to scale; one colour a leg of held thrusters. The ship's outline shows her heading, not her size."
+        "North up, to scale; a colour for each leg of held thrusters. The outline shows the heading, not the size."
         if there
         else "No positions were recorded, so there is no track."
     )
@@ -256,6 +261,7 @@ def _manoeuvre_row(number: int, manoeuvre: Mapping[str, Any]) -> str:
     side = f" to {manoeuvre['side']}" if manoeuvre["side"] and manoeuvre["side"] not in manoeuvre["name"] else ""
     duration_s = manoeuvre["end_s"] - manoeuvre["start_s"]
     return (
-        f'<tr data-number="{number}"><td><button data-number="{number}" title="Zoom to it">{number + 1}</button></td>'
+        f'<tr data-number="{number}"><td>'
+        f'<button data-number="{number}" title="Zoom to it">{number + 1}</button></td>'
         f'<td>{escape(manoeuvre["name"] + side)}</td><td class="n">{duration_s:.0f} s</td></tr>'
     )

@@ -46,7 +46,8 @@ def page_data(
 
     ``table`` holds any of the 13 channels, in order of time. ``windows`` is the long table of held windows,
     ``predicted`` has a table of :data:`PREDICTED` by method, with the number of the ``window``.
-    Raises :class:`InputError` for a table that is not in order of time, :class:`DataShortageError` for an empty one.
+    Raises :class:`InputError` for a table that is not in order of time, :class:`DataShortageError` for an
+    empty one.
     """
     time_ns = times_ns(table)
     if time_ns.size == 0:

@@ -121,8 +121,8 @@ def running_browser(folder: Path, width_px: int = 1400, height_px: int = 1500) -
     if chromium is None:
         pytest.skip("no chromium to open the page with")
     command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-               f"--user-data-dir={folder / 'profile'}", f"--window-size={width_px},{height_px}", "--hide-scrollbars",
-               "--remote-debugging-port=0", "about:blank"]  # fmt: skip
+               f"--user-data-dir={folder / 'profile'}", f"--window-size={width_px},{height_px}",
+               "--hide-scrollbars", "--remote-debugging-port=0", "about:blank"]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             address = _debugger(folder / "profile" / "DevToolsActivePort")
