@@ -13,7 +13,7 @@ const state = {row: 0, from: 0, to: END_S, hidden: new Set()};
 
 const milliseconds = seconds => page.start_ms + Math.round(1000 * seconds);
 const stamp = seconds => new Date(milliseconds(seconds)).toISOString().slice(0, 23).replace("T", " ");
-const clock = seconds => stamp(seconds).slice(11).replace(/\.?0+$/, "").padEnd(8, ":00");
+const clock = seconds => stamp(seconds).slice(11).replace(/\.?0+$/, "");
 const STAMPS = page.time_s.map(stamp);
 
 function rowAt(seconds) {  // the row nearest to a time
@@ -75,9 +75,10 @@ function seriesTraces() {
   return traces;
 }
 
+const pathTime = seconds => stamp(seconds).replace(" ", "_");
+
 function heldShade() {  // one path for all stretches: hundreds of shapes would be slow
-  const at = seconds => stamp(seconds).replace(" ", "_");
-  const path = page.held.map(([a, b]) => `M${at(a)},0V1H${at(b)}V0Z`).join("");
+  const path = page.held.map(([a, b]) => `M${pathTime(a)},0V1H${pathTime(b)}V0Z`).join("");
   const shape = {type: "path", path, xref: "x", yref: "paper", layer: "below", line: {width: 0},
     fillcolor: colours.held, opacity: 0.2};
   return path ? [shape] : [];
@@ -88,11 +89,22 @@ const BAND = [1.008, 1.026];  // above the panels, in heights of all of them
 function manoeuvreBands() {
   const bands = page.manoeuvres.map(each => ({type: "rect", xref: "x", yref: "paper", x0: stamp(each.start_s),
     x1: stamp(each.end_s), y0: BAND[0], y1: BAND[1], fillcolor: colours.manoeuvre, opacity: 0.6, line: {width: 1, color: "#fff"}}));
-  const changes = page.manoeuvres.flatMap(each => [each.start_s, ...each.executes_s]).map(seconds => ({type: "line",
-    xref: "x", yref: "paper", x0: stamp(seconds), x1: stamp(seconds), y0: 0, y1: BAND[0], layer: "below",
-    line: {width: 0.8, color: colours.manoeuvre, dash: "dot"}}));
-  return [...bands, ...changes];
+  const changes = changesInSight().map(({seconds}) => `M${pathTime(seconds)},0V${BAND[0]}`).join("");
+  const lines = {type: "path", path: changes, xref: "x", yref: "paper", layer: "below",
+    line: {width: 0.8, color: colours.manoeuvre, dash: "dot"}};
+  return changes ? [...bands, lines] : bands;
 }
+
+const MANY = 80;  // changes of command; more than these would hide what they mark, so only the first of each is left
+
+function changesInSight() {
+  const changes = page.manoeuvres.flatMap((each, number) => [each.start_s, ...each.executes_s].map((seconds, at) =>
+    ({seconds, text: at ? "" : String(number + 1)})));
+  const near = changes.filter(({seconds}) => seconds >= state.from && seconds <= state.to);
+  return near.length > MANY ? near.filter(({text}) => text) : near;
+}
+
+const shapes = () => [...heldShade(), ...manoeuvreBands()];
 
 function manoeuvreNumbers() {
   return page.manoeuvres.map((each, number) => ({x: stamp((each.start_s + each.end_s) / 2), y: (BAND[0] + BAND[1]) / 2, yref: "paper",
@@ -114,7 +126,7 @@ function domainOf(number) {
 }
 
 function seriesLayout() {
-  const layout = {...common(), margin: {l: 66, r: 14, t: 60, b: 44}, shapes: [...heldShade(), ...manoeuvreBands()],
+  const layout = {...common(), margin: {l: 74, r: 14, t: 60, b: 44}, shapes: shapes(),
     annotations: [...manoeuvreNumbers(),
       ...panels.flatMap(({names}, number) => names.length > 1 ? [keyOf(names, number)] : [])],
     xaxis: {type: "date", range: [stamp(0), stamp(Math.max(END_S, 1))], anchor: axisName(panels.length - 1),
@@ -129,8 +141,8 @@ function seriesLayout() {
 }
 
 function isWide(names) {  // angles over so much of the turn that quarters are the ticks to have
-  const values = names.filter(name => page.angles.includes(name)).flatMap(channel).filter(value => value != null);
-  return values.reduce((a, b) => Math.max(a, b), -Infinity) - values.reduce((a, b) => Math.min(a, b), Infinity) > 150;
+  const [low, high] = reach(names.filter(name => page.angles.includes(name)).flatMap(channel));
+  return high - low > 150;
 }
 
 function common() {
@@ -185,8 +197,7 @@ function predictedTracks() {
 }
 
 function executePoints() {
-  const points = page.manoeuvres.flatMap((each, number) =>
-    [each.start_s, ...each.executes_s].map((seconds, at) => ({row: rowAt(seconds), text: at ? "" : String(number + 1)})));
+  const points = changesInSight().map(each => ({...each, row: rowAt(each.seconds)}));
   return {x: points.map(point => channel("east_m")[point.row]), y: points.map(point => channel("north_m")[point.row]),
     text: points.map(point => point.text), type: "scatter", mode: "markers+text", textposition: "top center",
     hoverinfo: "skip", marker: {symbol: "circle", size: points.map(point => point.text ? 8 : 5),
@@ -212,17 +223,36 @@ function trackLayout() {
 const hasTrack = "north_m" in page.channels && "east_m" in page.channels;
 const drawTrack = () => hasTrack && Plotly.react(track, trackTraces(), trackLayout(), CONFIG);
 
-function fitTrack() {  // the whole stretch that is looked at, with a margin
-  const path = joined([rowsOf(state.from, state.to)]);
-  const range = values => {
-    const known = values.filter(value => value != null);
-    const low = known.reduce((a, b) => Math.min(a, b), Infinity), high = known.reduce((a, b) => Math.max(a, b), -Infinity);
-    const margin = 0.06 * (high - low) + 1;
-    return [low - margin, high + margin];
-  };
-  if (path.x.some(value => value != null)) {
-    Plotly.relayout(track, {"xaxis.range": range(path.x), "yaxis.range": range(path.y)});
+// --- how far values reach, and axes that show just the stretch that is looked at
+
+function reach(values) {
+  const known = values.filter(value => value != null);
+  return [known.reduce((a, b) => Math.min(a, b), Infinity), known.reduce((a, b) => Math.max(a, b), -Infinity)];
+}
+
+function withMargin([low, high], least) {
+  const margin = 0.06 * (high - low) || least;
+  return [low - margin, high + margin];
+}
+
+function fitStretch() {
+  const [first, end] = rowsOf(state.from, state.to);
+  const seen = name => channel(name).slice(first, end);
+  const ranges = panels.map(({names}) => reach(names.flatMap(seen)));
+  const known = ranges.map((range, number) => [range, number]).filter(([range]) => range[0] <= range[1]);
+  Plotly.relayout(series, Object.fromEntries(known.map(([range, number]) =>
+    [`yaxis${number ? number + 1 : ""}.range`, withMargin(range, 1)])));
+  const [east, north] = [reach(seen("east_m")), reach(seen("north_m"))];
+  if (hasTrack && east[0] <= east[1]) {
+    Plotly.relayout(track, {"xaxis.range": withMargin(east, 5), "yaxis.range": withMargin(north, 5)});
   }
+}
+
+function showAll() {
+  showTimes(0, Math.max(END_S, 1));
+  Plotly.relayout(series, Object.fromEntries(panels.map((_, number) =>
+    [`yaxis${number ? number + 1 : ""}.autorange`, true])));
+  if (hasTrack) Plotly.relayout(track, {"xaxis.autorange": true, "yaxis.autorange": true});
 }
 
 // --- the cursor: a line in time, the ship on the track, the values of one row
@@ -357,10 +387,12 @@ function showTimes(from, to) {
 function timesChanged() {
   const axis = axes(series)[0];
   const [from, to] = axis.range.map(each => (axis.r2l(each) - page.start_ms) / 1000);
-  byId("shown").textContent = `${clock(Math.max(from, 0))} to ${clock(Math.min(to, END_S))} UTC`;
+  byId("shown").textContent = `${clock(Math.round(Math.max(from, 0)))} to ` +
+    `${clock(Math.round(Math.min(to, END_S)))} UTC`;
   if (from === state.from && to === state.to) return;
   Object.assign(state, {from: Math.max(from, 0), to: Math.min(to, END_S)});
   drawTrack();
+  if (page.manoeuvres.length) Plotly.relayout(series, {shapes: shapes()});
 }
 
 function toggle(button) {
@@ -370,6 +402,15 @@ function toggle(button) {
   const mine = series.data.flatMap((trace, number) => trace.meta.method === method ? [number] : []);
   Plotly.restyle(series, {visible: on}, mine);
   drawTrack();
+}
+
+const PAPER_PX = [690, 960];  // what of A4 there is within its margins
+
+function resizeAll([width, most]) {
+  for (const plot of hasTrack ? [series, track] : [series]) {
+    plot.style.maxHeight = most ? `${most}px` : "";
+    Plotly.relayout(plot, {width, height: most && plot.clientHeight, autosize: width === null});
+  }
 }
 
 function listen() {
@@ -390,12 +431,10 @@ function listen() {
     showTimes(start_s - margin, end_s + margin);
     moveTo(rowAt(start_s));
   }));
-  byId("whole").addEventListener("click", () => showTimes(0, Math.max(END_S, 1)));
-  byId("fit").addEventListener("click", fitTrack);
-  const resized = width => [series, ...(hasTrack ? [track] : [])].forEach(plot =>
-    Plotly.relayout(plot, width ? {width, autosize: false} : {width: null, autosize: true}));
-  window.addEventListener("beforeprint", () => resized(690));
-  window.addEventListener("afterprint", () => resized(null));
+  byId("whole").addEventListener("click", showAll);
+  byId("fit").addEventListener("click", fitStretch);
+  window.addEventListener("beforeprint", () => resizeAll(PAPER_PX));
+  window.addEventListener("afterprint", () => resizeAll([null, null]));
 }
 
 const CONFIG = {responsive: true, displaylogo: false, showTips: false,

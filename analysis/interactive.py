@@ -160,7 +160,7 @@ def _header(title: str, subtitle: str, data: Mapping[str, Any]) -> str:
         f'<header><h1>{escape(title)}</h1><p class="soft">{escape(subtitle)}</p>'
         f'<div class="tiles">{tiles}</div>{notes}'
         f'<div class="bar">{_method_buttons(data)}<button id="whole">Whole trial</button>'
-        f'<button id="fit">Fit track</button><span class="soft">in time: <b id="shown"></b></span>'
+        f'<button id="fit">Fit to stretch</button><span class="soft">shown: <b id="shown"></b></span>'
         f'<span class="soft keys">Drag to zoom, double click for all, click to set the cursor; '
         f"<kbd>←</kbd> <kbd>→</kbd> move it by 1 s, with <kbd>Shift</kbd> by 10 s.</span></div></header>"
     )

@@ -158,7 +158,7 @@ def held_stretches(windows: pd.DataFrame, start_ms: int) -> list[list[float]]:
     end_s = begin_s + float(chosen["second"].max())
     new = np.append(True, begin_s[1:] > end_s[:-1])
     last = np.append(new[1:], True)
-    return np.round(np.column_stack([begin_s[new], end_s[last]]), 3).tolist()
+    return [[round(begin, 3), round(end, 3)] for begin, end in zip(begin_s[new], end_s[last], strict=True)]
 
 
 def leg_stretches(windows: pd.DataFrame, start_ms: int) -> list[dict[str, Any]]:

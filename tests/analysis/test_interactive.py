@@ -233,6 +233,7 @@ IN_SERIES = """(second=>{const a=series._fullLayout.xaxis,r=series.getBoundingCl
 return [r.x+a._offset+a.l2p(page.start_ms+1000*second), r.y+0.45*r.height]})"""
 SHIP_AT = """(()=>{const r=document.getElementById('ship').getBoundingClientRect(),t=track.getBoundingClientRect();
 return [r.x+r.width/2-t.x, r.y+r.height/2-t.y]})()"""
+SURGE_RANGE = "series._fullLayout.yaxis2.range"
 ON_TRACK = "(row=>{const r=track.getBoundingClientRect(),p=pixelOf(row);return [r.x+p[0],r.y+p[1]]})"
 
 
@@ -326,10 +327,14 @@ def test_a_drag_zooms_in_time_and_the_track_shows_that_stretch(page: Browser) ->
     np.testing.assert_allclose(stretch, rows, atol=0.006)
     assert second_of(page) == 0.0  # a drag is no click
     page.click_on("#fit")
-    page.wait_for("axes(track)[0].range[0] > -40")
+    page.wait_for(f"{SURGE_RANGE}[1] < 36")
+    low, high = page.evaluate(SURGE_RANGE)
+    surge = circling()["surge_mps"].iloc[int(begin) : int(end) + 1]
+    assert surge.min() - 0.5 < low < surge.min() < surge.max() < high < surge.max() + 0.5
     page.click_on("#whole")
     page.wait_for("state.from === 0 && state.to === END_S")
     assert page.evaluate("track.data.every(trace=>!(trace.meta&&trace.meta.stretch))")
+    page.wait_for(f"{SURGE_RANGE}[1] > 41")
 
 
 def test_a_manoeuvres_button_zooms_to_it_and_marks_it(page: Browser) -> None:
@@ -367,6 +372,16 @@ def test_keys_move_the_cursor_by_a_second_or_ten_and_not_beyond_the_ends(page: B
     for _ in range(3):
         page.press("ArrowLeft", shift=True)
     assert second_of(page) == 0.0
+
+
+def test_on_paper_the_plots_are_as_wide_as_a_sheet_and_as_high_and_then_as_before(page: Browser) -> None:
+    size = "[series._fullLayout.width, series._fullLayout.height, series.clientHeight]"
+    before = page.evaluate(size)
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate(size) == [690, 960, 960]
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate(size) == before
+    assert before[0] > 690
 
 
 def test_no_line_is_drawn_across_the_turn(page: Browser) -> None:
