@@ -64,9 +64,10 @@ def interactive_page(
     """The whole page as text: track and time series of one trial, to be written with the suffix ``.html``.
 
     ``table`` is indexed by UTC, as resampled to 1 Hz or faster, and holds any of the 13 channels in their own
-    units; above 20,000 rows it is thinned with all extremes kept, and the page says so. ``windows`` is the long table of this
-    trial's held windows. ``predicted`` has a table indexed by UTC by method's name, with any of ``north_m``,
-    ``east_m``, ``heading_deg``, ``surge_mps``, ``sway_mps``, ``yaw_rate_dps`` and the number of the ``window``.
+    units; above 20,000 rows it is thinned with all extremes kept, and the page says so. ``windows`` is the long
+    table of this trial's held windows. ``predicted`` has by method's name a table indexed by UTC, with any of
+    ``north_m``, ``east_m``, ``heading_deg``, ``surge_mps``, ``sway_mps``, ``yaw_rate_dps`` and the number of the
+    ``window``, without which a line ends where time does not go on.
 
     Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for an empty table and
     :class:`InputError` for one whose index is not UTC in increasing order.
