@@ -52,6 +52,7 @@ const methodColour = method => page.style.methods[method];
 
 // --- time series: a panel a quantity over one axis of time
 
+const sideOf = name => name.split("_")[0];  // port, starboard or tunnel where the channel is a thruster's
 const axisName = number => "y" + (number ? number + 1 : "");
 
 function seriesTraces() {
@@ -59,9 +60,8 @@ function seriesTraces() {
   panels.forEach(({names}, number) => {
     for (const name of names) {
       const [x, y] = lifted([STAMPS, channel(name)], [...page.holes, ...(page.lifts[name] || [])]);
-      const colour = names.length > 1 ? colours.thrusters[name.split("_")[0]] : colours.ink;
-      const width = names.length > 1 && name.startsWith("port") ? 2.6 : 1.2;  // a rim where starboard lies on it
-      traces.push(line(x, y, colour, width, {yaxis: axisName(number), meta: {channel: name}}));
+      const width = sideOf(name) === "port" ? 2.6 : 1.2;  // a rim where starboard lies on it
+      traces.push(line(x, y, colours.thrusters[sideOf(name)] || colours.ink, width, {yaxis: axisName(number), meta: {channel: name}}));
     }
     for (const method of methods) {
       const data = page.predicted[method];
@@ -112,8 +112,8 @@ function manoeuvreNumbers() {
 }
 
 function keyOf(names, number) {  // which colour is which thruster, above the panel
-  const text = names.map(name => `<span style="color:${colours.thrusters[name.split("_")[0]]}">` +
-    `<b>${name.split("_")[0]}</b></span>`).join("   ");
+  const text = names.map(name => `<span style="color:${colours.thrusters[sideOf(name)]}">` +
+    `<b>${sideOf(name)}</b></span>`).join("   ");
   return {x: 1, y: domainOf(number)[1], xref: "paper", yref: "paper", xanchor: "right", yanchor: "bottom", text,
     showarrow: false, font: {size: 11}};
 }
@@ -128,7 +128,7 @@ function domainOf(number) {
 function seriesLayout() {
   const layout = {...common(), margin: {l: 74, r: 14, t: 60, b: 44}, shapes: shapes(),
     annotations: [...manoeuvreNumbers(),
-      ...panels.flatMap(({names}, number) => names.length > 1 ? [keyOf(names, number)] : [])],
+      ...panels.flatMap(({names}, number) => names.some(name => sideOf(name) in colours.thrusters) ? [keyOf(names, number)] : [])],
     xaxis: {type: "date", range: [stamp(0), stamp(Math.max(END_S, 1))], anchor: axisName(panels.length - 1),
       title: {text: "time, UTC"}, gridcolor: colours.grid}};
   panels.forEach(({title, names}, number) => {
@@ -155,8 +155,9 @@ function common() {
 function trackTraces() {
   const east = channel("east_m"), north = channel("north_m");
   const inside = (from, to) => rowsOf(Math.max(from, state.from), Math.min(to, state.to));
-  const traces = [line(...lifted([east, north], page.holes), colours.faint, 1.2)];
-  if (state.from > 0 || state.to < END_S) {
+  const whole = state.from === 0 && state.to === END_S, plain = whole && !page.legs.length;
+  const traces = [line(...lifted([east, north], page.holes), plain ? colours.ink : colours.faint, 1.2)];
+  if (!whole) {
     const path = joined([inside(0, END_S)]);
     traces.push(line(path.x, path.y, colours.ink, 1.2, {meta: {stretch: true}}));
   }

@@ -69,8 +69,8 @@ def interactive_page(
     ``north_m``, ``east_m``, ``heading_deg``, ``surge_mps``, ``sway_mps``, ``yaw_rate_dps`` and the number of the
     ``window``, without which a line ends where time does not go on.
 
-    Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for an empty table and
-    :class:`InputError` for one whose index is not UTC in increasing order.
+    Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for a table without rows or
+    without any channel and :class:`InputError` for one whose index is not UTC in increasing order.
     """
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
@@ -171,11 +171,16 @@ def _figures(data: Mapping[str, Any]) -> dict[str, str]:
     hours, rest = divmod(round(data["time_s"][-1]), 3600)
     duration = f"{hours} h {rest // 60:02d} min" if hours else f"{rest // 60} min {rest % 60:02d} s"
     held_s = sum(end - begin for begin, end in data["held"])
-    return {
-        "duration": duration, "rows": f"{data['rows']:,}", "channels": f"{len(data['channels'])} of {len(NAMES)}",
-        "held": f"{held_s / 60:.1f} min", "legs": str(len(data["legs"])),
-        "manoeuvres": str(len(data["manoeuvres"])),
-    }  # fmt: skip
+    figures = {
+        "duration": duration,
+        "rows": f"{data['rows']:,}",
+        "channels": f"{len(data['channels'])} of {len(NAMES)}",
+    }
+    if data["held"]:
+        figures |= {"held": f"{held_s / 60:.1f} min", "legs": str(len(data["legs"]))}
+    if data["manoeuvres"]:
+        figures["manoeuvres"] = str(len(data["manoeuvres"]))
+    return figures
 
 
 def _notes(data: Mapping[str, Any]) -> list[str]:

@@ -46,8 +46,8 @@ def page_data(
 
     ``table`` holds any of the 13 channels, in order of time. ``windows`` is the long table of held windows,
     ``predicted`` has a table of :data:`PREDICTED` by method, with the number of the ``window``.
-    Raises :class:`InputError` for a table that is not in order of time, :class:`DataShortageError` for an
-    empty one.
+    Raises :class:`InputError` for a table that is not in order of time, :class:`DataShortageError` for one
+    without rows or without any channel.
     """
     time_ns = times_ns(table)
     if time_ns.size == 0:
@@ -55,6 +55,8 @@ def page_data(
     if np.any(np.diff(time_ns) <= 0):
         raise InputError("the table's times do not increase", fix="sort it and drop double times, or resample it")
     names = [name for name in NAMES if name in table and table[name].notna().any()]
+    if not names:
+        raise DataShortageError("the table has none of the 13 channels", fix="name its columns with a column map")
     columns = {name: table[name].to_numpy(dtype=float) for name in names}
     holes = holes_of(time_ns)
     rows = kept_rows(columns, holes, time_ns.size)
@@ -208,7 +210,12 @@ def _manoeuvre(manoeuvre: Manoeuvre, start_ms: int) -> dict[str, Any]:
 
 
 def panels_of(channels: Iterable[str], panels: Mapping[str, Sequence[str]]) -> list[dict[str, Any]]:
-    """Of the panels of time series by title those that have something to show, with the channels that there are."""
+    """Of the panels of time series by title those that have something to show, with the channels that there are.
+
+    The first one stays where there is none: the cursor needs an axis of time.
+    """
     there = set(channels)
     chosen = [(title, [name for name in names if name in there]) for title, names in panels.items()]
-    return [{"title": title, "names": names} for title, names in chosen if names]
+    return [{"title": title, "names": names} for title, names in chosen if names] or [
+        {"title": title, "names": []} for title in list(panels)[:1]
+    ]

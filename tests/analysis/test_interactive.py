@@ -185,6 +185,8 @@ def test_the_file_is_written_whole_and_only_as_html(tmp_path: Path) -> None:
 def test_tables_that_cannot_be_shown_are_refused() -> None:
     with pytest.raises(DataShortageError, match="no row"):
         interactive_page(circling().iloc[:0])
+    with pytest.raises(DataShortageError, match="none of the 13 channels"):
+        interactive_page(circling()[["north_m"]].assign(north_m=np.nan, roll_deg=1.0))
     with pytest.raises(InputError, match="do not increase"):
         interactive_page(circling().iloc[::-1])
     with pytest.raises(InputError, match="no zone"):
@@ -395,7 +397,9 @@ def test_no_line_is_drawn_across_the_turn(page: Browser) -> None:
         assert np.nanmax(np.abs(np.diff(values))) < 180.0
 
 
-def test_a_page_without_positions_and_with_holes_still_reads(opened: Browser, tmp_path: Path) -> None:
+def test_pages_without_positions_with_holes_and_with_positions_only_still_read(
+    opened: Browser, tmp_path: Path
+) -> None:
     table = circling().drop(columns=["north_m", "east_m", "wind_speed_mps"])
     table.iloc[50, table.columns.get_loc("heading_deg")] = np.nan
     back = opened.evaluate("location.href")
@@ -405,5 +409,9 @@ def test_a_page_without_positions_and_with_holes_still_reads(opened: Browser, tm
     assert values_read(opened)["surge_mps"] == f"{table['surge_mps'].iloc[50]:.3f}"
     opened.press("ArrowRight")
     assert second_of(opened) == 60.0  # over the hole, and not stuck before it
+    assert opened.errors == []
+    opened.open(write_interactive(tmp_path / "track.html", circling()[["north_m", "east_m"]]), READY)
+    opened.click(*opened.evaluate(f"{ON_TRACK}(90)"))
+    assert values_read(opened)["north_m"] == "200.00"
     assert opened.errors == []
     opened.open(back, READY)
