@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from acquisition.errors import ConfigurationError
 
 from analysis.manoeuvres.page import add_manoeuvres
 from analysis.page import Page
@@ -143,6 +146,28 @@ def _draw_series(figure: Figure, case: Case, name: str) -> None:
         axes.label_outer()
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     figure.align_ylabels()
+
+
+def write_interactive_pages(case: Case, folder: Path, name: str) -> dict[str, str]:
+    """A page to zoom into for each recording, in ``folder``; what they are called and where, for links.
+
+    Nothing without plotly, which is an extra of the installation.
+    """
+    from analysis.interactive import write_interactive
+
+    pages = {}
+    for trial, products in case.products.items():
+        windows = None if products.windows is None else products.windows.rows
+        page = folder / (f"{name}.html" if len(case.paths) == 1 else f"{name}_{trial}.html")
+        predicted = {} if windows is None or case.why_not else case.predicted(trial)
+        try:
+            write_interactive(page, products.one_hz, windows, predicted, products.manoeuvres, trial,
+                              products.recording.path.name)  # fmt: skip
+        except ConfigurationError:
+            return {}
+        what = "track and channels to zoom into" + (f", {trial}" if len(case.paths) > 1 else "")
+        pages[what] = page.name
+    return pages
 
 
 def add_indices(page: Page, case: Case) -> None:
