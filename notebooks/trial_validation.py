@@ -25,7 +25,7 @@ horizon_s: int | None = None  # how far is predicted; without it what the calibr
 repair = False  # put right before what is certainly wrong
 allow_seen = False  # also recordings that the calibrator was trained on
 diagnosis: str | None = None  # the page of a diagnosis of these recordings, to link to
-interactive: str | None = None  # a page to zoom into, to link to
+interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
@@ -40,9 +40,8 @@ show = shown_in(figures_folder)
 show(prediction.add_headline, case)
 
 # %%
-links(
-    {"what the model lacks: the diagnosis of this trial": diagnosis, "track and channels to zoom into": interactive}
-)
+pages = {} if interactive is None else trial.write_interactive_pages(case, interactive)
+links({"what the model lacks: the diagnosis of this trial": diagnosis, **pages})
 
 # %% [markdown]
 # ## Run sheet

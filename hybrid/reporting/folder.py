@@ -23,7 +23,6 @@ Kind = Literal["missing_effect", "paper_reproduction", "trial_validation", "batc
 
 PAGES = {"missing_effect": "missing_effect.html", "paper_reproduction": "paper_reproduction.html",
          "trial_validation": "report.html"}  # fmt: skip
-INTERACTIVE = "interactive.html"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +117,6 @@ def trial_report(
 ) -> Path:
     """``report.html`` in ``folder`` about recordings that belong together; ``diagnosis`` is a page to link to."""
     folder.mkdir(parents=True, exist_ok=True)
-    interactive = write_interactive_pages(recordings[0], folder, choices) if choices.interactive else None
     parameters: dict[str, Any] = {
         "recordings": [str(path.resolve()) for path in recordings],
         "calibrator": None if choices.calibrator is None else str(choices.calibrator.resolve()),
@@ -128,15 +126,10 @@ def trial_report(
         "allow_seen": choices.allow_seen,
         "figures_folder": str(_figures(folder)),
         "diagnosis": None if diagnosis is None else os.path.relpath(diagnosis, folder),
-        "interactive": None if interactive is None else interactive.name,
+        "interactive": str(folder.resolve()) if choices.interactive else None,
     }
     subtitle = ", ".join(path.name for path in recordings)
     return run_notebook("trial_validation", parameters, folder / PAGES["trial_validation"], subtitle, progress)
-
-
-def write_interactive_pages(recording: Path, folder: Path, choices: Choices) -> Path | None:
-    """The page to zoom into; None where plotly is not installed."""
-    return None
 
 
 def batch_reports(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition.errors import ConfigurationError
-
 from analysis.manoeuvres.page import add_manoeuvres
 from analysis.page import Page
 from analysis.quality.page import add_quality
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 _COMMANDS = (("port_rpm", "starboard_rpm", "tunnel_rpm"), ("port_angle_deg", "starboard_angle_deg"),
              ("wind_speed_mps",), ("wind_direction_deg",))  # fmt: skip
+INTERACTIVE = "interactive"
 _ORDERS = ("port_order_rpm", "starboard_order_rpm", "port_order_angle_deg", "starboard_order_angle_deg")
 
 
@@ -148,7 +148,7 @@ def _draw_series(figure: Figure, case: Case, name: str) -> None:
     figure.align_ylabels()
 
 
-def write_interactive_pages(case: Case, folder: Path, name: str) -> dict[str, str]:
+def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
     """A page to zoom into for each recording, in ``folder``; what they are called and where, for links.
 
     Nothing without plotly, which is an extra of the installation.
@@ -158,7 +158,7 @@ def write_interactive_pages(case: Case, folder: Path, name: str) -> dict[str, st
     pages = {}
     for trial, products in case.products.items():
         windows = None if products.windows is None else products.windows.rows
-        page = folder / (f"{name}.html" if len(case.paths) == 1 else f"{name}_{trial}.html")
+        page = Path(folder) / (f"{INTERACTIVE}.html" if len(case.paths) == 1 else f"{INTERACTIVE}_{trial}.html")
         predicted = {} if windows is None or case.why_not else case.predicted(trial)
         try:
             write_interactive(page, products.one_hz, windows, predicted, products.manoeuvres, trial,

@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from hybrid.report import add_validation, headline_of
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
@@ -22,7 +23,6 @@ from analysis.windows import HeldWindows, tables_of_recordings, windows_of_table
 from hybrid import plots
 from hybrid.artefact import Trained
 from hybrid.gather import gather
-from hybrid.report import add_validation, headline_of
 from hybrid.scores import distances
 from hybrid.validate import Validation, validate
 from hybrid.vessel.plant import Plant
