@@ -16,6 +16,7 @@ from torch import Tensor, isfinite, isnan
 
 from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
+from analysis.files import make_folder
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, Floats
 from hybrid.certainty import Predicted, Reserve, guarded
@@ -133,14 +134,6 @@ def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, s
         data=trained.sources,
         metrics=trained.metrics,
     )
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of an artefact, before the long work rather than after. Raises :class:`StorageError`."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise storage_error(folder / SIDECAR, error) from error
 
 
 def load(folder: Path) -> Trained:

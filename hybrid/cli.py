@@ -112,8 +112,9 @@ def train(
 ) -> None:
     """Train a calibrator on held windows."""
     from acquisition.progress import bar
+    from analysis.files import make_folder
     from analysis.table import percent_of
-    from hybrid.artefact import make_folder, save
+    from hybrid.artefact import save
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.gather import gather
     from hybrid.train import train as run

@@ -43,8 +43,8 @@ def diagnose(
 ) -> None:
     """Diagnose recordings against a model."""
     from acquisition.progress import bar
+    from analysis.files import make_folder
     from analysis.table import percent_of
-    from hybrid.artefact import make_folder
     from hybrid.diagnosis.files import diagnose_files, write_diagnosis
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.vessel.files import DEFAULT, load_vessel

@@ -45,7 +45,7 @@ def evaluate(
     from rich.console import Console
 
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.calibrators import METHODS, make_calibrator
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.evaluation.page import write_evaluation

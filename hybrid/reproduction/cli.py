@@ -32,7 +32,7 @@ def table3(
 ) -> None:
     """Compare all methods in the paper's three sea states."""
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.reproduction.seas import seas_of
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
@@ -67,7 +67,7 @@ def figures(
 ) -> None:
     """Draw the figures."""
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.reproduction.figures import write_figures
 
     make_folder(output)
@@ -91,7 +91,7 @@ def fidelity(
 ) -> None:
     """Degrade the reference step by step and learn from ever more windows."""
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.reproduction.fidelity import papers_map
     from hybrid.reproduction.fidelity_reading import reading, with_reading
 
