@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.channels import BY_NAME
-from acquisition.frames import Quality
-from acquisition.info import iso
+from acquisition.frames import Quality, iso
 from analysis.frames import NANO
 from analysis.quality import channel_checks
 from analysis.quality.findings import Flags
