@@ -62,12 +62,12 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
         return ()
     interval_s = float(np.median(np.diff(time_s)))
     width = int(np.clip(_STRETCH_S / max(interval_s, 1e-3), _FEWEST, _MOST))
-    places, sizes = _steps(time_s, error, width, interval_s)
+    places, sizes = _steps(error, width, interval_s)
     known = [place for place in places if _seen(time_s, place, width, interval_s, fit)]
     return _paired([(float(time_s[place] + fit.parameters[2]), sizes[place]) for place in known], np.ptp(time_s))
 
 
-def _steps(time_s: Floats, error: Floats, width: int, interval_s: float) -> tuple[list[int], dict[int, Floats]]:
+def _steps(error: Floats, width: int, interval_s: float) -> tuple[list[int], dict[int, Floats]]:
     """First samples after a jump, and its size."""
     medians = np.median(sliding_window_view(error, width, axis=0), axis=-1)
     apart = medians[width:] - medians[:-width]  # row r is about the step to sample r + width

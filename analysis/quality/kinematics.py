@@ -61,7 +61,6 @@ class Kinematics:
     covariance: Floats
     informative: Floats
     blocks: int
-    block_s: float
     motion: Motion
     converged: bool = True
     coarse: Coarse = field(default_factory=Coarse)
@@ -158,7 +157,7 @@ def fit_motion(motion: Motion) -> Kinematics:
     covariance[:6, :6], covariance[6:, 6:] = path.covariance, turn.covariance
     return Kinematics(
         np.concatenate([path.parameters, turn.parameters]), covariance,
-        np.concatenate([path.informative, turn.informative]), len(starts), block_s, motion,
+        np.concatenate([path.informative, turn.informative]), len(starts), motion,
         _inside(path.parameters[:2]) and _inside(turn.parameters[:2]),
     )  # fmt: skip
 

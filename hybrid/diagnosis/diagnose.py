@@ -53,7 +53,6 @@ class Examined:
 
     diagnosis: Diagnosis
     naming: Naming
-    remaining: tuple[Remainder, ...]
     gap: HeldOut
     extras: Extras
 
@@ -126,7 +125,7 @@ def _diagnosed(
         remarks=_remarks(log, vessel, effects, one, gap),
         provenance={**(provenance or {}), **_granted(first, noise)},
     )
-    return Examined(diagnosis, naming, tuple(found), gap, Extras(*maps, stated(sensors) if sensors else ()))
+    return Examined(diagnosis, naming, gap, Extras(*maps, stated(sensors) if sensors else ()))
 
 
 def _part(progress: Progress, first: float, last: float) -> Progress:

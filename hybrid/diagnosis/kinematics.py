@@ -40,14 +40,13 @@ _SETTLED = 0.5  # of a standard error
 class Consistency:
     """One contradiction: the sensor effect that explains it best, and its size.
 
-    ``free`` and ``standard_errors`` are of its free coordinates, in ``units``; ``p_value`` is corrected for
-    the number of effects tested. ``alike`` are effects that without a ship model look the same.
+    ``free`` and ``standard_errors`` are of its free coordinates, in the units of its parameters; ``p_value`` is
+    corrected for the number of effects tested. ``alike`` are effects that without a ship model look the same.
     """
 
     effect: str
     free: tuple[float, ...]
     standard_errors: tuple[float, ...]
-    units: tuple[str, ...]
     p_value: float
     alike: tuple[str, ...]
     sentence: str
@@ -236,7 +235,6 @@ def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
     errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
     rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < CLOSE)
     alike = tuple(rival for _, rival in rivals)
-    units = tuple(each.unit for each in effect.parameters)
     values = model.values(test.name, free)
     words = ", ".join(
         f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
@@ -246,4 +244,4 @@ def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
     sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
     if alike:
         sentence += f"; without a ship model {listed([plain(each) for each in alike], 'or')} would look the same"
-    return Consistency(test.name, free, errors, units, test.p_value, alike, sentence + ".")
+    return Consistency(test.name, free, errors, test.p_value, alike, sentence + ".")

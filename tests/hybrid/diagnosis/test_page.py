@@ -19,7 +19,7 @@ from hybrid.diagnosis.result import Diagnosis, Ladder
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
-    "heading_bias", (-1.5,), (0.1,), ("deg",), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
+    "heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
 )
 
 
