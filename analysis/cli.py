@@ -135,8 +135,8 @@ def windows(
 ) -> None:
     """Cut held windows out of recordings."""
     from acquisition.progress import bar
+    from analysis.window_files import write_windows
     from analysis.window_starts import Cutting, windows_of_recordings
-    from analysis.windows import write_windows
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them

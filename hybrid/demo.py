@@ -30,7 +30,8 @@ from acquisition.trial import Trial
 from analysis.page import Page, add_recording, add_run_sheet
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.page import add_quality
-from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
+from analysis.recordings import tables_of_recordings, windows_of_tables
+from analysis.windows import HeldWindows
 from hybrid.artefact import Trained, save
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.files import diagnose_files, write_diagnosis

@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.errors import DataShortageError
 from acquisition.progress import part_of
-from analysis.windows import trial_names
+from analysis.recordings import trial_names
 from hybrid.baselines import reference
 from hybrid.diagnosis.diagnose import Examined
 from hybrid.diagnosis.evidence import Ints

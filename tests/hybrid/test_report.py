@@ -16,7 +16,8 @@ from matplotlib.figure import Figure
 
 from acquisition.errors import StorageError
 from analysis.page import Page, add_recording, add_run_sheet
-from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
+from analysis.recordings import tables_of_recordings, windows_of_tables
+from analysis.windows import HeldWindows
 from hybrid import plots
 from hybrid.artefact import Trained
 from hybrid.gather import gather
