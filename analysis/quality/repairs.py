@@ -50,14 +50,19 @@ def repair(
     findings: Iterable[Finding],
     flags: FlagsByChannel | None = None,
     recording: Recording | None = None,
+    *,
+    rebuild_positions: bool = False,
 ) -> Repaired:
     """Put right what is certain of ``findings``; the given table stays as it is.
 
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
     without them these two are left alone. ``recording`` is what the table was read from: angles of the other
-    convention, which the table lacks, are brought back from it. Codes that have no repair here (a delay is taken
-    out by resampling, on request) are passed over, and so is a repair whose channels are lacking.
+    convention, which the table lacks, are brought back from it. ``rebuild_positions`` takes the path that speeds
+    and heading give for the positions (:func:`rebuilding_positions`). Codes that have no repair here (a delay is
+    taken out by resampling, on request) are passed over, and so is a repair whose channels are lacking.
     """
+    if rebuild_positions:
+        findings = rebuilding_positions(findings, table)
     order = tuple(REPAIRS)
     certain = sorted(
         (finding for finding in findings if finding.certain and finding.code in REPAIRS),
@@ -109,6 +114,8 @@ def write_repaired(
     findings: Iterable[Finding],
     path: Path | str,
     flags: FlagsByChannel | None = None,
+    *,
+    rebuild_positions: bool = False,
 ) -> Repaired:
     """Repair ``table``, which is ``recording`` as read, and write it as a new recording at ``path``.
 
@@ -124,7 +131,7 @@ def write_repaired(
             "is the recording itself", where=str(target), why="the original stays as it is",
             fix="name another file for the repaired recording",
         )  # fmt: skip
-    repaired = repair(table, findings, flags, recording)
+    repaired = repair(table, findings, flags, recording, rebuild_positions=rebuild_positions)
     touched = {
         name: not np.array_equal(repaired.table[name], table[name], equal_nan=True) for name in table.columns
     }

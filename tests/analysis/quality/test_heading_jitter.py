@@ -11,7 +11,7 @@ from acquisition.angles import difference, wrap_360
 from analysis.quality.findings import Finding
 from analysis.quality.motion_checks import motion
 from analysis.quality.rebuilt_heading import rebuilt_heading
-from analysis.quality.repairs import rebuilding_positions, repair
+from analysis.quality.repairs import repair
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
 from tests.analysis.quality.kinematic_trials import Faults, Noise, sailed
@@ -108,7 +108,7 @@ def test_positions_take_the_mended_turns(sound: pd.DataFrame) -> None:
     ).table
     findings = motion(rough).findings
     assert {CODE, "position_time_jitter"} <= {each.code for each in findings}
-    mended = repair(rough, rebuilding_positions(findings, rough))
+    mended = repair(rough, findings, rebuild_positions=True)
     assert [each.code for each in mended.repairs] == [CODE, "position_time_jitter"]
     without = repair(rough, [stated(rough, "position_time_jitter", "north_m")])
     off_m = [
@@ -120,7 +120,7 @@ def test_positions_take_the_mended_turns(sound: pd.DataFrame) -> None:
 
 def test_a_sound_heading_stays_as_it_is(sound: pd.DataFrame) -> None:
     jittering = faults.position_time_jitter(0.6)(sound, dice()).table
-    mended = repair(jittering, rebuilding_positions(motion(jittering).findings, jittering))
+    mended = repair(jittering, motion(jittering).findings, rebuild_positions=True)
     assert [each.code for each in mended.repairs] == ["position_time_jitter"]
     assert mended.table["heading_deg"].equals(sound["heading_deg"])
 
