@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from acquisition.angles import unwrap
 from analysis.quality.kinematic_jitter import Jitter
 from analysis.quality.kinematic_path import turn_model
-from analysis.quality.kinematic_series import GROUPS, Bools, Floats, samples_of
+from analysis.quality.kinematic_series import GROUPS, Bools, Floats, group_samples
 from analysis.quality.kinematics import Kinematics, quantile
 
 _SMALLEST_S = 0.1
@@ -51,7 +51,7 @@ class HeadingErrors:
 
 def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     """The jitter of the headings in a table about the turns that were fitted to it."""
-    raw = samples_of(table, GROUPS["heading_deg"])
+    raw = group_samples(table, GROUPS["heading_deg"])
     turned, rate = turned_at(fit, raw.time_s)
     error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
     steps = np.abs(np.diff(raw.levels[:, 0]))

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.quality.kinematic_series import GROUPS, STEP_S, Floats, Motion, block_starts, isolated, samples_of
+from analysis.quality.kinematic_series import GROUPS, STEP_S, Floats, Motion, block_starts, group_samples, isolated
 from analysis.table import require
 
 Complexes = NDArray[np.complex128]
@@ -61,7 +61,7 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     samples of one. Too few windows to say anything give a neutral answer.
     """
     require(table, tuple(name for names in GROUPS.values() for name in names))
-    position, heading, speed, yaw_rate = (samples_of(table, channels) for channels in GROUPS.values())
+    position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
     speed, yaw_rate = (each.without(isolated(each.levels)) for each in (speed, yaw_rate))
     step_s = max(STEP_S, min(each.interval_s for each in (position, heading, speed, yaw_rate)))
     motion = Motion(position, heading, speed, yaw_rate, step_s)

@@ -14,7 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.quality.kinematic_path import interpolated, path_model
-from analysis.quality.kinematic_series import GROUPS, Floats, isolated, rotated, samples_of
+from analysis.quality.kinematic_series import GROUPS, Floats, group_samples, isolated, rotated
 from analysis.quality.kinematics import CHANCE, Kinematics, quantile
 
 _SHORT_S = 30.0
@@ -126,7 +126,7 @@ def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
     motion, parameters = fit.motion, fit.parameters[:6]
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
     path, slopes = path_model(motion, grid_s)(parameters)
-    raw = samples_of(table, GROUPS["north_m"])
+    raw = group_samples(table, GROUPS["north_m"])
     times = raw.time_s - parameters[2]
     within = (times >= grid_s[0]) & (times <= grid_s[-1])
     at = interpolated(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))

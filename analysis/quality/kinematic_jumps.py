@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from analysis.quality.kinematic_jitter import position_errors
-from analysis.quality.kinematic_series import Bools, Floats, Samples
+from analysis.quality.kinematic_series import Bools, Floats, Group
 from analysis.quality.kinematics import Kinematics
 
 _STRETCH_S = 5.0
@@ -95,7 +95,7 @@ def _seen(time_s: Floats, place: int, width: int, interval_s: float, fit: Kinema
     return all(_recorded(each, begin, end) for each in (fit.motion.speed, fit.motion.heading))
 
 
-def _recorded(samples: Samples, begin: float, end: float) -> bool:
+def _recorded(samples: Group, begin: float, end: float) -> bool:
     first, last = np.searchsorted(samples.time_s, [begin, end], side="left")
     inside = samples.time_s[max(first - 1, 0) : last + 1]
     return bool(inside.size > 1 and np.diff(inside).max() < 1.8 * samples.interval_s)

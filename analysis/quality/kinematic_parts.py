@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.errors import DataShortageError
-from analysis.quality.kinematic_series import Floats, Motion, Samples
+from analysis.quality.kinematic_series import Floats, Group, Motion
 from analysis.quality.kinematics import Kinematics, fit_motion, quantile, rescaled
 
 _PARTS = 4
@@ -74,7 +74,7 @@ def _part(motion: Motion, begin: float, end: float) -> Motion | None:
     return Motion(position, heading, speed, yaw_rate, motion.step_s)
 
 
-def _within(samples: Samples, begin: float, end: float) -> Samples:
+def _within(samples: Group, begin: float, end: float) -> Group:
     return samples.without((samples.time_s < begin) | (samples.time_s > end))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.quality.kinematic_series import Floats, Motion, Samples, rotated, spline
+from analysis.quality.kinematic_series import Floats, Group, Motion, rotated, spline
 
 Model = Callable[[Floats], tuple[Floats, Floats]]
 """Levels [points, m] on the grid (2 of position or 1 of heading) for p parameters, and their slopes [points, p, m].
@@ -71,7 +71,7 @@ def turn_model(motion: Motion, grid_s: Floats) -> Model:
     return model
 
 
-def without_jumps(level: Samples, model: Model, grid_s: Floats, values: Floats) -> Samples:
+def without_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
     """Positions or headings whose jumps are taken out, as they come from jittering stamps and clocks that are set.
 
     A step from one sample to the next is a jump where it differs from the model's by far more than the usual
@@ -92,7 +92,7 @@ def without_jumps(level: Samples, model: Model, grid_s: Floats, values: Floats) 
     around = jumps | np.append(jumps[1:], False) | np.append(False, jumps[:-1])
     removed = np.where(around[:, np.newaxis], _turned_by(steps.angle, steps.error), 0.0)
     shift = np.vstack([np.zeros(removed.shape[1]), np.cumsum(removed, axis=0)])
-    return Samples(level.time_s, level.levels - shift, level.interval_s)
+    return Group(level.time_s, level.levels - shift, level.interval_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ class _Steps:
     angle: Floats
 
 
-def _regressed(level: Samples, model: Model, grid_s: Floats, values: Floats) -> Floats:
+def _regressed(level: Group, model: Model, grid_s: Floats, values: Floats) -> Floats:
     """Parameters by redescending weights (Cauchy's, squared) whose tolerance narrows."""
     for number in range(_ROUNDS):
         steps = _steps(level, model, grid_s, values)
@@ -144,7 +144,7 @@ def _jumps(steps: _Steps) -> NDArray[np.bool_]:
     return np.asarray((np.abs(steps.error) > limit).any(axis=1))
 
 
-def _steps(level: Samples, model: Model, grid_s: Floats, values: Floats) -> _Steps:
+def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps:
     wanted, slopes = model(values)
     both = np.concatenate([wanted[:, np.newaxis], slopes], axis=1)
     at = interpolated(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))

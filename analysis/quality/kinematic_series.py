@@ -38,15 +38,15 @@ _MOST_WILD = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
+class Group:
     """One group: ``time_s`` [n] increasing, ``levels`` [n, channels] in SI units, ``interval_s`` between them."""
 
     time_s: Floats
     levels: Floats
     interval_s: float
 
-    def without(self, spoilt: Bools) -> Samples:
-        return Samples(self.time_s[~spoilt], self.levels[~spoilt], self.interval_s)
+    def without(self, spoilt: Bools) -> Group:
+        return Group(self.time_s[~spoilt], self.levels[~spoilt], self.interval_s)
 
     def gaps(self) -> Floats:
         """Where too long nothing was recorded: [gaps, 2] beginning and end [s]."""
@@ -58,16 +58,16 @@ class Samples:
 class Motion:
     """Four groups cleaned of spikes; ``heading`` is unwrapped. ``step_s`` is the grid the fit works on."""
 
-    position: Samples
-    heading: Samples
-    speed: Samples
-    yaw_rate: Samples
+    position: Group
+    heading: Group
+    speed: Group
+    yaw_rate: Group
     step_s: float
 
     def half(self, first: int) -> Motion:
         """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
         heading, speed, yaw_rate = (
-            Samples(each.time_s[first::2], each.levels[first::2], 2.0 * each.interval_s) for each in self.groups[1:]
+            Group(each.time_s[first::2], each.levels[first::2], 2.0 * each.interval_s) for each in self.groups[1:]
         )
         return Motion(self.position, heading, speed, yaw_rate, self.step_s)
 
@@ -76,7 +76,7 @@ class Motion:
         return max(each.interval_s for each in self.groups)
 
     @property
-    def groups(self) -> tuple[Samples, ...]:
+    def groups(self) -> tuple[Group, ...]:
         return self.position, self.heading, self.speed, self.yaw_rate
 
 
@@ -86,7 +86,7 @@ def motion_of(table: pd.DataFrame) -> Motion:
     Raises :class:`InputError` where a channel is missing and :class:`DataShortageError` for less than 8 samples.
     """
     require(table, MOTION)
-    raw = {name: samples_of(table, channels) for name, channels in GROUPS.items()}
+    raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
     step_s = max(STEP_S, min(each.interval_s for each in raw.values()))
     speed, yaw_rate = (_binned(_without_spikes(raw[name]), step_s) for name in ("surge_mps", "yaw_rate_dps"))
     heading = _binned(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
@@ -95,7 +95,7 @@ def motion_of(table: pd.DataFrame) -> Motion:
     return Motion(_binned(raw["north_m"].without(spikes), step_s), heading, speed, yaw_rate, step_s)
 
 
-def samples_of(table: pd.DataFrame, channels: tuple[str, ...]) -> Samples:
+def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
     """The samples of channels that are stamped together, in radians where they are angles."""
     times = (times_ns(table) - times_ns(table).min()) / NANO
     columns = [table[name].to_numpy(dtype=float) for name in channels]
@@ -110,10 +110,10 @@ def samples_of(table: pd.DataFrame, channels: tuple[str, ...]) -> Samples:
     scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
     steps = np.diff(times[order])
     interval_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
-    return _without_repeats(Samples(times[order], values[order] * scale, interval_s))
+    return _without_repeats(Group(times[order], values[order] * scale, interval_s))
 
 
-def _without_repeats(samples: Samples) -> Samples:
+def _without_repeats(samples: Group) -> Group:
     """Without the copies of a slower source that was written again and again: repeats that come regularly.
 
     Rounded values repeat too, but now and then; their copies are samples like all others.
@@ -123,7 +123,7 @@ def _without_repeats(samples: Samples) -> Samples:
     usual = float(np.median(runs))
     if usual < 2.0 or np.mean(np.abs(runs - usual) <= 0.1 * usual + 0.5) < 0.8:
         return samples
-    return Samples(samples.time_s[new], samples.levels[new], usual * samples.interval_s)
+    return Group(samples.time_s[new], samples.levels[new], usual * samples.interval_s)
 
 
 def isolated(values: Floats) -> Bools:
@@ -142,7 +142,7 @@ def isolated(values: Floats) -> Bools:
     return np.asarray((outside > _SPIKE * scale + 1e-9).any(axis=1))
 
 
-def spline(samples: Samples) -> Callable[..., Floats]:
+def spline(samples: Group) -> Callable[..., Floats]:
     """A cubic spline through a group; across what is missing it is straight."""
     from scipy.interpolate import CubicSpline
 
@@ -158,7 +158,7 @@ def spline(samples: Samples) -> Callable[..., Floats]:
     return curve
 
 
-def path_at(time_s: Floats, heading: Samples, speed: Samples, step_s: float) -> Floats:
+def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floats:
     """The path [n, 2] north and east that heading and speeds describe, at any times."""
     grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
     angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
@@ -174,20 +174,20 @@ def rotated(angle_rad: Floats, body: Floats) -> Floats:
     return np.column_stack([body[:, 0] * cosine - body[:, 1] * sine, body[:, 0] * sine + body[:, 1] * cosine])
 
 
-def _without_spikes(samples: Samples) -> Samples:
+def _without_spikes(samples: Group) -> Group:
     return samples.without(isolated(samples.levels))
 
 
-def _binned(samples: Samples, step_s: float) -> Samples:
+def _binned(samples: Group, step_s: float) -> Group:
     """Means of time and value over each step; what is slower stays as it is, but for repeated times."""
     bins = np.floor(samples.time_s / step_s + 1e-6).astype(np.int64)
     _, place, count = np.unique(bins, return_inverse=True, return_counts=True)
     time_s = np.bincount(place, samples.time_s) / count
     values = np.column_stack([np.bincount(place, column) / count for column in samples.levels.T])
-    return Samples(time_s, values, max(samples.interval_s, step_s))
+    return Group(time_s, values, max(samples.interval_s, step_s))
 
 
-def _sound_heading(heading: Samples, yaw_rate: Samples) -> Samples:
+def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
     """The heading unwrapped along the turn that the yaw rate tells, and by it where it contradicts wildly.
 
     The difference of heading and integrated yaw rate wanders slowly; it is interpolated over samples where it
@@ -200,7 +200,7 @@ def _sound_heading(heading: Samples, yaw_rate: Samples) -> Samples:
     wild = np.abs(off) > max(_SPIKE * 1.4826 * float(np.median(np.abs(off))), _WILD_RAD)
     if wild.mean() < _MOST_WILD:
         off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
-    return Samples(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
+    return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
 
 
 def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
@@ -215,7 +215,7 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
     return np.asarray(np.interp(np.arange(angle_rad.size), places, np.unwrap(np.angle(middle))))
 
 
-def _turn_at(time_s: Floats, yaw_rate: Samples) -> Floats:
+def _turn_at(time_s: Floats, yaw_rate: Group) -> Floats:
     rate = yaw_rate.levels[:, 0]
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(yaw_rate.time_s))])
     return np.asarray(np.interp(time_s, yaw_rate.time_s, turned))

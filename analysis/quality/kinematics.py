@@ -24,7 +24,7 @@ from acquisition.errors import DataShortageError
 from analysis.quality.kinematic_blocks import Solution, cosines, solve
 from analysis.quality.kinematic_coarse import Coarse, coarse_fit
 from analysis.quality.kinematic_path import Model, path_model, turn_model, without_jumps
-from analysis.quality.kinematic_series import Floats, Motion, Samples, block_starts, motion_of, spline
+from analysis.quality.kinematic_series import Floats, Group, Motion, block_starts, motion_of, spline
 
 PATH_PARAMETERS = (
     "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
@@ -187,7 +187,7 @@ Models = tuple[Model, ...]
 """By all samples, by every other one, and by the rest."""
 
 
-def _fitted(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Solution:
+def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
     """Levels fitted as they are or, where they jump and that tells more, without their jumps.
 
     To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
@@ -200,7 +200,7 @@ def _fitted(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Sol
     return min(solution, other, key=lambda each: float(np.linalg.slogdet(each.covariance)[1]))
 
 
-def _gauss_newton(level: Samples, models: Models, prior: Floats, frame: _Frame) -> Solution:
+def _gauss_newton(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
     """From slow motion to faster. A delay or arm that a stage does not tell begins the next at none, lest it
     wanders, or finds itself a whole wave off."""
     level_at, values = spline(level), np.zeros(prior.size)

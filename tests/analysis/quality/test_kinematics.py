@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.errors import DataShortageError, InputError
-from analysis.quality.kinematic_series import isolated, motion_of, samples_of
+from analysis.quality.kinematic_series import group_samples, isolated, motion_of
 from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics
 from tests.analysis.quality.kinematic_trials import Faults, Noise, sailed
 
@@ -163,7 +163,7 @@ def test_values_written_again_and_again_are_one_sample() -> None:
     table = sailed(rate_hz=10.0, duration_s=100.0)
     held_values = table.assign(north_m=table["north_m"].to_numpy()[np.arange(len(table)) // 10 * 10],
                                east_m=table["east_m"].to_numpy()[np.arange(len(table)) // 10 * 10])  # fmt: skip
-    samples = samples_of(held_values, ("north_m", "east_m"))
+    samples = group_samples(held_values, ("north_m", "east_m"))
     assert samples.time_s.size == 100
     assert samples.interval_s == pytest.approx(1.0)
 
