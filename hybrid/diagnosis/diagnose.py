@@ -13,10 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.beyond import FORMS
+from hybrid.diagnosis.contradictions import contradictory, stated
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.information import limits
-from hybrid.diagnosis.kinematics import contradictory, stated
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, moved_to, named

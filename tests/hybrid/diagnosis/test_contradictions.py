@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.kinematics import _examined, consistency, motion_sensors, without_dynamics
+from hybrid.diagnosis.contradictions import _examined, consistency, motion_sensors, without_dynamics
 from hybrid.diagnosis.linearise import Model, linear_model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
