@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acquisition.cli import AsJson
+from hybrid.options import EffectsOption, SeaStateOption, VesselOption
 
 if TYPE_CHECKING:
     from hybrid.diagnosis.plan import Plan
@@ -26,15 +27,13 @@ def mount(app: typer.Typer) -> None:
 
 def plan(
     manoeuvres: Annotated[list[str] | None, typer.Argument(help=MANOEUVRES)] = None,
-    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
-    sea_state: Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml.")] = "gentle",
+    vessel: VesselOption = None,
+    sea_state: SeaStateOption = "gentle",
     duration: Annotated[float, typer.Option(min=5.0, max=600.0, help="Length of the trial in minutes.")] = 60.0,
     tolerance: Annotated[
         float, typer.Option(min=0.0, max=20.0, help="What the model may be off by, in percent of the force range.")
     ] = 1.0,
-    effects_file: Annotated[
-        list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
-    ] = None,
+    effects_file: EffectsOption = None,
     without: Annotated[list[str] | None, typer.Option(help="An effect that is ruled out.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for plan.json and plan.html.")
