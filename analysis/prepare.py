@@ -50,7 +50,7 @@ def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool 
     if not (how.repair or how.flags or how.remove_delays):
         return _at_rate(raw, how, {})
     from analysis.quality.check import check_recording
-    from analysis.quality.motion_checks import delays_of
+    from analysis.quality.motion.checks import delays_of
     from analysis.quality.repairs import flags_after, repair
 
     quality = check_recording(recording, raw)

@@ -16,7 +16,7 @@ from analysis.frames import index_of, times_ns, utc_index
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.findings import Check, Checked, Finding, worst
 from analysis.quality.heading_wrap import heading_wrap
-from analysis.quality.motion_checks import motion
+from analysis.quality.motion.checks import motion
 from analysis.quality.orders import orders
 from analysis.quality.samples import Integers, Mask, column_samples, in_turn, rows_of, series_samples, times_of
 from analysis.quality.stuck import following_rates

@@ -19,9 +19,10 @@ from acquisition.channels import BY_NAME
 from acquisition.frames import Quality
 from analysis.frames import NANO, times_ns, utc_index
 from analysis.quality import heading_wrap as wrapped
-from analysis.quality import orders, rebuilt_path, wind
+from analysis.quality import orders, wind
 from analysis.quality.findings import Finding, Flags
-from analysis.quality.rebuilt_heading import rebuilt_heading
+from analysis.quality.motion import rebuilt_path
+from analysis.quality.motion.rebuilt_heading import rebuilt_heading
 from analysis.quality.runs import Floats, integral, samples_of
 from analysis.quality.samples import in_turn, possible
 from analysis.quality.summary import ALL, OTHER_TURN
@@ -142,7 +143,7 @@ def scaled_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> D
 
 
 def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
-    """The shape of the turns from the yaw rate: :func:`analysis.quality.rebuilt_heading.rebuilt_heading`."""
+    """The shape of the turns from the yaw rate (:mod:`analysis.quality.motion.rebuilt_heading`)."""
     rebuilt = rebuilt_heading(table)
     if rebuilt is None:
         return Done(_HEADING_STAYS, {}, told=True)
@@ -151,7 +152,7 @@ def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -
 
 
 def rebuilt_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
-    """Positions from the path that speeds and heading give: :func:`analysis.quality.rebuilt_path.rebuilt`."""
+    """Positions from the path that speeds and heading give (:mod:`analysis.quality.motion.rebuilt_path`)."""
     rebuilt = rebuilt_path.rebuilt(table)
     if rebuilt is None:
         return _NOTHING

@@ -11,14 +11,14 @@ import pytest
 from acquisition.frames import Quality
 from acquisition.tabular import import_table
 from analysis.quality.findings import Checked, Finding
-from analysis.quality.kinematic_coarse import coarse_fit
-from analysis.quality.kinematic_series import GROUPS
-from analysis.quality.motion_checks import delays_of, motion
+from analysis.quality.motion.checks import delays_of, motion
+from analysis.quality.motion.coarse import coarse_fit
+from analysis.quality.motion.series import GROUPS
 from analysis.quality.repairs import repair
 from analysis.table import read_table
-from tests.analysis.quality.kinematic_trials import Faults, Noise, sailed
+from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
-MAPS = Path(__file__).parents[3] / "trials" / "columns"
+MAPS = Path(__file__).parents[4] / "trials" / "columns"
 KNOT = 1852.0 / 3600.0
 
 

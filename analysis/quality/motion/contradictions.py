@@ -9,8 +9,8 @@ import pandas as pd
 from acquisition.frames import Quality
 from analysis.frames import NANO, times_ns, utc_index
 from analysis.quality.findings import Finding
-from analysis.quality.kinematic_coarse import Coarse
-from analysis.quality.kinematic_jumps import PositionJump
+from analysis.quality.motion.coarse import Coarse
+from analysis.quality.motion.jumps import PositionJump
 
 _MATCHES = 0.005
 FACTORS = (0.3, 3.0)

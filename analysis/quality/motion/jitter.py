@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.quality.kinematic_path import interpolated, path_model
-from analysis.quality.kinematic_series import GROUPS, Floats, group_samples, isolated, rotated
-from analysis.quality.kinematics import CHANCE, Kinematics, quantile
+from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
+from analysis.quality.motion.path import interpolated, path_model
+from analysis.quality.motion.series import GROUPS, Floats, group_samples, isolated, rotated
 
 _SHORT_S = 30.0
 _LONG_S = 120.0

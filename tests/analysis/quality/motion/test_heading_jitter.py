@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from acquisition.angles import difference, wrap_360
 from analysis.quality.findings import Finding
-from analysis.quality.motion_checks import motion
-from analysis.quality.rebuilt_heading import rebuilt_heading
+from analysis.quality.motion.checks import motion
+from analysis.quality.motion.rebuilt_heading import rebuilt_heading
 from analysis.quality.repairs import repair
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
-from tests.analysis.quality.kinematic_trials import Faults, Noise, sailed
+from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 CODE = "heading_time_jitter"
 QUIET = Noise(heading_deg=0.02)

@@ -11,14 +11,14 @@ import pytest
 from acquisition.frames import Quality
 from acquisition.tabular import import_table
 from analysis.quality.findings import Checked, Finding
-from analysis.quality.kinematic_series import MOTION
-from analysis.quality.motion_checks import delays_of, motion
+from analysis.quality.motion.checks import delays_of, motion
+from analysis.quality.motion.series import MOTION
 from analysis.table import read_table
 from hybrid.truth.sensors import Noise as SensorNoise
 from hybrid.truth.trial import simulate_trial
-from tests.analysis.quality.kinematic_trials import Faults, Noise, sailed
+from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
-MAPS = Path(__file__).parents[3] / "trials" / "columns"
+MAPS = Path(__file__).parents[4] / "trials" / "columns"
 
 
 def only(checked: Checked, code: str, channel: str) -> Finding:

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.errors import DataShortageError, InputError
-from analysis.quality.kinematic_series import group_samples, isolated, motion_of
-from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics
-from tests.analysis.quality.kinematic_trials import Faults, Noise, sailed
+from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
+from analysis.quality.motion.series import group_samples, isolated, motion_of
+from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NEUTRAL = np.array([1.0, 0, 0, 0, 0, 0, 1.0, 0, 0])
 

@@ -8,7 +8,7 @@ with the factor f of the recorded speeds, the heading's offset b, the lever arm 
 speeds to that of the positions, scale c and bias d of the yaw rate; and each group may be stamped too late. Both
 equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow motion to faster so that
 a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
-out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.kinematic_coarse`).
+out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.motion.coarse`).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
-from analysis.quality.kinematic_blocks import Solution, cosines, solve
-from analysis.quality.kinematic_coarse import Coarse, coarse_fit
-from analysis.quality.kinematic_path import Model, path_model, turn_model, without_jumps
-from analysis.quality.kinematic_series import Floats, Group, Motion, block_starts, motion_of, spline
+from analysis.quality.motion.blocks import Solution, cosines, solve
+from analysis.quality.motion.coarse import Coarse, coarse_fit
+from analysis.quality.motion.path import Model, path_model, turn_model, without_jumps
+from analysis.quality.motion.series import Floats, Group, Motion, block_starts, motion_of, spline
 
 PATH_PARAMETERS = (
     "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
@@ -53,7 +53,7 @@ class Kinematics:
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
     to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
     ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
-    where they agree or were not asked (:func:`analysis.quality.kinematic_parts.with_parts`).
+    where they agree or were not asked (:func:`analysis.quality.motion.parts.with_parts`).
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 

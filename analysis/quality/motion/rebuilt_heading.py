@@ -13,10 +13,10 @@ import pandas as pd
 from acquisition.angles import unwrap, wrap_360
 from acquisition.errors import DataShortageError, InputError
 from analysis.frames import utc_index
-from analysis.quality.heading_jitter import HeadingErrors, certain, jitter_of, leaps, turned_at
-from analysis.quality.kinematic_series import Bools, Floats
-from analysis.quality.kinematics import Kinematics, fit_kinematics
-from analysis.quality.rebuilt_path import tied
+from analysis.quality.motion.heading_jitter import HeadingErrors, certain, jitter_of, leaps, turned_at
+from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
+from analysis.quality.motion.rebuilt_path import tied
+from analysis.quality.motion.series import Bools, Floats
 from analysis.quality.runs import samples_of
 
 _TIES_S = (15.0, 30.0, 60.0)

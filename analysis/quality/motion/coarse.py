@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.quality.kinematic_series import GROUPS, STEP_S, Floats, Motion, block_starts, group_samples, isolated
+from analysis.quality.motion.series import GROUPS, STEP_S, Floats, Motion, block_starts, group_samples, isolated
 from analysis.table import require
 
 Complexes = NDArray[np.complex128]

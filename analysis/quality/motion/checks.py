@@ -15,17 +15,17 @@ import pandas as pd
 from acquisition.errors import DataShortageError, InputError
 from acquisition.frames import Quality
 from analysis.frames import utc_index
-from analysis.quality.contradictions import contradiction, flag_displaced, jump_finding, unfitted
 from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.heading_jitter import certain, heading_jitter
-from analysis.quality.kinematic_coarse import coarse_fit
-from analysis.quality.kinematic_delays import CAUSES, OBSERVED, Explanation, explain
-from analysis.quality.kinematic_jitter import Jitter, stamp_jitter
-from analysis.quality.kinematic_jumps import PositionJump, position_jumps
-from analysis.quality.kinematic_parts import with_parts
-from analysis.quality.kinematic_series import GROUPS, MOTION
-from analysis.quality.kinematics import NAMES, Kinematics, fit_kinematics
-from analysis.quality.motion_scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
+from analysis.quality.motion.coarse import coarse_fit
+from analysis.quality.motion.contradictions import contradiction, flag_displaced, jump_finding, unfitted
+from analysis.quality.motion.delays import CAUSES, OBSERVED, Explanation, explain
+from analysis.quality.motion.heading_jitter import certain, heading_jitter
+from analysis.quality.motion.jitter import Jitter, stamp_jitter
+from analysis.quality.motion.jumps import PositionJump, position_jumps
+from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
+from analysis.quality.motion.parts import with_parts
+from analysis.quality.motion.scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
+from analysis.quality.motion.series import GROUPS, MOTION
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_JITTER_S = 0.15

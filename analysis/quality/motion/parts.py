@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.errors import DataShortageError
-from analysis.quality.kinematic_series import Floats, Group, Motion
-from analysis.quality.kinematics import Kinematics, fit_motion, quantile, rescaled
+from analysis.quality.motion.kinematics import Kinematics, fit_motion, quantile, rescaled
+from analysis.quality.motion.series import Floats, Group, Motion
 
 _PARTS = 4
 _FEWEST_PARTS = 3

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.quality.contradictions import SPEED_UNITS, YAW_RATE_UNITS, Unit, believable, unit_of
 from analysis.quality.findings import Finding
-from analysis.quality.kinematics import CHANCE, NAMES, Kinematics, quantile
+from analysis.quality.motion.contradictions import SPEED_UNITS, YAW_RATE_UNITS, Unit, believable, unit_of
+from analysis.quality.motion.kinematics import CHANCE, NAMES, Kinematics, quantile
 
 _SMALLEST = {
     "speed_factor": 0.005,
