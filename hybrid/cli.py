@@ -11,7 +11,7 @@ import typer
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
 from hybrid.diagnosis import cli as diagnosis
-from hybrid.diagnosis import plan_cli as planning
+from hybrid.diagnosis.planning import cli as planning
 from hybrid.evaluation import cli as evaluation
 from hybrid.options import (
     CalibratorOption,

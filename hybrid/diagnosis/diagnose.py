@@ -16,13 +16,13 @@ from hybrid.diagnosis.beyond import FORMS
 from hybrid.diagnosis.contradictions import contradictory, stated
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
-from hybrid.diagnosis.information import limits
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, moved_to, named
-from hybrid.diagnosis.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
+from hybrid.diagnosis.planning.information import limits
+from hybrid.diagnosis.planning.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.reading import read_as_fits
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect

@@ -13,14 +13,14 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from acquisition.errors import ConfigurationError
-from hybrid.diagnosis import plan as planning
-from hybrid.diagnosis.compose import Aims, composed, cost
-from hybrid.diagnosis.information import Design
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.plan import Plan, noise_in, plan, programme_of
-from hybrid.diagnosis.plan_cli import mount
-from hybrid.diagnosis.plan_page import page_of
-from hybrid.diagnosis.plan_table import plan_tables
+from hybrid.diagnosis.planning import plan as planning
+from hybrid.diagnosis.planning.cli import mount
+from hybrid.diagnosis.planning.compose import Aims, composed, cost
+from hybrid.diagnosis.planning.information import Design
+from hybrid.diagnosis.planning.page import page_of
+from hybrid.diagnosis.planning.plan import Plan, noise_in, plan, programme_of
+from hybrid.diagnosis.planning.table import plan_tables
 from hybrid.effects import CATALOGUE
 from hybrid.truth.sea_state import sea_state_named
 from hybrid.vessel.parameters import Vessel

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.page import Page
-from hybrid.diagnosis.information import TOLD_APART
-from hybrid.diagnosis.plan import Plan, Programme
-from hybrid.diagnosis.plan_table import heading_of, limit_text, ordinary_text
+from hybrid.diagnosis.planning.information import TOLD_APART
+from hybrid.diagnosis.planning.plan import Plan, Programme
+from hybrid.diagnosis.planning.table import heading_of, limit_text, ordinary_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

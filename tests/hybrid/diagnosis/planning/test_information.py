@@ -11,7 +11,11 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from hybrid.diagnosis.examine import Examination, examined
-from hybrid.diagnosis.information import (
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.log import log_of
+from hybrid.diagnosis.name import named
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.planning.information import (
     Information,
     as_parameter,
     design_of,
@@ -22,11 +26,7 @@ from hybrid.diagnosis.information import (
     separation,
     told_apart,
 )
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.name import named
-from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.rehearse import rehearsed
+from hybrid.diagnosis.planning.rehearse import rehearsed
 from hybrid.diagnosis.settle import settled
 from hybrid.effects import CATALOGUE
 from hybrid.truth.manoeuvres import zigzag

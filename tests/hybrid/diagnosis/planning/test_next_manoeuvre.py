@@ -11,7 +11,8 @@ import pytest
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.next_manoeuvre import (
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.planning.next_manoeuvre import (
     Pair,
     Ranked,
     Rehearsal,
@@ -21,9 +22,8 @@ from hybrid.diagnosis.next_manoeuvre import (
     usual_rpm,
     wind_in,
 )
-from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.rehearse import behind, rehearsed
-from hybrid.diagnosis.repertoire import repertoire, shafts_of
+from hybrid.diagnosis.planning.rehearse import behind, rehearsed
+from hybrid.diagnosis.planning.repertoire import repertoire, shafts_of
 from hybrid.effects import CATALOGUE
 from hybrid.effects.effect import Values
 from hybrid.truth.manoeuvres import Manoeuvre, steer, zigzag

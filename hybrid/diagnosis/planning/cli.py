@@ -12,7 +12,7 @@ from acquisition.cli import AsJson
 from hybrid.options import EffectsOption, SeaStateOption, VesselOption
 
 if TYPE_CHECKING:
-    from hybrid.diagnosis.plan import Plan
+    from hybrid.diagnosis.planning.plan import Plan
 
 MANOEUVRES = (
     "MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and reciprocal_headings, "
@@ -42,8 +42,8 @@ def plan(
 ) -> None:
     """Say before a trial which effects it could show, from what size, and which it could not tell apart."""
     from acquisition.progress import bar
-    from hybrid.diagnosis.plan import noise_in, programme_of
-    from hybrid.diagnosis.plan import plan as run
+    from hybrid.diagnosis.planning.plan import noise_in, programme_of
+    from hybrid.diagnosis.planning.plan import plan as run
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.truth.sea_state import sea_state_named
     from hybrid.vessel.files import DEFAULT, load_vessel
@@ -64,14 +64,14 @@ def plan(
         return
     from rich.console import Console
 
-    from hybrid.diagnosis.plan_table import plan_tables
+    from hybrid.diagnosis.planning.table import plan_tables
 
     Console().print(plan_tables(planned))
 
 
 def _write(planned: Plan, text: str, folder: Path) -> None:
     from acquisition.errors import storage_error
-    from hybrid.diagnosis.plan_page import write_page
+    from hybrid.diagnosis.planning.page import write_page
 
     path = folder / "plan.json"
     try:

@@ -17,11 +17,11 @@ from scipy.stats import norm
 
 from acquisition.errors import ModelRangeError
 from hybrid.diagnosis.examine import Examination, Progress, examined
-from hybrid.diagnosis.information import Design, Information, design_of, separation
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import CLOSE
-from hybrid.diagnosis.rehearse import behind, one_leg, rehearsed
-from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.diagnosis.planning.information import Design, Information, design_of, separation
+from hybrid.diagnosis.planning.rehearse import behind, one_leg, rehearsed
+from hybrid.diagnosis.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.diagnosis.result import Manoeuvre
 from hybrid.effects import apply_effects
 from hybrid.effects.effect import Values

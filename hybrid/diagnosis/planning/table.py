@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from hybrid.diagnosis.plan import Plan, Programme
+from hybrid.diagnosis.planning.plan import Plan, Programme
 from hybrid.effects import Effect
 
 _MOST_PAIRS = 12

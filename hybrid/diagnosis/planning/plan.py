@@ -16,15 +16,15 @@ import numpy as np
 
 from acquisition.errors import ConfigurationError
 from acquisition.progress import part_of
-from hybrid.diagnosis.compose import Aims, composed, matrix
 from hybrid.diagnosis.examine import Progress, examined
-from hybrid.diagnosis.information import TOLD_APART, Information, as_parameter, design_of, free_limits
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.next_manoeuvre import rehearsals
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.rehearse import behind, one_leg, rehearsed
-from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.diagnosis.planning.compose import Aims, composed, matrix
+from hybrid.diagnosis.planning.information import TOLD_APART, Information, as_parameter, design_of, free_limits
+from hybrid.diagnosis.planning.next_manoeuvre import rehearsals
+from hybrid.diagnosis.planning.rehearse import behind, one_leg, rehearsed
+from hybrid.diagnosis.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.diagnosis.settle import settled
 from hybrid.effects import CATALOGUE, Catalogue, vessel_plant
 from hybrid.truth.manoeuvres import CRUISE_RPM, Manoeuvre, manoeuvre_named
