@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from acquisition.angles import difference
 from acquisition.channels import BY_NAME
-from analysis.frames import utc_index
+from analysis.time_index import utc_index
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
 """The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""

@@ -26,9 +26,9 @@ from acquisition.angles import difference, in_turn
 from acquisition.channels import BY_NAME, CIRCULAR, COMMAND
 from acquisition.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
-from analysis.frames import NANO, index_of, times_ns
 from analysis.history import with_step
 from analysis.table import attributes_of, believed, bounds_ns, channels_of, checked_delays_ns
+from analysis.time_index import NANO, index_of, times_ns
 from analysis.time_span import refuse_endless
 
 Floats = NDArray[np.float64]

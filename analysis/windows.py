@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from acquisition.angles import difference
 from acquisition.channels import CIRCULAR, COMMAND, NAMES
 from acquisition.errors import DataShortageError, InputError
-from analysis.frames import NANO, index_of, times_ns
 from analysis.holding import Tolerances, held, tolerance_of
+from analysis.time_index import NANO, index_of, times_ns
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

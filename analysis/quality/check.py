@@ -12,7 +12,6 @@ import pandas as pd
 from acquisition.channels import BY_NAME
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series
-from analysis.frames import index_of, times_ns, utc_index
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.findings import Check, Checked, Finding, worst
 from analysis.quality.heading_wrap import heading_wrap
@@ -32,6 +31,7 @@ from analysis.quality.thruster_feedback import thruster_feedback
 from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
 from analysis.quality.wind import wind
 from analysis.table import table_of
+from analysis.time_index import index_of, times_ns, utc_index
 from analysis.time_span import main_stretch
 
 CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)

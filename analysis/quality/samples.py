@@ -13,8 +13,8 @@ from acquisition.angles import unwrap, wrap_180
 from acquisition.channels import BY_NAME, Channel
 from acquisition.frames import Quality
 from acquisition.recording.reader import Series
-from analysis.frames import NANO, index_of
 from analysis.quality.runs import runs
+from analysis.time_index import NANO, index_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

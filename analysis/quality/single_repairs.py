@@ -17,7 +17,6 @@ import pandas as pd
 from acquisition.angles import unwrap
 from acquisition.channels import BY_NAME
 from acquisition.frames import Quality
-from analysis.frames import NANO, times_ns, utc_index
 from analysis.quality import heading_wrap as wrapped
 from analysis.quality import orders, wind
 from analysis.quality.findings import Finding, Flags
@@ -26,6 +25,7 @@ from analysis.quality.motion.rebuilt_heading import rebuilt_heading
 from analysis.quality.runs import Floats, integral, samples_of
 from analysis.quality.samples import in_turn, possible
 from analysis.quality.summary import ALL, OTHER_TURN
+from analysis.time_index import NANO, times_ns, utc_index
 from analysis.time_span import main_stretch
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
-from analysis.frames import NANO, times_ns, utc_index
 from analysis.quality.runs import Floats, Samples, integral, samples_of
+from analysis.time_index import NANO, times_ns, utc_index
 
 POSITION = ("north_m", "east_m")
 _NEEDED = (*POSITION, "heading_deg", "surge_mps", "sway_mps")

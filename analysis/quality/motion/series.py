@@ -14,8 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
-from analysis.frames import NANO, times_ns
 from analysis.table import require
+from analysis.time_index import NANO, times_ns
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
