@@ -84,6 +84,7 @@ def track(
 
 HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
 """A ship's outline, ahead and to starboard, in lengths."""
+_CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
 _LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
 
 
@@ -132,6 +133,8 @@ def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
     if air.empty:
         return []
     speed_mps, from_deg = mean_wind(air)
+    if speed_mps < _CALM_MPS:
+        return []
     to_rad = np.deg2rad(from_deg + 180.0)
     half, middle = 15.0 * np.array([np.sin(to_rad), np.cos(to_rad)]), np.array([26.0, -26.0])
     corner = (

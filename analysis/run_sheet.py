@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from analysis.page import Page
 
 UNKNOWN = "not recorded"
+ASSUMED = "assumed"
+"""The source of a channel that a column map gave a value to."""
 BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
 """The lowest speed of wind forces 1 to 12 [m/s], of the World Meteorological Organization."""
 
@@ -33,7 +35,7 @@ class Ship:
     """Main dimensions [m], from a vessel file or a person."""
 
     name: str
-    length_m: float
+    length_m: float  # over all
     beam_m: float
     draught_m: float
 
@@ -55,7 +57,7 @@ def run_sheet(
         ("loading", trial.loading or UNKNOWN),
         ("draught, trim by the stern", f"{_metres(trial.draught_m)}, {_metres(trial.trim_m)}"),
         ("water depth", _depth(trial.water_depth_m, trial.draught_m or (ship.draught_m if ship else None))),
-        ("wind", wind_words(one_hz)),
+        ("wind", _wind(recording, one_hz)),
         ("sea state", trial.sea_state or UNKNOWN),
         ("current", _current(manoeuvres)),
         *([] if ship is None else _form(ship, one_hz)),
@@ -94,6 +96,12 @@ def _depth(depth_m: float | None, draught_m: float | None) -> str:
     return f"{depth_m:g} m, {depth_m / draught_m:.1f} draughts"
 
 
+def _wind(recording: Recording, one_hz: pd.DataFrame) -> str:
+    """The wind as it was measured; one that an import assumed is none."""
+    series = recording.series.get("wind_speed_mps")
+    return f"{UNKNOWN}, a calm was assumed" if series and series.sources == (ASSUMED,) else wind_words(one_hz)
+
+
 def beaufort(speed_mps: float) -> int:
     """The wind's force from its mean speed [m/s].
 
@@ -130,7 +138,10 @@ def _form(ship: Ship, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
     speed = float(np.nanmedian(np.hypot(one_hz["surge_mps"], one_hz["sway_mps"]))) if "surge_mps" in one_hz else 0.0
     per_speed = f", L/V {ship.length_m / speed:.1f} s at the median speed of {speed:.2f} m/s" if speed > 0.1 else ""
     return [
-        ("model", f"{ship.name}, {ship.length_m:g} m long, {ship.beam_m:g} m wide, draught {ship.draught_m:g} m"),
+        (
+            "dimensions",
+            f"{ship.length_m:g} m long, {ship.beam_m:g} m wide, draught {ship.draught_m:g} m: {ship.name}",
+        ),
         ("ratios", f"L/B {ship.length_m / ship.beam_m:.2f}, B/T {ship.beam_m / ship.draught_m:.2f}{per_speed}"),
     ]
 

@@ -22,6 +22,7 @@ recordings: list[str] = []  # MCAP files
 calibrator: str | None = None  # the folder that `seatrial train` wrote
 vessel: str | None = None  # a vessel of trials/vessels or a vessel file; without it the calibrator's
 horizon_s: int | None = None  # how far is predicted; without it what the calibrator does, or 15 s
+part = "0..100"  # of each recording's time in percent, where predictions are judged
 repair = False  # put right before what is certainly wrong
 allow_seen = False  # also recordings that the calibrator was trained on
 diagnosis: str | None = None  # the page of a diagnosis of these recordings, to link to
@@ -35,7 +36,7 @@ from hybrid.reporting import trial_sections as trial
 from hybrid.reporting.case import load_case
 from hybrid.reporting.show import links, shown_in
 
-case = load_case(recordings, calibrator, vessel, horizon_s, repair=repair, allow_seen=allow_seen)
+case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
 show = shown_in(figures_folder)
 show(prediction.add_headline, case)
 

@@ -13,10 +13,12 @@ from pathlib import Path
 import pandas as pd
 
 from acquisition.errors import ConfigurationError, DataShortageError, InputError
+from acquisition.recording.reader import read_recording
 from analysis.recordings import trial_names
 from analysis.run_sheet import Ship
 from analysis.season.products import Options, Products, analysed
 from analysis.smoothing.smooth import smooth
+from analysis.table import percent_of
 from analysis.twins import refuse_twins
 from hybrid.artefact import Trained, load, plant_for
 from hybrid.baselines import reference
@@ -30,7 +32,7 @@ from hybrid.reporting.motion import one_after_another, predicted_motion
 from hybrid.reporting.residuals import Residuals, residuals_of
 from hybrid.scores import distances
 from hybrid.validate import Validation, refuse_seen, validate
-from hybrid.vessel.files import DEFAULT, load_vessel
+from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 
@@ -47,6 +49,7 @@ class Case:
     vessel: Vessel | None
     trained: Trained | None = None
     horizon_s: int = HORIZON_S
+    part_percent: tuple[float, float] = (0.0, 100.0)
     stride_s: int = 5
     repair: bool = False
     allow_seen: bool = False
@@ -65,13 +68,24 @@ class Case:
         """The recordings by the names of their trials."""
         return dict(zip(trial_names(self.paths), self.paths, strict=True))
 
-    @property
+    @cached_property
     def ship(self) -> Ship | None:
-        """The model's main dimensions; None where a calibrator's vessel file is not there any more."""
-        if self.vessel is None:
+        """The main dimensions of the ship that the first recording names, of the model where it names none we know.
+
+        None where that is a calibrator's whose vessel file is not there any more.
+        """
+        name = read_recording(self.paths[0]).trial.vessel
+        vessel = load_vessel(name) if name in vessel_names() else self.vessel
+        if vessel is None:
             return None
-        size = self.vessel.dimensions
-        return Ship(self.vessel.name, size.length_overall_m, size.beam_m, size.draught_m)
+        size, added = vessel.dimensions, vessel.effects.get("hull_lengthening", {})
+        return Ship(vessel.name, size.length_overall_m + added.get("length_m", 0.0), size.beam_m, size.draught_m)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the calibrator was trained on some of what it is judged on, which is only so if it is allowed."""
+        others = () if self.trained is None else self.trained.sources
+        return any(each.overlaps(other) for each in self.gathered.sources for other in others)
 
     @cached_property
     def plant(self) -> Plant:
@@ -81,7 +95,7 @@ class Case:
     @cached_property
     def gathered(self) -> Gathered:
         """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
-        return gather(self.paths, self.horizon_s, self.stride_s, repair=self.repair)
+        return gather(self.paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
 
     @cached_property
     def validation(self) -> Validation:
@@ -154,10 +168,12 @@ def load_case(
     vessel: str | None = None,
     horizon_s: int | None = None,
     *,
+    part: str = "0..100",
     repair: bool = False,
     allow_seen: bool = False,
 ) -> Case:
-    """A case from files; without a horizon that of the calibrator, or 15 s.
+    """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
+    each recording's time in percent.
 
     Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
@@ -168,7 +184,9 @@ def load_case(
     if trained is not None:
         plant_for(trained, vessel)
     seconds = horizon_s or (trained.horizon_s if trained else HORIZON_S)
-    return Case(paths, _vessel(vessel, trained), trained, seconds, repair=repair, allow_seen=allow_seen)
+    return Case(
+        paths, _vessel(vessel, trained), trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen
+    )
 
 
 def _vessel(name: str | None, trained: Trained | None) -> Vessel | None:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from hybrid.options import PartOption, RepairOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
@@ -26,11 +27,12 @@ def report(
     calibrator: Annotated[
         Path | None, typer.Option(help="The folder that `seatrial train` wrote; without it the one in the folder.")
     ] = None,
-    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    vessel: VesselOption = None,
     horizon: Annotated[
         int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
     ] = None,
-    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    part: PartOption = "0..100",
+    repair: RepairOption = False,
     allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
     recordings: Annotated[
         Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
@@ -45,7 +47,7 @@ def report(
     from hybrid.reporting.folder import Choices
     from hybrid.reporting.folder import report as run
 
-    choices = Choices(calibrator, vessel, horizon, repair, allow_seen, interactive)
+    choices = Choices(calibrator, vessel, horizon, part, repair, allow_seen, interactive)
     with bar("report") as progress:
         pages = run(folder, choices, recordings, progress)
     if as_json:

@@ -32,6 +32,7 @@ class Choices:
     calibrator: Path | None = None
     vessel: str | None = None
     horizon_s: int | None = None
+    part: str = "0..100"
     repair: bool = False
     allow_seen: bool = False
     interactive: bool = True
@@ -122,6 +123,7 @@ def trial_report(
         "calibrator": None if choices.calibrator is None else str(choices.calibrator.resolve()),
         "vessel": choices.vessel,
         "horizon_s": choices.horizon_s,
+        "part": choices.part,
         "repair": choices.repair,
         "allow_seen": choices.allow_seen,
         "figures_folder": str(_figures(folder)),

@@ -40,6 +40,11 @@ def add_headline(page: Page, case: Case) -> None:
     page.headline(figures)
     if case.trained is None:
         page.note("No calibrator was given: constant velocity and the reference model are judged alone.")
+    if case.seen:
+        page.note("The calibrator was trained on some of what it is judged on here: its figures flatter it.")
+    if case.part_percent != (0.0, 100.0):
+        low, high = case.part_percent
+        page.text(f"Predictions are judged from {low:g} to {high:g} % of each recording's time.")
     if judged.outside:
         page.note(f"{judged.outside} windows are left out: the reference model leaves its range in them.")
 
