@@ -1,0 +1,126 @@
+"""The tutorial, typed word by word in an empty folder: every command works and prints what the page shows."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from tests.pages import ROOT, Block, page
+
+pytestmark = [pytest.mark.pages, pytest.mark.xdist_group("tutorial")]
+
+_BLOCKS = page("tutorial.md").blocks
+_STEPS = [each for each in _BLOCKS if each.language == "sh"]
+_SHOWN = {one.line: other.text for one, other in pairwise(_BLOCKS) if (one.language, other.language) == ("sh", "text")}
+_NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?")
+_NEAR, _LEAST = 0.25, 0.3  # figures differ a little from machine to machine
+
+MAKES = {
+    "1": ["voyage.mcap", "voyage.truth.json"],
+    "3": ["trial.mcap", "record.log"],
+    "6": ["trial.parquet", "windows.parquet", "windows.starts.parquet"],
+    "7": ["manoeuvres/manoeuvres.html", "manoeuvres/manoeuvres.json"],
+    "8": ["calibrator/calibrator.json"],
+    "9": ["diagnosis/report.html", "diagnosis/diagnosis.json", "diagnosis/vessel.toml"],
+}
+"""What each step leaves in the folder, by its number."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The empty folder that the reader works in."""
+    return tmp_path_factory.mktemp("tutorial")
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The reader's shell: `seatrial` is this repository's."""
+    commands = tmp_path_factory.mktemp("bin")
+    for name, call in (("seatrial", f"{ROOT / 'seatrial.py'} "), ("python", "")):
+        script = commands / name
+        script.write_text(f'#!/bin/sh\nexec "{sys.executable}" {call}"$@"\n', encoding="utf-8")
+        script.chmod(0o755)
+    path = f"{commands}{os.pathsep}{os.environ['PATH']}"
+    return {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), "COLUMNS": "100"}
+
+
+def typed(text: str, folder: Path, environment: dict[str, str]) -> str:
+    """Run a block as a shell does; what it prints."""
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", text], cwd=folder, env=environment, capture_output=True, text=True,
+        timeout=170, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr or done.stdout
+    return done.stdout + done.stderr
+
+
+def _lacks(command: str, folder: Path, environment: dict[str, str]) -> bool:
+    """Whether this version has no such command."""
+    asked = subprocess.run(["seatrial", command, "--help"], cwd=folder, env=environment, capture_output=True,
+                           check=False)  # fmt: skip
+    return asked.returncode == 2
+
+
+@pytest.mark.parametrize("step", _STEPS, ids=lambda step: step.heading)
+def test_a_step(step: Block, folder: Path, environment: dict[str, str]) -> None:
+    """Exit code 0, the files are there, and the lines that the page shows are printed."""
+    if step.text.startswith("seatrial report") and _lacks("report", folder, environment):
+        pytest.skip("this version has no `seatrial report`")
+    printed = typed(step.text, folder, environment)
+    for line in _SHOWN.get(step.line, "").splitlines():
+        assert line == "..." or appears(line, printed), f"not printed: {line}\n{printed}"
+    for name in MAKES.get(step.heading.split(".")[0], []):
+        assert (folder / name).exists(), name
+
+
+def test_the_fouled_hull_and_the_current_are_named(folder: Path) -> None:
+    """What step 9 says in words: both causes and no other, the hidden factor in its interval, the gap closed."""
+    found = json.loads((folder / "diagnosis" / "diagnosis.json").read_text())
+    hidden = json.loads((folder / "voyage.truth.json").read_text())["hidden"]
+    named = {each["name"]: each["parameters"] for each in found["effects"]}
+    assert found["verdict"] == "named"
+    assert set(named) == {"hull_fouling", "ocean_current"}
+    factor = named["hull_fouling"]["resistance_factor"]
+    assert factor["low"] <= hidden["hull_fouling"]["resistance_factor"] <= factor["high"]
+    assert abs(named["ocean_current"]["speed_mps"]["value"] - 0.2) < 0.02
+    assert found["gap"]["closed"] > 0.9
+
+
+@pytest.mark.parametrize("block", [each for each in _BLOCKS if each.language == "python"], ids=lambda each: each.line)
+def test_the_same_in_python(block: Block, folder: Path, environment: dict[str, str]) -> None:
+    (folder / "block.py").write_text(block.text, encoding="utf-8")
+    assert "gunnerus_short 1200 s" in typed("python block.py", folder, environment)
+
+
+def test_lines_are_compared_by_words_and_near_numbers() -> None:
+    printed = "kept:   92 of 237\nwindows; mean 0.755 m\n"
+    assert appears("92 of 240 windows", printed)
+    assert not appears("92 of 400 windows", printed)
+    assert not appears("92 of 237 legs", printed)
+
+
+def appears(line: str, printed: str) -> bool:
+    """Whether the words of a line follow each other in what was printed; numbers need only be near."""
+    wanted, words = line.split(), printed.split()
+    return any(
+        all(_same(one, other) for one, other in zip(wanted, words[start:], strict=False))
+        for start in range(len(words) - len(wanted) + 1)
+    )
+
+
+def _same(wanted: str, word: str) -> bool:
+    if _NUMBER.sub("#", wanted) != _NUMBER.sub("#", word):
+        return False
+    pairs = zip(_NUMBER.findall(wanted), _NUMBER.findall(word), strict=True)
+    return all(_near(float(one.replace(",", "")), float(other.replace(",", ""))) for one, other in pairs)
+
+
+def _near(one: float, other: float) -> bool:
+    return abs(one - other) <= max(_NEAR * abs(one), _LEAST)
