@@ -116,6 +116,7 @@ def appears(line: str, printed: str) -> bool:
 
 
 def _same(wanted: str, word: str) -> bool:
+    wanted, word = wanted.rstrip(",;."), word.rstrip(",;.")
     if _NUMBER.sub("#", wanted) != _NUMBER.sub("#", word):
         return False
     pairs = zip(_NUMBER.findall(wanted), _NUMBER.findall(word), strict=True)
