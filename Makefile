@@ -30,7 +30,7 @@ pages: $(STAMP)  ## the tutorial and the notebooks, word by word
 	$(BIN)/python -m pytest -m pages
 
 docs: $(STAMP)   ## the documentation as a site in docs/_build/html; a warning is an error
-	$(BIN)/python -m sphinx -b html -W --keep-going -n -q docs docs/_build/html
+	$(BIN)/python -m sphinx -b html -d docs/_build/doctrees -W --keep-going -n -q docs docs/_build/html
 	@echo docs/_build/html/index.html
 
 linkcheck: $(STAMP) ## whether the links to other sites still lead somewhere; needs a network

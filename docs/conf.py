@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from importlib.metadata import PackageNotFoundError, version as version_of
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as version_of
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -11,7 +12,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE / "_extensions")]
 
 project = "Seatrial"
 author = "the Seatrial authors"
-copyright = author  # noqa: A001 - Sphinx's own name for it
+copyright = author
 try:
     release = version_of("seatrial")
 except PackageNotFoundError:
@@ -28,6 +29,7 @@ myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]  # a page that is included may begin at its second level
 
 autodoc_member_order = "bysource"
+autodoc_class_signature = "separated"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -46,7 +48,7 @@ html_css_files = ["seatrial.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_last_updated_fmt = None
-html_sidebars = {"index": []}
+html_sidebars = {name: [] for name in ("index", "install", "tutorial", "limits")}
 html_theme_options = {
     "navbar_align": "left",
     "navbar_end": ["theme-switcher"],

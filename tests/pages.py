@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +47,7 @@ class Page:
         for match in _FENCE.finditer(self.text):
             above = [each for each in self.headings if each[0] < match.start()]
             line = self.text.count("\n", 0, match.start()) + 1
-            yield Block(match[3].strip("{}"), match[4], line, above[-1][1] if above else "")
+            yield Block(match[3].strip("{}"), textwrap.dedent(match[4]), line, above[-1][1] if above else "")
 
     @property
     def prose(self) -> str:
@@ -76,7 +77,7 @@ def slug(heading: str) -> str:
 
 
 def pages() -> list[Page]:
-    """Every page that a reader meets: those of the documentation, and those at the root and beside the notebooks."""
+    """Every page that a reader meets: the documentation's, those at the root and that beside the notebooks."""
     found = sorted(each for each in DOCS.rglob("*.md") if not any(part.startswith("_") for part in each.parts))
     others = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "notebooks" / "README.md"]
     return [Page(each, each.read_text(encoding="utf-8")) for each in [*others, *found] if each.exists()]

@@ -18,7 +18,10 @@ pytestmark = [pytest.mark.pages, pytest.mark.xdist_group("tutorial")]
 
 _BLOCKS = page("tutorial.md").blocks
 _STEPS = [each for each in _BLOCKS if each.language == "sh"]
-_SHOWN = {one.line: other.text for one, other in pairwise(_BLOCKS) if (one.language, other.language) == ("sh", "text")}
+_SHOWN = {
+    one.line: other.text for one, other in pairwise(_BLOCKS) if one.language == "sh" and other.language == "text"
+}
+_CODE = [each for each in _BLOCKS if each.language == "python"]
 _NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?")
 _NEAR, _LEAST = 0.25, 0.3  # figures differ a little from machine to machine
 
@@ -93,7 +96,7 @@ def test_the_fouled_hull_and_the_current_are_named(folder: Path) -> None:
     assert found["gap"]["closed"] > 0.9
 
 
-@pytest.mark.parametrize("block", [each for each in _BLOCKS if each.language == "python"], ids=lambda each: each.line)
+@pytest.mark.parametrize("block", _CODE, ids=lambda each: each.line)
 def test_the_same_in_python(block: Block, folder: Path, environment: dict[str, str]) -> None:
     (folder / "block.py").write_text(block.text, encoding="utf-8")
     assert "gunnerus_short 1200 s" in typed("python block.py", folder, environment)

@@ -13,7 +13,14 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 
-_KINDS = {"Path": "path", "list[Path]": "path", "int": "integer", "float": "number", "str": "text", "list[str]": "text"}
+_KINDS = {
+    "Path": "path",
+    "list[Path]": "path",
+    "int": "integer",
+    "float": "number",
+    "str": "text",
+    "list[str]": "text",
+}
 
 
 def commands() -> Iterator[tuple[str, Any]]:

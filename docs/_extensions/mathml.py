@@ -1,7 +1,8 @@
-"""Equations as MathML, written at build time by docutils: a page needs neither a script nor a network to show them."""
+"""Equations as MathML, written at build time by docutils: to show them a page needs no script and no network."""
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from docutils import nodes
@@ -16,9 +17,20 @@ if TYPE_CHECKING:
 _LOG = logging.getLogger(__name__)
 
 
+_DOT = r'\s*<mo stretchy="false">˙</mo>\s*'
+_DOTTED_LETTER = '<mi class="dotted">\\1\N{COMBINING DOT ABOVE}</mi>'
+_INDEXED = re.compile(rf"<munderover>\s*<mi>(\w)</mi>(.*?){_DOT}</munderover>", re.DOTALL)
+_DOTTED = re.compile(rf'<mover accent="true">\s*<mi>(\w)</mi>{_DOT}</mover>')
+_MATRIX = re.compile(r"<mo>\[</mo>\s*<mtable>(.*?)</mtable>\s*<mo>\]</mo>", re.DOTALL)
+
+
 def _mathml(node: nodes.Element, *, as_block: bool) -> str:
+    """The equation; dots and brackets of matrices set so that no font made for mathematics is needed."""
     try:
-        return tex2mathml(node.astext(), as_block=as_block)
+        text = tex2mathml(node.astext(), as_block=as_block)
+        text = _DOTTED.sub(rf"{_DOTTED_LETTER}", text)
+        text = _INDEXED.sub(rf"<msub>{_DOTTED_LETTER}\2</msub>", text)
+        return _MATRIX.sub(r'<mtable class="matrix">\1</mtable>', text)
     except MathError as error:
         _LOG.warning("equation cannot be set: %s", error, location=node)
         return ""
