@@ -22,7 +22,7 @@ PAGES = pages()
 _COMMAND = re.compile(r"(?<![-/])\bseatrial [a-z][^`\n|]+")
 _PATH = re.compile(r"`((?:acquisition|analysis|hybrid|trials|tests|docs|notebooks)/[\w./*]+)`")
 _REMOTE = ("http://", "https://", "mailto:")
-EXTERNAL = {"https://mcap.dev", "https://keepachangelog.com"}
+EXTERNAL = {"https://mcap.dev"}
 """Other sites that a page may link to: few, as nobody looks after them."""
 
 
