@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -21,7 +22,6 @@ _STEPS = [each for each in _BLOCKS if each.language == "sh"]
 _SHOWN = {
     one.line: other.text for one, other in pairwise(_BLOCKS) if one.language == "sh" and other.language == "text"
 }
-_CODE = [each for each in _BLOCKS if each.language == "python"]
 _NUMBER = re.compile(r"[-+]?\d[\d,]*(?:\.\d+)?")
 _NEAR, _LEAST = 0.25, 0.3  # figures differ a little from machine to machine
 
@@ -96,10 +96,69 @@ def test_the_fouled_hull_and_the_current_are_named(folder: Path) -> None:
     assert found["gap"]["closed"] > 0.9
 
 
-@pytest.mark.parametrize("block", _CODE, ids=lambda each: each.line)
-def test_the_same_in_python(block: Block, folder: Path, environment: dict[str, str]) -> None:
-    (folder / "block.py").write_text(block.text, encoding="utf-8")
-    assert "gunnerus_short 1200 s" in typed("python block.py", folder, environment)
+def run(name: str, folder: Path, environment: dict[str, str]) -> str:
+    """What the Python of a page prints beside the tutorial's recording."""
+    code = "\n".join(each.text for each in page(name).blocks if each.language == "python")
+    (folder / "block.py").write_text(code, encoding="utf-8")
+    return typed("python block.py", folder, environment)
+
+
+def test_the_same_in_python(folder: Path, environment: dict[str, str]) -> None:
+    assert "gunnerus_short 1200 s" in run("tutorial.md", folder, environment)
+
+
+def test_a_recording_is_read_without_seatrial(folder: Path, environment: dict[str, str]) -> None:
+    """By the Python of the file format's page: the first heading, with the time that its source tells."""
+    time_s, heading_deg = map(float, run("file_format.md", folder, environment).split())
+    assert time_s == 1780300800.0
+    assert 0.0 <= heading_deg < 360.0
+
+
+def test_a_recording_is_decoded_anew_with_its_own_configuration(folder: Path, environment: dict[str, str]) -> None:
+    """Taken out as the page on recovery says, given back to `redecode`: the same samples."""
+    run("howto/recover.md", folder, environment)
+    configuration = (folder / "configuration.toml").read_text(encoding="utf-8")
+    assert configuration == (folder / "bridge.toml").read_text(encoding="utf-8")
+    typed("seatrial redecode trial.mcap -o anew.mcap --config configuration.toml", folder, environment)
+    counts = [
+        {name: each["count"] for name, each in json.loads(text)["channels"].items()}
+        for text in (typed(f"seatrial info {name}.mcap --json", folder, environment) for name in ("trial", "anew"))
+    ]
+    assert counts[0] == counts[1]
+
+
+@pytest.mark.parametrize("command", [
+    "info trial.mcap", "check trial.mcap", "windows trial.mcap -o w.parquet --no-starts", "effects",
+    "smooth trial.mcap -o s.parquet", "manoeuvres trial.mcap --length 28.9", "predict trial.mcap --at +60",
+    "validate trial.mcap --calibrator calibrator", "diagnose",
+])  # fmt: skip
+def test_every_key_is_described(command: str, folder: Path, environment: dict[str, str]) -> None:
+    """The page of products names all keys of a command's JSON."""
+    name = command.split()[0]
+    if name == "diagnose":
+        text = (folder / "diagnosis" / "diagnosis.json").read_text()
+    else:
+        text = typed(f"seatrial {command} --json 2>/dev/null", folder, environment)
+    section = page("reference/products.md").text.partition(f"### {name}\n")[2].partition("\n### ")[0]
+    described = set(re.findall(r"`(\w+)`", section))
+    assert set(keys_of(json.loads(text))) <= described
+
+
+_BY_NAME = {"channels", "raw", "trial", "dropped", "noise", "rejected", "consistency", "methods", "settings",
+            "indices", "estimate", "cell", "parameters", "current", "provenance"}  # fmt: skip
+"""Keys whose values are by channel, topic, reason, method or parameter, or described elsewhere."""
+
+
+def keys_of(value: object) -> Iterator[str]:
+    """All keys of a JSON object but those that are names of channels, methods and the like."""
+    if isinstance(value, list):
+        for each in value:
+            yield from keys_of(each)
+    elif isinstance(value, dict):
+        for key, each in value.items():
+            yield key
+            inner = list(each.values()) if key in _BY_NAME and isinstance(each, dict) else each
+            yield from keys_of(inner) if key not in ("provenance", "current") else ()
 
 
 def test_lines_are_compared_by_words_and_near_numbers() -> None:
