@@ -272,6 +272,9 @@ class RunSheet:
     origin: Origin | None = None
     water_depth_m: FiniteFloat | None = None
     draught_m: FiniteFloat | None = None
+    trim_m: FiniteFloat | None = None
+    loading: str = ""
+    sea_state: str = ""
     crew_notes: str = ""
 
     def as_trial(self) -> Trial:
@@ -284,6 +287,9 @@ class RunSheet:
             origin_longitude_deg=self.origin.longitude_deg if self.origin else None,
             water_depth_m=self.water_depth_m,
             draught_m=self.draught_m,
+            trim_m=self.trim_m,
+            loading=self.loading,
+            sea_state=self.sea_state,
             crew_notes=self.crew_notes,
         )
 

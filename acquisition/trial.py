@@ -19,7 +19,8 @@ def software_version() -> str:
 class Trial:
     """The run sheet of one recording. ``None`` and the empty string mean: not known.
 
-    The origin is that of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to.
+    ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is that
+    of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to.
     """
 
     name: str = ""
@@ -29,6 +30,9 @@ class Trial:
     origin_longitude_deg: float | None = None
     water_depth_m: float | None = None
     draught_m: float | None = None
+    trim_m: float | None = None
+    loading: str = ""
+    sea_state: str = ""
     crew_notes: str = ""
 
     @property

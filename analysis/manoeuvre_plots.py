@@ -1,6 +1,6 @@
 """Pictures of manoeuvres: a zigzag against time, a circle as a track to scale, the rest as both.
 
-Each function fills a figure; those that draw into one axes return the artists. matplotlib is met here only.
+Each function fills a figure; those that draw into one axes return the artists.
 """
 
 from __future__ import annotations
@@ -17,13 +17,11 @@ from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.motion import Floats, Motion
 from analysis.manoeuvres.noise import half_width_s, smoothed
 from analysis.manoeuvres.tracks import along_and_across, approach_of, crossing_s, peak
-from analysis.plots import FAINT, INK, PALETTE
+from analysis.plots import FAINT, PALETTE, ship
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
 _MARGINS = {"left": 0.09, "right": 0.92, "bottom": 0.1, "top": 0.88, "hspace": 0.22, "wspace": 0.22}
-_HULL = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
-"""A ship's outline, ahead and to starboard, in lengths."""
 
 
 def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
@@ -161,14 +159,10 @@ def _outlines(
     turned[motion.time_s < start] = 0.0
     steps = np.floor(np.maximum.accumulate(turned) / every_deg)
     rows = [int(np.searchsorted(motion.time_s, start)), *(np.flatnonzero(np.diff(steps) > 0) + 1)]
-    artists: list[Artist] = []
-    for row in rows[:17]:
-        angle = np.deg2rad(motion.heading_deg[row] - ahead_deg)
-        forward, aside = length * _HULL[:, 0], length * _HULL[:, 1]
-        x = across[row] + forward * np.sin(angle) + aside * np.cos(angle)
-        y = ahead[row] + forward * np.cos(angle) - aside * np.sin(angle)
-        artists += axes.fill(x, y, facecolor="#DCE9F2", edgecolor=INK, linewidth=0.8, zorder=3)
-    return artists
+    return [
+        ship(axes, across[row], ahead[row], np.deg2rad(motion.heading_deg[row] - ahead_deg), length)
+        for row in rows[:17]
+    ]
 
 
 def _dimensions(

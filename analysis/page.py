@@ -7,22 +7,19 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from html import escape
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from acquisition.errors import storage_error
 from acquisition.trial import software_version
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 _CSS = """
 body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:980px;margin:2em auto;padding:0 1em}
 h1{font-size:1.6em;margin-bottom:.2em} h2{font-size:1.15em;margin-top:2em;border-bottom:1px solid #ddd}
+h3{font-size:1em;margin-top:1.4em;margin-bottom:.4em}
 table{border-collapse:collapse;margin:.8em 0}
 td,th{padding:.25em .9em;text-align:right;border-bottom:1px solid #eee}
 td:first-child,th:first-child,.words td,.words th{text-align:left} tr.best{font-weight:600} td{vertical-align:top}
@@ -37,20 +34,19 @@ img{max-width:100%} figure{margin:1em 0} figcaption{color:#555;font-size:.92em} 
 """
 
 
-_DPI = 110  # sharp enough at the page's width; time and size grow with it
-
-
 @dataclass(slots=True)
 class Page:
-    """A page being put together, in order."""
+    """A page, or a section of one, being put together in order; ``level`` is that of its headings."""
 
-    title: str
-    subtitle: str
+    title: str = ""
+    subtitle: str = ""
+    level: int = 2
     parts: list[str] = field(default_factory=list)
+    figures: dict[str, Figure] = field(default_factory=dict)
 
     def heading(self, text: str) -> None:
         """A section's heading."""
-        self.parts.append(f"<h2>{escape(text)}</h2>")
+        self.parts.append(f"<h{self.level}>{escape(text)}</h{self.level}>")
 
     def text(self, text: str) -> None:
         """A paragraph."""
@@ -92,83 +88,41 @@ class Page:
         css = " class=words" if words else ""
         self.parts.append(f"<table{css}>{f'<tr>{head}</tr>' if head else ''}{body}</table>")
 
-    def figure(self, draw: Callable[[Figure], object], size_inch: tuple[float, float], caption: str) -> None:
-        """A figure that ``draw`` fills, embedded as a picture."""
-        import matplotlib as mpl
-        from matplotlib.figure import Figure
+    def figure(
+        self, draw: Callable[[Figure], object], size_inch: tuple[float, float], caption: str, name: str = ""
+    ) -> None:
+        """A figure that ``draw`` fills, embedded as a picture and kept by ``name``, or by how its caption
+        begins."""
+        from analysis.figures import file_name, filled, png_of
 
-        from analysis.plots import STYLE
+        figure = filled(draw, size_inch)
+        self.figures[name or file_name(caption)] = figure
+        self.picture(png_of(figure), caption)
 
-        with mpl.rc_context(STYLE):  # type: ignore[arg-type]
-            figure = Figure(figsize=size_inch)
-            draw(figure)
-            stream = BytesIO()
-            figure.savefig(stream, format="png", dpi=_DPI)
-        picture = base64.b64encode(stream.getvalue()).decode("ascii")
+    def picture(self, png: bytes, caption: str) -> None:
+        """A picture that is there already, embedded."""
+        data = base64.b64encode(png).decode("ascii")
         self.parts.append(
-            f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{picture}">'
+            f'<figure><img alt="{escape(caption)}" src="data:image/png;base64,{data}">'
             f"<figcaption>{escape(caption)}</figcaption></figure>"
         )
 
     def write(self, path: Path) -> Path:
         """Write the page. Raises :class:`StorageError`."""
-        html = (
-            f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{escape(self.title)}</title>'
-            f"<style>{_CSS}</style><h1>{escape(self.title)}</h1><p class=sub>{escape(self.subtitle)}</p>"
-            f"{''.join(self.parts)}<p class=sub>{escape(software_version())}</p></html>\n"
-        )
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(html, encoding="utf-8")
-        except OSError as error:
-            raise storage_error(path, error) from error
-        return path
+        return write_document(self.title, self.subtitle, "".join(self.parts), path)
 
 
-_TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
-_TRACK_INCH = (3.0, 8.0)
-_MOST_TICKS = 10  # times of day along a track; more would lie on each other
-
-
-def _track_height_inch(table: pd.DataFrame) -> float:
-    """A height that fits a track to scale into a picture of 8 in."""
-    extents = {name: float(table[name].max() - table[name].min()) for name in ("north_m", "east_m")}
-    share = extents["north_m"] / max(extents["east_m"], 1e-3)
-    return min(max(0.8 + 7.0 * share, _TRACK_INCH[0]), _TRACK_INCH[1]) if np.isfinite(share) else _TRACK_INCH[1]
-
-
-def add_run_sheet(page: Page, trial: Mapping[str, str]) -> None:
-    """What the recording says of itself."""
-    page.heading("Run sheet")
-    page.table(["", ""], [[key.replace("_", " "), value] for key, value in trial.items()], words=True)
-
-
-def add_recording(page: Page, table: pd.DataFrame, windows: pd.DataFrame) -> None:
-    """The track and the channels of a 1 Hz table, held windows marked."""
-    from analysis import plots
-
-    page.heading("The trial")
-
-    duration_s = float((table.index[-1] - table.index[0]).total_seconds()) if len(table) else 0.0
-    every_s = next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
-
-    def draw_track(figure: Figure) -> None:
-        plots.track(figure.subplots(), table, windows, every_s)
-
-    def draw_series(figure: Figure) -> None:
-        groups = (
-            ("heading_deg",), ("surge_mps", "sway_mps"), ("yaw_rate_dps",),
-            ("port_angle_deg", "starboard_angle_deg"), ("port_rpm", "starboard_rpm", "tunnel_rpm"),
-            ("wind_speed_mps",),
-        )  # fmt: skip
-        for axes, names in zip(figure.subplots(len(groups), 1, sharex=True), groups, strict=True):
-            plots.series(axes, table, names, windows)
-            axes.label_outer()
-
-    legs = windows["leg"].nunique()
-    page.figure(
-        draw_track,
-        (8, _track_height_inch(table)),
-        f"The track, one colour a leg of held thrusters ({legs} legs), time in UTC.",
+def write_document(title: str, subtitle: str, body: str, path: Path) -> Path:
+    """Write HTML in the house's look: ``body`` is markup, the rest text. Raises :class:`StorageError`."""
+    html = (
+        f'<!doctype html><html lang="en"><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width"><title>{escape(title)}</title>'
+        f"<style>{_CSS}</style><h1>{escape(title)}</h1><p class=sub>{escape(subtitle)}</p>"
+        f"{body}<p class=sub>{escape(software_version())}</p></html>\n"
     )
-    page.figure(draw_series, (9, 10), "The channels at 1 Hz; shaded where a window is held.")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(html, encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error
+    return path

@@ -12,6 +12,7 @@ from acquisition.cli import AsJson
 from hybrid.diagnosis import cli as diagnosis
 from hybrid.diagnosis import plan_cli as planning
 from hybrid.evaluation import cli as evaluation
+from hybrid.reporting import cli as reporting
 from hybrid.reproduction import cli as reproduction
 from hybrid.truth import cli as truth_commands
 
@@ -39,6 +40,7 @@ def mount(app: typer.Typer) -> None:
     planning.mount(app)
     truth_commands.mount(app)
     reproduction.mount(app)
+    reporting.mount(app)
 
 
 def simulate(
@@ -73,7 +75,8 @@ def simulate(
         place="Trondheimsfjord, simulated",
         origin_latitude_deg=latitude_deg,
         origin_longitude_deg=longitude_deg,
-        crew_notes=f"{manoeuvre}, {sea_state} sea",
+        sea_state=sea_state,
+        crew_notes=f"simulated {manoeuvre}",
     )
     count = write_table(table, output, trial, source="simulated")
     truth_path = output.with_suffix(".truth.json")
@@ -241,7 +244,6 @@ def demo(
     from rich.console import Console
 
     Console(stderr=True).print(validation_table(done.validation))
-    typer.echo("not yet in the demo: notebook report", err=True)
     reduction = done.validation.reduction or 0.0
     typer.echo(
         f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"

@@ -17,8 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
-
 from acquisition.channels import NAMES
 from acquisition.config import load_config
 from acquisition.emulate import Played, emulate
@@ -27,9 +25,7 @@ from acquisition.null_modem import NullModem
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
-from analysis.page import Page, add_recording, add_run_sheet
 from analysis.quality.check import DataQuality, check_recording
-from analysis.quality.page import add_quality
 from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
 from hybrid.artefact import Trained, save
 from hybrid.diagnosis.diagnose import TOLERANCE
@@ -38,7 +34,7 @@ from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.gather import gather
-from hybrid.report import add_diagnosis, add_validation, headline_of
+from hybrid.reporting.folder import Choices, folder_report
 from hybrid.train import train
 from hybrid.truth.trial import simulate_trial
 from hybrid.validate import Validation, refuse_seen, validate
@@ -95,9 +91,8 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     diagnosis = diagnose_recording(recording_path, folder, progress("diagnosing"))
     for effect in diagnosis.effects:
         say(f"   {effect.sentence}")
-    say("8  write the report")
-    table = next(iter(tables.values()))
-    report = write_report(folder / "report.html", recording, quality, table, windows, validation, diagnosis, lost)
+    say("8  write the report: notebooks, run and set as pages")
+    report, *_ = folder_report(folder, Choices(), progress("report"))
     return Demonstration(report, recording_path, played, lost, windows, validation, diagnosis)
 
 
@@ -201,36 +196,3 @@ def train_on_earlier(folder: Path, seed: int, progress: Progress) -> Trained:
     trained = train(gather(paths, HORIZON_S, STRIDE_S, shorter=True), MODEL, plant, seed=seed, progress=progress)
     save(trained, folder / "calibrator")
     return trained
-
-
-def write_report(
-    path: Path,
-    recording: Recording,
-    quality: DataQuality,
-    table: pd.DataFrame,
-    windows: HeldWindows,
-    validation: Validation,
-    diagnosis: Diagnosis,
-    lost: dict[str, int],
-) -> Path:
-    """The demo's page."""
-    page = Page("Seatrial demo: from a bus to a validated calibrator", f"Recorded in {recording.path.name}")
-    page.headline({**headline_of(validation), "of 13 channels lost on the way": f"{sum(lost.values())} samples"})
-    page.text(
-        "The lengthened ship is the truth, the model is that of the ship before. Wind, waves and current are "
-        "those of the gentle sea; the model knows the measured wind only. The start states of "
-        "constant velocity, reference and networks are smoothed over 10 s on either side; the adaptive calibrator "
-        "knows what was measured before the start."
-    )
-    add_validation(page, validation)
-    add_diagnosis(page, diagnosis)
-    add_recording(page, table, windows.rows)
-    page.text(
-        f"The lines were played {SPEED:g} times as fast: a hundredth of a second on the way is a quarter of a "
-        "second of the trial, and on a busy machine the check of its times sees it."
-    )
-    add_quality(page, quality)
-    add_run_sheet(page, recording.trial.as_metadata())
-    page.heading("Still to come")
-    page.text("The notebook reports.")
-    return page.write(path)

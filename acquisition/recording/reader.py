@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import orjson
@@ -22,7 +22,7 @@ from acquisition.errors import InputError
 from acquisition.recording.batches import Batch, Samples, add_samples, batches
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
-from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, RAW_PREFIX
+from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from acquisition.trial import Trial
 
 REMEDY = "save what is intact with `seatrial recover`"
@@ -48,6 +48,7 @@ class Recording:
     """What one file holds. ``raw`` counts the undecoded messages by topic, ``events`` are (time, text).
 
     ``metadata`` is what the file says besides the trial: which part of a recording it is, whose clock it has.
+    ``health`` is the last word on each source: its state, its frames, how many were refused, why, and dropped.
     """
 
     path: Path
@@ -60,6 +61,7 @@ class Recording:
     start_ns: int
     end_ns: int
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    health: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 class Entry(NamedTuple):
@@ -200,6 +202,14 @@ def _events(batch: Batch, path: Path) -> list[tuple[int, str]]:
     return list(zip(batch.log_ns.tolist(), texts, strict=True))
 
 
+def _health(batch: Batch, path: Path) -> dict[str, dict[str, Any]]:
+    """The last word on each source in a batch of health messages."""
+    try:
+        return {str(message["source"]): message for message in map(orjson.loads, batch.data())}
+    except (KeyError, TypeError, ValueError) as error:
+        raise _foreign(path, HEALTH_TOPIC, error, "state of a source") from error
+
+
 def _numbers(batch: Batch, topics: Mapping[int, str]) -> dict[str, list[int]]:
     """The channel numbers in a batch by topic, in the order in which they come first; two may have one topic."""
     numbers: dict[str, list[int]] = {}
@@ -229,6 +239,7 @@ def read_recording(path: Path | str) -> Recording:
     samples: dict[str, Samples] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
+    health: dict[str, dict[str, Any]] = {}
     start_ns, end_ns, messages = 2**63 - 1, 0, 0
     for batch in stream.batches():
         messages += len(batch)
@@ -243,6 +254,8 @@ def read_recording(path: Path | str) -> Recording:
                 raw[topic] += len(batch.of_channels(each))
             elif topic == EVENT_TOPIC:
                 events += _events(batch.of_channels(each), stream.path)
+            elif topic == HEALTH_TOPIC:
+                health |= _health(batch.of_channels(each), stream.path)
     return Recording(
         path=stream.path,
         trial=stream.trial,
@@ -254,4 +267,5 @@ def read_recording(path: Path | str) -> Recording:
         start_ns=start_ns if messages else 0,
         end_ns=end_ns,
         metadata=stream.metadata,
+        health=health,
     )

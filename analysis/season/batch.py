@@ -43,14 +43,19 @@ _RESERVED = {"index.html", "index.parquet", MARKS, _LOCK}
 class Summary:
     """What a batch came to. ``done`` counts those with a complete result, ``reused`` those of them not new.
 
-    ``gone`` names the results whose recording is not in the folder any more; they are in the index only.
+    ``gone_rows`` are of results whose recording is not in the folder any more; they are in the index only.
     """
 
     rows: list[Row]
     done: int
     reused: int
     index: Path
-    gone: tuple[str, ...] = ()
+    gone_rows: tuple[Row, ...] = ()
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        """The names of the results whose recording is gone."""
+        return tuple(row["name"] for row in self.gone_rows)
 
     @property
     def failed(self) -> int:
@@ -113,7 +118,7 @@ def run_batch(
         gone = gone_rows(set(names), out)
         index = write_index([*rows, *gone], out, folder.resolve().name)
     done = sum(row["status"] == "done" for row in rows)
-    return Summary(rows, done, reused, index, tuple(row["name"] for row in gone))
+    return Summary(rows, done, reused, index, tuple(gone))
 
 
 def check_address(scheduler: str | None) -> None:

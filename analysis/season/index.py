@@ -21,6 +21,9 @@ from analysis.season.one_recording import SUMMARY
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""
 
+REPORT = "report.html"
+"""A notebook report beside a result, which the page leads to where there is one."""
+
 GONE = "gone"
 """The status of a result whose recording is not in the folder any more."""
 
@@ -108,6 +111,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
 
     Raises :class:`acquisition.errors.StorageError` when they cannot be written.
     """
+    rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
     page, partial = out / "index.html", out / ".index.html.part"
     try:

@@ -180,6 +180,8 @@ def _name(row: Row) -> tuple[object, str]:
     about = " &middot; ".join(
         escape(row[key]) for key in ("trial", "vessel", "place") if row.get(key) and row[key] != row["name"]
     )
+    if row.get("report"):
+        page += f' <a class="report" href="{quote(row["name"])}/report.html">report</a>'
     css = "cause" if row["status"] == "failed" else "remark"
     cause = f'<div class="{css}">{escape(row["cause"])}</div>' if row.get("cause") else ""
     return row["name"], f"{page}<div class=soft>{about}</div>{cause}"

@@ -6,24 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 from acquisition.channels import BY_NAME
 from analysis.export import SIGMA_SUFFIX
-from analysis.page import Page, add_recording, add_run_sheet
+from analysis.manoeuvres.page import add_manoeuvres
+from analysis.page import Page
 from analysis.quality.summary import ALL
 from analysis.quality.terminal import counts_of, sentences
+from analysis.run_sheet import add_run_sheet, run_sheet
+from analysis.trial_figures import add_channels, add_track
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from analysis.manoeuvres import Manoeuvre
     from analysis.quality.findings import Finding
     from analysis.season.products import Products
 
-_PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
-"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
-
 _CHANNEL_HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range",
                    "times twice", "steps back"]  # fmt: skip
-_FIRST_INDICES = 3
-_SECONDARY = ("half_command", "time_to_check", "initial_turning")  # left to the manoeuvre's own table
 
 
 def recording_page(products: Products, row: dict[str, Any]) -> Page:
@@ -33,13 +30,20 @@ def recording_page(products: Products, row: dict[str, Any]) -> Page:
     page.headline(headline_of(row))
     if row["cause"]:
         page.note(f"Please note: {row['cause']}.")
-    add_run_sheet(page, trial.as_metadata())
+    page.heading("Run sheet")
+    add_run_sheet(page, run_sheet(products.recording, products.one_hz, products.manoeuvres))
     _add_quality(page, products, row["missing"])
     if provenance["options"]["pictures"] and products.windows is not None:
-        add_recording(page, products.one_hz, products.windows.rows)
+        page.heading("The trial")
+        executes = [each.start for each in products.manoeuvres]
+        add_track(page, products.one_hz, products.windows.rows, provenance["options"]["length_m"], executes)
+        add_channels(page, products.one_hz, products.windows.rows)
     _add_windows(page, row)
     _add_uncertainty(page, products.one_hz, products.remarks)
-    _add_manoeuvres(page, products, provenance["options"])
+    if products.manoeuvres:
+        page.heading("Manoeuvres")
+        options = provenance["options"]
+        add_manoeuvres(page, products.table, products.manoeuvres, options["length_m"], pictures=options["pictures"])
     _add_origin(page, provenance)
     return page
 
@@ -128,53 +132,6 @@ def _add_uncertainty(page: Page, one_hz: pd.DataFrame, remarks: tuple[str, ...])
         page.text("These bands are in doubt, since innovations do not have the size that they promise:")
         for remark in remarks:
             page.text(remark)
-
-
-def _add_manoeuvres(page: Page, products: Products, options: dict[str, Any]) -> None:
-    """All manoeuvres in a table, then each with its indices, and a picture where that says something."""
-    if not products.manoeuvres:
-        return
-    from analysis.manoeuvres.motion import motion_of
-    from analysis.manoeuvres.report import HEADER, headline, rows_of, subline
-
-    page.heading("Manoeuvres")
-    page.table(
-        ["began, UTC", "what", "lasted", "first indices"], [_line(each) for each in products.manoeuvres], words=True
-    )
-    page.text("A click opens or closes what is below; IMO limits are those of MSC.137(76), for information.")
-    motion = motion_of(products.table)
-    for each in products.manoeuvres:
-        pictured = each.kind in _PICTURED
-        with page.details(headline(each), opened=pictured):
-            if pictured and options["pictures"]:
-                from analysis.manoeuvre_plots import drawer
-
-                page.figure(*drawer(motion, each, options["length_m"]), subline(each))
-            else:
-                page.text(subline(each))
-            page.table(*_without_empty(list(HEADER), rows_of(each)))
-
-
-def _line(manoeuvre: Manoeuvre) -> list[str]:
-    """A manoeuvre's row in the table of all."""
-    from analysis.manoeuvres.report import cells, words
-
-    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
-    telling = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _SECONDARY)]
-    first = telling[:_FIRST_INDICES]
-    said = ", ".join(f"{words(name)} {cells(index)[0]}" for name, index in first)
-    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
-    return [f"{manoeuvre.start:%H:%M:%S}", f"{manoeuvre.name}{side}", f"{seconds:.0f} s", said]
-
-
-def _without_empty(header: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
-    """A table without the columns that hold nothing.
-
-    >>> _without_empty(["index", "limit"], [["reach", ""]])
-    (['index'], [['reach']])
-    """
-    kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
-    return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
 
 
 def _add_origin(page: Page, provenance: dict[str, Any]) -> None:

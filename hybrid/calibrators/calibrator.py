@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -22,6 +23,27 @@ Flags = NDArray[np.bool_]
 Progress = Callable[[float], None]
 Examples = tuple[Horizons, Floats]
 """Windows and the reference's tracks on them [N, H+1, 3]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What decides whether a method has ground: quantities by their ``names`` [C], what N windows have of each
+    ``values`` [N, K, C] (K seconds, or one), the range of the training ``low`` to ``high`` [C] and how far past it
+    still counts as inside, ``margin`` [C].
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    low: Floats
+    high: Floats
+    margin: Floats
+
+    @property
+    def beyond(self) -> Flags:
+        """Which windows lie beyond the training in which quantity [N, C]."""
+        outside = (self.values < self.low - self.margin) | (self.values > self.high + self.margin)
+        beyond: Flags = np.any(outside, axis=1)
+        return beyond
 
 
 class Calibrator(ABC):
@@ -47,8 +69,12 @@ class Calibrator(ABC):
         """The predicted tracks [N, H+1, 3]: north, east [m], heading [rad]."""
 
     @abstractmethod
+    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+        """What windows have of what it was trained on, beside the range of the training."""
+
     def outside(self, horizons: Horizons, reference: Floats) -> Flags:
         """Which windows [N] lie beyond what it was trained on, where it has no ground."""
+        return np.asarray(self.ground(horizons, reference).beyond.any(axis=1))
 
     def spread(self, horizons: Horizons, reference: Floats) -> Floats:
         """How uncertain each prediction is [N, H], one for a usual one; the same for all here."""

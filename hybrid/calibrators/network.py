@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from acquisition.errors import InputError
 from hybrid.baselines import constant_velocity
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.calibrators.calibrator import Calibrator, Examples, Floats, Ground, Progress
 from hybrid.calibrators.device import chosen_device
 from hybrid.calibrators.features import displacement
 from hybrid.calibrators.training import Rows, Stopping, fit_network
@@ -113,12 +113,10 @@ class NetworkCalibrator(Calibrator):
         position = horizons.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
         return np.concatenate([position, self.heading(horizons, reference)[..., None]], axis=-1)
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
-        """Which windows [N] have an input beyond what was trained on, where the network has no ground."""
-        features = torch.from_numpy(self.features(horizons, reference))
-        low, high = self.input_range_
-        margin = BEYOND * (high - low) + 1e-6
-        return np.asarray(((features < low - margin) | (features > high + margin)).any(dim=-1).any(dim=-1).numpy())
+    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+        """The network's inputs at every second, and the range of each in the training."""
+        low, high = self.input_range_.numpy()
+        return Ground(self.inputs, self.features(horizons, reference), low, high, BEYOND * (high - low) + 1e-6)
 
     def base(self, horizons: Horizons, reference: Floats) -> Floats:
         """The displacement [N, H, 2] that what is learned is added to: none here."""

@@ -19,6 +19,7 @@ from analysis.twins import refuse_twins
 from hybrid.diagnosis.add import repaired
 from hybrid.diagnosis.diagnose import Examined, diagnose
 from hybrid.diagnosis.page import PAGE_FILE, write_report
+from hybrid.diagnosis.shown import write_shown
 from hybrid.effects import Catalogue
 from hybrid.vessel.files import save_vessel
 from hybrid.vessel.parameters import Vessel
@@ -72,8 +73,8 @@ def diagnose_files(
 
 
 def write_diagnosis(examined: Examined, vessel: Vessel, folder: Path) -> Written:
-    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html`` and, where a calibrator was trained on top,
-    ``ladder.json``; one of an earlier diagnosis goes. Raises :class:`StorageError`.
+    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
+    calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Raises :class:`StorageError`.
     """
     ladder = examined.extras.ladder
     written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json")
@@ -83,6 +84,7 @@ def write_diagnosis(examined: Examined, vessel: Vessel, folder: Path) -> Written
     else:
         _write_json(ladder.as_dict(), written.ladder)
     save_vessel(repaired(vessel, examined.diagnosis), written.vessel)
+    write_shown(examined.diagnosis, examined.extras, folder)
     write_report(examined.diagnosis, examined.extras, folder)
     return written
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from analysis.page import Page
 from hybrid.diagnosis.gap_page import add_gap, add_ladder
 from hybrid.diagnosis.grounds_page import add_consistency, add_granted, add_map, add_suspects
-from hybrid.diagnosis.result import Diagnosis, Estimate, Ladder, NamedEffect
+from hybrid.diagnosis.result import Correlation, Diagnosis, Estimate, Ladder, NamedEffect
 from hybrid.diagnosis.words import DEPENDS, alternatives, chance, listed, number, parameter_title, percent, plain
 
 if TYPE_CHECKING:
@@ -25,12 +25,14 @@ PAGE_FILE = "report.html"
 @dataclass(frozen=True, slots=True)
 class Extras:
     """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, the
-    sensors' contradictions and what a calibrator adds (None where nobody looked)."""
+    sensors' contradictions, how the estimates are correlated, and what a calibrator adds (None where nobody
+    looked)."""
 
     map: Map | None = None
     map_after: Map | None = None
     consistency: Sequence[Consistency] | None = None
     ladder: Ladder | None = None
+    correlation: Correlation | None = None
 
 
 def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
@@ -41,11 +43,10 @@ def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
 def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
     """The page, not yet written."""
     page = Page(verdict_sentence(diagnosis), _about(diagnosis))
-    page.headline(_headline(diagnosis))
-    page.text(_meaning(diagnosis))
-    _add_effects(page, diagnosis)
-    _add_unknown(page, diagnosis)
-    _add_rivals(page, diagnosis)
+    add_verdict(page, diagnosis)
+    add_effects(page, diagnosis, extras.correlation)
+    add_unknown(page, diagnosis)
+    add_rivals(page, diagnosis)
     add_gap(page, diagnosis)
     if extras.ladder is not None:
         add_ladder(page, extras.ladder, diagnosis.effects)
@@ -55,6 +56,12 @@ def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
         add_consistency(page, extras.consistency)
     add_granted(page, diagnosis)
     return page
+
+
+def add_verdict(page: Page, diagnosis: Diagnosis) -> None:
+    """The numbers that matter and what the verdict means."""
+    page.headline(_headline(diagnosis))
+    page.text(_meaning(diagnosis))
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -122,7 +129,8 @@ def _meaning(diagnosis: Diagnosis) -> str:
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
-def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
+def add_effects(page: Page, diagnosis: Diagnosis, correlation: Correlation | None = None) -> None:
+    """What was named: in words, in numbers, and how the estimates hang together."""
     effects = diagnosis.effects
     if not effects:
         return
@@ -148,7 +156,21 @@ def _add_effects(page: Page, diagnosis: Diagnosis) -> None:
         plots.parameters(figure, effects)
 
     caption = "Every parameter with its 95 % interval; the line is where the effect would be absent."
-    page.figure(draw, (8, 0.35 + 0.75 * len(rows)), caption)
+    page.figure(draw, (8, 0.35 + 0.75 * len(rows)), caption, "parameters")
+    if correlation is not None and len(correlation.names) > 1:
+        _add_correlation(page, correlation)
+
+
+def _add_correlation(page: Page, correlation: Correlation) -> None:
+    """How the estimates hang together, and which of them cannot be told apart."""
+    for one, other, value in correlation.entangled():
+        page.note(
+            f"The sizes of {one} and {other} cannot be told apart: their estimates are correlated by {value:+.2f}."
+        )
+    with page.details("How the estimates are correlated"):
+        rows = [[name, *(f"{each:+.2f}".replace("-", "\u2212") for each in row)]
+                for name, row in zip(correlation.names, correlation.matrix.tolist(), strict=True)]  # fmt: skip
+        page.table(["", *correlation.names], rows)
 
 
 def _certainty(effect: NamedEffect) -> str:
@@ -159,7 +181,8 @@ def _certainty(effect: NamedEffect) -> str:
     )
 
 
-def _add_unknown(page: Page, diagnosis: Diagnosis) -> None:
+def add_unknown(page: Page, diagnosis: Diagnosis) -> None:
+    """What no effect of the catalogue explains."""
     unknown = diagnosis.unknown
     page.heading("What remains")
     if unknown is None:
@@ -170,7 +193,8 @@ def _add_unknown(page: Page, diagnosis: Diagnosis) -> None:
         page.text(f"It goes with {listed([DEPENDS.get(each, plain(each)) for each in unknown.where])}.")
 
 
-def _add_rivals(page: Page, diagnosis: Diagnosis) -> None:
+def add_rivals(page: Page, diagnosis: Diagnosis) -> None:
+    """What could stand in the place of what was named, and which manoeuvre would tell."""
     if not diagnosis.rivals and not diagnosis.indistinguishable and diagnosis.next_manoeuvre is None:
         return
     page.heading("What could stand in its place")

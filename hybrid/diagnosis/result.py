@@ -15,6 +15,9 @@ from hybrid.vessel.compiling import Floats
 
 Ints = NDArray[np.int64]
 
+ENTANGLED = 0.95
+"""Two estimates correlated by so much, either way, are one in all but name."""
+
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 
 
@@ -169,6 +172,23 @@ class Ladder:
 
 
 @dataclass(frozen=True, slots=True)
+class Correlation:
+    """How the estimates of the named effects hang together: a name for each free coordinate, and the matrix [P,
+    P]."""
+
+    names: tuple[str, ...]
+    matrix: Floats
+
+    def entangled(self) -> list[tuple[str, str, float]]:
+        """Pairs that these data cannot tell apart in size, and their correlation."""
+        return [
+            (self.names[one], self.names[other], float(self.matrix[one, other]))
+            for one in range(len(self.names)) for other in range(one)
+            if abs(self.matrix[one, other]) > ENTANGLED
+        ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class Manoeuvre:
     """The trial to make next: what it is, which effects it separates, and the evidence expected from it."""
 
@@ -198,7 +218,7 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """The contract's JSON object; numbers that are not finite become null."""
-        return cast(dict[str, Any], _finite(self._plain()))
+        return cast(dict[str, Any], finite(self._plain()))
 
     def _plain(self) -> dict[str, Any]:
         unknown, after = self.unknown, self.next_manoeuvre
@@ -241,12 +261,12 @@ class Diagnosis:
         }
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """``value`` with everything in it that JSON knows."""
     if isinstance(value, dict):
-        return {str(key): _finite(each) for key, each in value.items()}
+        return {str(key): finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
+        return [finite(each) for each in value]
     if isinstance(value, float):
         return float(value) if isfinite(value) else None
     return value

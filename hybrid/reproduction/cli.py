@@ -44,10 +44,11 @@ def table3(
         seas = seas_of(papers_jobs(seed, seeds), workers, progress)
     table = table_of([each for sea in seas for each in sea.errors])
     if output is not None:
-        from hybrid.reproduction.figures import shown_of
+        from hybrid.reproduction.figures import shown_of, write_drawn
         from hybrid.reproduction.page import write_page
 
         shown = shown_of([sea for sea in seas if sea.job.seed == seed])
+        write_drawn(shown, output)
         for path in (*write_table3(table, output), write_page(table, output, shown)):
             typer.echo(path, err=True)
     if as_json:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -15,8 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
+from analysis.figures import filled, write_figure
 from analysis.files import in_place_of
-from analysis.plots import INK, STYLE
+from analysis.plots import INK
 from hybrid.reproduction.degradation import OVERALL
 from hybrid.reproduction.fidelity_map import LEAST_M, FidelityMap, useful_up_to_m
 from hybrid.reproduction.fidelity_reading import with_reading
@@ -167,18 +168,12 @@ def _shades(found: FidelityMap) -> dict[int, float]:
 
 
 def write_map(found: FidelityMap, folder: Path) -> list[Path]:
-    """The map as PNG and SVG, its numbers and its reading as JSON. Raises :class:`StorageError`."""
+    """The map as PNG, SVG and PDF, its numbers and its reading as JSON. Raises :class:`StorageError`."""
     path = folder / f"{NAME}.json"
-    with in_place_of(path) as partial:
-        partial.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
+    with in_place_of(path) as unfinished:
+        unfinished.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
     paths = [path]
-    with mpl.rc_context({**STYLE, "svg.hashsalt": "seatrial"}):  # type: ignore[dict-item]
-        for name, draw, size in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):
-            figure = Figure(figsize=size)
-            draw(figure, found)
-            for ending in ("png", "svg"):
-                path = folder / f"{name}.{ending}"
-                with in_place_of(path) as partial:
-                    figure.savefig(partial, format=ending, dpi=150)
-                paths.append(path)
+    for name, draw, size_inch in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):
+        figure = filled(partial(draw, found=found), size_inch)
+        paths += write_figure(figure, folder, name, ("png", "svg", "pdf"))
     return paths

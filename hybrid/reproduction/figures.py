@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,8 +18,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
-from analysis.files import in_place_of
-from analysis.plots import FAINT, INK, STYLE
+from analysis.figures import ENDINGS, filled, write_figure
+from analysis.plots import FAINT, INK
 from hybrid.horizon import PAST_S
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
@@ -32,7 +31,7 @@ Progress = Callable[[float], None]
 
 SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
 FAN, TRACKS = 12, 20
-PNG_DPI = 150
+WRITTEN = ("png", *ENDINGS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,7 @@ class FigureOf:
 
 
 def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share: None) -> list[Path]:
-    """Simulate, train, draw, and write every figure as PNG and SVG. Raises :class:`StorageError`."""
+    """Simulate, train, draw, and write every figure as PNG, SVG, PDF and JSON. Raises :class:`StorageError`."""
     jobs = [Job(sea_state, seed) for sea_state in SEA_STATES]
     return write_drawn(shown_of(seas_of(jobs, progress=progress)), folder)
 
@@ -66,20 +65,16 @@ def shown_of(seas: Sequence[Sea]) -> Shown:
 
 
 def write_drawn(shown: Shown, folder: Path) -> list[Path]:
-    """Every figure as PNG and SVG in ``folder``, and where each is."""
-    paths = []
-    with mpl.rc_context({**STYLE, "svg.hashsalt": "seatrial"}):  # type: ignore[dict-item]
-        for name, each in FIGURES.items():
-            figure = Figure(figsize=each.size_inch)
-            each.draw(figure, shown)
-            for ending in ("png", "svg"):
-                path = folder / f"{name}.{ending}"
-                with in_place_of(path) as partial:
-                    figure.savefig(
-                        partial, format=ending, dpi=PNG_DPI, metadata={"Date": None} if ending == "svg" else None
-                    )
-                paths.append(path)
-    return paths
+    """Every figure in ``folder`` as PNG, SVG and PDF, its numbers as JSON, and where each is."""
+    return [
+        path
+        for name, each in FIGURES.items()
+        for path in write_figure(filled(_filling(each, shown), each.size_inch), folder, name, WRITTEN)
+    ]
+
+
+def _filling(drawn: FigureOf, shown: Shown) -> Callable[[Figure], None]:
+    return lambda figure: drawn.draw(figure, shown)
 
 
 def draw_tracks(figure: Figure, shown: Shown) -> None:

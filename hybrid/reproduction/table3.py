@@ -10,7 +10,7 @@ Three rows are no method: ``floor`` is the true ship from the same measurements,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -113,6 +113,30 @@ class Table3:
             "published": [each.as_dict() for each in PUBLISHED],
             "cells": [each.as_dict() for each in self.cells],
         }
+
+
+def read_table3(plain: Mapping[str, Any]) -> Table3:
+    """The inverse of :meth:`Table3.as_dict`. Raises :class:`KeyError` for anything else."""
+    return Table3(tuple(map(_row_of, plain["rows"])), tuple(map(_cell_of, plain["cells"])))
+
+
+def _row_of(plain: Mapping[str, Any]) -> Row:
+    values: dict[str, Any] = {}
+    for name, kind in Row.__annotations__.items():
+        prefix = "" if name == "mean_distance_m" else f"{name}_"
+        three = (plain[name], plain.get(f"{prefix}low"), plain.get(f"{prefix}high"))
+        values[name] = _interval_of(*three) if kind == "Interval" else plain[name]
+    return Row(**values)
+
+
+def _cell_of(plain: Mapping[str, Any]) -> Cell:
+    values = {name: plain[name] for name in Cell.__slots__}
+    return Cell(**{**values, "hybrid": _interval_of(**values["hybrid"])})
+
+
+def _interval_of(value: float | None, low: float | None, high: float | None) -> Interval:
+    """JSON has null for what is no number."""
+    return Interval(*(float("nan") if each is None else each for each in (value, low, high)))
 
 
 def table3(errors: Sequence[Errors]) -> Table3:

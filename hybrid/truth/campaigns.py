@@ -191,7 +191,8 @@ def _made(job: Job) -> Row:
     sheet = Trial(
         name=trial.name, vessel=truth["vessel"], place="simulated",
         origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg,
-        crew_notes=f"{trial.manoeuvre}, {trial.sea_state} sea",
+        sea_state=trial.sea_state,
+        crew_notes=f"simulated {trial.manoeuvre}",
     )  # fmt: skip
     write_table(table, recording, sheet, source="simulated")
     write_truth({**truth, "plan": plan}, truth_path)

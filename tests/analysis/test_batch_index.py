@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
-import time
-import urllib.request
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
-from websockets.sync.client import connect
 
 from acquisition.channels import NAMES as CHANNELS
 from acquisition.errors import StorageError
 from analysis.season.index import failures_of, gone_rows, index_table, read_index, write_index
 from analysis.season.index_page import index_page
-
-Evaluate = Callable[[str], Any]
+from tests.browser import Browser, running_browser
 
 
 def row(number: int, **changed: Any) -> dict[str, Any]:
@@ -120,81 +116,63 @@ def test_a_page_of_200_rows_is_small_and_needs_no_network() -> None:
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Evaluate]:
-    """Evaluates JavaScript in the index's page, in a browser that has loaded it."""
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    if chromium is None:
-        pytest.skip("no chromium to open the page with")
-    folder = tmp_path_factory.mktemp("browser")
-    page = write_index(ROWS, folder, "season")
-    command = [chromium, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-               f"--user-data-dir={folder / 'profile'}", "--remote-debugging-port=0", page.as_uri()]  # fmt: skip
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        try:
-            with connect(_debugger(folder / "profile" / "DevToolsActivePort"), proxy=None) as socket:
-                until = time.monotonic() + 30.0
-                while not _evaluated(socket, LOADED) and time.monotonic() < until:
-                    time.sleep(0.05)
-                yield lambda expression: _evaluated(socket, expression)
-        finally:
-            process.terminate()
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A browser that has loaded the index's page; recordings that were done have a page to go to."""
+    folder = tmp_path_factory.mktemp("season")
+    for each in ROWS[:9]:
+        page = folder / each["name"] / "page.html"
+        page.parent.mkdir(parents=True)
+        page.write_text(f"<title>{each['name']}</title>")
+    with running_browser(tmp_path_factory.mktemp("browser")) as opened:
+        opened.open(write_index(ROWS, folder, "season"), LOADED)
+        yield opened
 
 
-LOADED = "document.readyState === 'complete' && document.querySelector('th[data-key]') !== null"
-
-
-def _debugger(told: Path, limit_s: float = 60.0) -> str:
-    """The address at which the browser's page is spoken to, once it is there."""
-    until = time.monotonic() + limit_s
-    while time.monotonic() < until:
-        if told.exists() and told.read_text().count("\n"):
-            port = told.read_text().split()[0]
-            with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=10) as answer:
-                pages = [each for each in json.load(answer) if each["type"] == "page"]
-            if pages and "index.html" in pages[0]["url"]:
-                return str(pages[0]["webSocketDebuggerUrl"])
-        time.sleep(0.1)
-    pytest.skip("the browser did not open the page in time")
-
-
-def _evaluated(socket: Any, expression: str) -> Any:
-    request = {"id": 1, "method": "Runtime.evaluate", "params": {"expression": expression, "returnByValue": True}}
-    socket.send(json.dumps(request))
-    answer = json.loads(socket.recv(timeout=30))
-    assert "exceptionDetails" not in answer["result"], answer
-    return answer["result"]["result"].get("value")
-
+LOADED = "document.querySelector('th[data-key]') !== null"
 
 NAMES = "[...document.querySelectorAll('tbody tr:not([hidden]) td.name')].map(cell=>cell.dataset.v)"
 
 
-def _press(key: str) -> str:
-    return f"document.querySelector('th[data-key={key}] button').click();{NAMES}"
+def _pressed(browser: Browser, key: str) -> list[str]:
+    """The names in the order that a real click on a header gives."""
+    browser.click_on(f"th[data-key={key}] button")
+    return list(browser.evaluate(NAMES))
 
 
-def test_a_click_on_a_header_sorts_and_another_turns_it_round(browser: Evaluate) -> None:
+def test_a_click_on_a_header_sorts_and_another_turns_it_round(browser: Browser) -> None:
     by_duration = [each["name"] for each in sorted(ROWS[:9], key=lambda each: each["duration_s"])]
-    assert browser(_press("duration_s")) == [*by_duration, "x", "y"]
-    assert browser(_press("duration_s")) == [*reversed(by_duration), "x", "y"]
-    assert browser("location.hash") == "#sort=duration_s&order=desc"
-    assert browser(_press("name"))[:2] == ["day_1/trial_1", "day_1/trial_2"]
+    assert _pressed(browser, "duration_s") == [*by_duration, "x", "y"]
+    assert _pressed(browser, "duration_s") == [*reversed(by_duration), "x", "y"]
+    assert browser.evaluate("location.hash") == "#sort=duration_s&order=desc"
+    assert _pressed(browser, "name")[:2] == ["day_1/trial_1", "day_1/trial_2"]
 
 
-def test_failed_ones_come_first_by_status_and_bad_before_good(browser: Evaluate) -> None:
-    assert set(browser(_press("status"))[:2]) == {"x", "y"}
-    assert browser(_press("grade"))[0] == "day_1/trial_5"
+def test_failed_ones_come_first_by_status_and_bad_before_good(browser: Browser) -> None:
+    assert set(_pressed(browser, "status")[:2]) == {"x", "y"}
+    assert _pressed(browser, "grade")[0] == "day_1/trial_5"
 
 
-def test_the_filter_shows_the_rows_that_have_all_its_words(browser: Evaluate) -> None:
+def test_the_filter_shows_the_rows_that_have_all_its_words(browser: Browser) -> None:
     write = "const f=document.getElementById('filter');f.value=%s;f.dispatchEvent(new Event('input'));"
-    shown = browser(f"(()=>{{{write % json.dumps('EMPTY file')}return {NAMES}}})()")
+    shown = browser.evaluate(f"(()=>{{{write % json.dumps('EMPTY file')}return {NAMES}}})()")
     assert set(shown) == {"x", "y"}
-    assert browser("document.getElementById('shown').textContent") == "2 of 11 recordings"
-    browser(f"(()=>{{{write % json.dumps('')}}})()")
-    assert len(browser(NAMES)) == len(ROWS)
+    assert browser.evaluate("document.getElementById('shown').textContent") == "2 of 11 recordings"
+    browser.evaluate(f"(()=>{{{write % json.dumps('')}}})()")
+    assert len(browser.evaluate(NAMES)) == len(ROWS)
 
 
-def test_links_lead_to_pages_and_thumbnails_are_drawn(browser: Evaluate) -> None:
-    href = "document.querySelector('td.name a').getAttribute('href')"
-    assert str(browser(href)).endswith("/page.html")
-    assert browser("document.querySelectorAll('tbody svg polyline').length") == 9
+def test_links_lead_to_pages_that_are_there_and_thumbnails_are_drawn(browser: Browser) -> None:
+    links = browser.evaluate("[...document.querySelectorAll('td.name a')].map(link=>link.href)")
+    assert len(links) == 9
+    assert all(Path(url2pathname(urlsplit(link).path)).is_file() for link in links)
+    assert browser.evaluate("document.querySelectorAll('tbody svg polyline').length") == 9
+
+
+def test_a_click_on_a_name_opens_its_page_without_any_network(browser: Browser) -> None:
+    index = browser.evaluate("location.href")
+    name = browser.evaluate(NAMES)[0]
+    browser.click_on("td.name a")
+    browser.wait_for(f"document.title === {json.dumps(name)}")
+    assert all(each.startswith("file:") for each in browser.requests)
+    assert browser.errors == []
+    browser.open(index, LOADED)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from hybrid.baselines import constant_velocity, reference
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground, Progress
 from hybrid.certainty import (
     FALLBACKS,
     HINDCAST_S,
@@ -48,6 +48,9 @@ class Boastful(Calibrator):
     def predict(self, horizons: Horizons, reference: Floats) -> Floats:
         off = np.where(self._fast(horizons), self.beyond, 0.01)
         return horizons.track + off[:, None, None]
+
+    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+        raise NotImplementedError
 
     def outside(self, horizons: Horizons, reference: Floats) -> Flags:
         return self._fast(horizons) if np.isfinite(self.beyond) else np.zeros(len(horizons), dtype=bool)

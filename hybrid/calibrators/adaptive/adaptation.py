@@ -68,7 +68,7 @@ _FOLLOWED_S = 30
 _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
 _AVERAGED_S = 5
 _STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
-_LARGEST_FACTOR = 2.0
+LARGEST_FACTOR = 2.0
 _ONE_CORE = 64  # so many windows one core has followed before another is awake
 
 
@@ -125,7 +125,7 @@ def adapted(vector: Floats, plant: Plant) -> NDArray[np.void]:
     """The plant, packed [1], with its numbers, steady forces, current and drift as the vector says."""
     packed = pack(plant)
     departed = USUAL_SHARE * vector[: len(POSITIVE) + len(SIGNED)]
-    factor = np.exp(departed[: len(POSITIVE)].clip(-_LARGEST_FACTOR, _LARGEST_FACTOR))
+    factor = np.exp(departed[: len(POSITIVE)].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
     flat(packed)[0, _COLUMNS] *= np.concatenate([factor, 1.0 + departed[len(POSITIVE) :]])
     heavier = plant.mass_kg / STEADY_MASS_KG
     for name, usual in STEADY.items():

@@ -13,8 +13,8 @@ from acquisition.errors import DataShortageError
 from acquisition.progress import part_of
 from hybrid.baselines import modelled, present_motion_held
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
-from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.calibrators.adaptive.fit import adapt, covariance_at
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground, Progress
 from hybrid.certainty import HINDCAST_S, band_radius, blended, earlier, off_m
 from hybrid.horizon import Horizons, joined_horizons
 from hybrid.scores import distances
@@ -34,6 +34,11 @@ ALIKE = np.array([0.5, 0.2, 0.01, 2.0, 0.3, 0.3, 10.0, 0.15, 0.15, 0.15, 0.15])
 [rad/s], wind speed [m/s], revolutions [rev/s], tunnel [rpm], cosine and sine of the pods' angles (30 degrees from
 dead ahead).
 """
+START_NAMES = (
+    "surge_mps", "sway_mps", "yaw_rate_radps", "wind_speed_mps", "port_rps", "starboard_rps", "tunnel_rpm",
+    "port_angle_cos", "port_angle_sin", "starboard_angle_cos", "starboard_angle_sin",
+)  # fmt: skip
+"""What decides whether a start was trained on."""
 _PERFECT = 0.1  # errors in the last seconds below this share of the usual one say nothing more
 _UNKNOWN = 2.0  # how uncertain a window is whose past is not known, in usual errors
 _RECENT_S = 5
@@ -71,6 +76,7 @@ class Adaptive(Calibrator):
             [self._adapted(horizons, fold != member, member, part_of(progress, member, members))
              for member in range(members)]
         )  # fmt: skip
+        self.covariance_ = self._covariance(horizons)
         starts = _starts(horizons)
         self.range_ = np.stack([starts.min(axis=0), starts.max(axis=0)])
         self.unseen_ = self._judge(horizons, fold)[len(training[0]) :]
@@ -81,12 +87,21 @@ class Adaptive(Calibrator):
 
     def _adapted(self, horizons: Horizons, chosen: Flags, member: int, progress: Progress) -> Floats:
         """The vector of one member."""
-        rows = np.flatnonzero(chosen)
+        windows = self._drawn(horizons, np.flatnonzero(chosen), member)
+        return adapt(self._model, seen(windows), windows.track, _own_share(windows), progress)
+
+    def _drawn(self, horizons: Horizons, rows: NDArray[np.int64], member: int) -> Horizons:
+        """The windows of some rows, no more than :data:`MOST_WINDOWS`."""
         if len(rows) > MOST_WINDOWS:
             drawn = np.random.default_rng([self.seed, member]).choice(rows, MOST_WINDOWS, replace=False)
             rows = np.sort(drawn)
-        windows = horizons.subset(rows)
-        return adapt(self._model, seen(windows), windows.track, _own_share(windows), progress)
+        return horizons.subset(rows)
+
+    def _covariance(self, horizons: Horizons) -> Floats:
+        """How well the data know the members' mean vector, [numbers, numbers]."""
+        windows = self._drawn(horizons, np.arange(len(horizons)), len(self.vectors_))
+        vector = self.vectors_.mean(axis=0)
+        return covariance_at(vector, self._model, seen(windows), windows.track, _own_share(windows))
 
     @property
     def _model(self) -> Plant:
@@ -157,23 +172,25 @@ class Adaptive(Calibrator):
     def region(self, stopping: Examples) -> Floats:
         return self.region_
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
-        starts, (low, high) = _starts(horizons), self.range_
+    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+        low, high = self.range_
         margin = np.maximum(BEYOND * (high - low), ALIKE)
-        return np.asarray(((starts < low - margin) | (starts > high + margin)).any(axis=1))
+        return Ground(START_NAMES, _starts(horizons)[:, None], low, high, margin)
 
     def state(self) -> dict[str, Tensor]:
         import torch
 
         learned = {
-            "vectors": self.vectors_, "range": self.range_, "region": self.region_,
+            "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.region_,
             "trust": np.array([0.0 if np.isinf(self.trust_) else self.trust_, self.usual_before_m_]),
         }  # fmt: skip
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in learned.items()}
 
     def restore(self, tensors: dict[str, Tensor]) -> Self:
         learned = {name: tensor.numpy() for name, tensor in tensors.items()}
-        self.vectors_, self.range_ = learned["vectors"], learned["range"]
+        self.vectors_, self.covariance_, self.range_ = (
+            learned[name] for name in ("vectors", "covariance", "range")
+        )
         if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(NAMES):
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {len(NAMES)}")
         self.region_ = learned["region"]

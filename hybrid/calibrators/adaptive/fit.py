@@ -42,6 +42,34 @@ def adapt(
     ``overlap`` is the share of a window that is its own, at most one. Seconds whose position was not measured are
     NaN and say nothing.
     """
+    off, known = _differences(plant, windows, track)
+    vector, damping = np.zeros(len(NAMES)), 1e-3
+    now = off(vector)
+    for step in range(steps):
+        progress(step / steps)
+        weight = _whitening(now, known, overlap)
+        slope = _slope(off, vector, now, weight)
+        better = _step(off, vector, now, slope, weight, damping)
+        if better is None:
+            break
+        before, after, vector, now, damping = better
+        if before - after < _ENOUGH * before:
+            break
+    return vector
+
+
+def covariance_at(vector: Floats, plant: Plant, windows: Seen, track: Floats, overlap: float) -> Floats:
+    """The covariance of the vector [numbers, numbers] where the cost is least, as if it were a parabola there: of
+    what the data do not say it is the prior's, one. Arguments as those of :func:`adapt`.
+    """
+    off, known = _differences(plant, windows, track)
+    now = off(vector)
+    slope = _slope(off, vector, now, _whitening(now, known, overlap))
+    return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
+
+
+def _differences(plant: Plant, windows: Seen, track: Floats) -> tuple[Callable[[Floats], Floats], Flags]:
+    """What predictions with a vector differ by from the tracks [N, H, 3], and which seconds are known [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
     def off(vector: Floats) -> Floats:
@@ -49,20 +77,13 @@ def adapt(
         gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
         return _ahead_aside(gap, track[:, :1, 2])
 
-    vector, damping = np.zeros(len(NAMES)), 1e-3
-    now = off(vector)
-    for step in range(steps):
-        progress(step / steps)
-        scale = 1.48 * np.sqrt(_median_where(~unknown, now**2)) + _LEAST
-        weight = _weights(now / scale, overlap)
-        slope = _slope(off, vector, now, weight / scale)
-        better = _step(off, vector, now, slope, weight / scale, damping)
-        if better is None:
-            break
-        before, after, vector, now, damping = better
-        if before - after < _ENOUGH * before:
-            break
-    return vector
+    return off, ~unknown
+
+
+def _whitening(now: Floats, known: Flags, overlap: float) -> Floats:
+    """What each difference is multiplied by [N, H, 3]: its second's scale, its window's weight."""
+    scale = 1.48 * np.sqrt(_median_where(known, now**2)) + _LEAST
+    return np.asarray(_weights(now / scale, overlap) / scale)
 
 
 def _median_where(known: Flags, squares: Floats) -> Floats:

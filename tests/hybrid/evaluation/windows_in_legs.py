@@ -11,7 +11,7 @@ import pandas as pd
 from torch import Tensor
 
 from hybrid.baselines import constant_velocity
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Progress
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground, Progress
 from hybrid.horizon import Horizons
 from tests.hybrid.windows_by_hand import random_windows
 
@@ -58,6 +58,9 @@ class Oracle(Calibrator):
 
     def predict(self, horizons: Horizons, reference: Floats) -> Floats:
         return horizons.track
+
+    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+        raise NotImplementedError
 
     def outside(self, horizons: Horizons, reference: Floats) -> Flags:
         return np.zeros(len(horizons), dtype=bool)

@@ -93,9 +93,12 @@ def few(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def test_files_are_written_as_png_and_svg(shown: Shown, few: list[str], tmp_path: Path) -> None:
+def test_figures_are_written_as_pictures_for_print_and_as_numbers(
+    shown: Shown, few: list[str], tmp_path: Path
+) -> None:
     paths = write_drawn(shown, tmp_path)
-    assert {path.name for path in paths} == {f"{name}.{ending}" for name in few for ending in ("png", "svg")}
+    endings = ("png", "svg", "pdf", "json")
+    assert {path.name for path in paths} == {f"{name}.{ending}" for name in few for ending in endings}
     assert all(path.read_bytes()[:4] == b"\x89PNG" for path in paths if path.suffix == ".png")
 
 

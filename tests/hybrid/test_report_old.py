@@ -11,16 +11,18 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pytest
+from hybrid.report import add_validation, headline_of
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from acquisition.errors import StorageError
-from analysis.page import Page, add_recording, add_run_sheet
+from analysis.page import Page
+from analysis.run_sheet import add_run_sheet
+from analysis.trial_figures import add_channels, add_track
 from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
 from hybrid import plots
 from hybrid.artefact import Trained
 from hybrid.gather import gather
-from hybrid.report import add_validation, headline_of
 from hybrid.scores import distances
 from hybrid.validate import Validation, validate
 from hybrid.vessel.plant import Plant
@@ -49,8 +51,9 @@ def html(
     page = Page("A title", "a subtitle")
     page.headline(headline_of(judged))
     add_validation(page, judged)
-    add_recording(page, voyage[0], voyage[1].rows)
-    add_run_sheet(page, {"crew_notes": "<b>calm</b> & clear", "vessel": "gunnerus_long"})
+    add_track(page, voyage[0], voyage[1].rows)
+    add_channels(page, voyage[0], voyage[1].rows)
+    add_run_sheet(page, [("crew's notes", "<b>calm</b> & clear"), ("ship", "gunnerus_long")])
     return page.write(tmp_path_factory.mktemp("report") / "deep" / "page.html").read_text(encoding="utf-8")
 
 

@@ -1,0 +1,181 @@
+"""A trial with all that its report is made from: recordings analysed, predictions judged, residuals, parameters.
+
+Read once, each part made when it is first asked for, so that a notebook that shows less does less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import pandas as pd
+
+from acquisition.errors import ConfigurationError, DataShortageError, InputError
+from analysis.run_sheet import Ship
+from analysis.season.products import Options, Products, analysed
+from analysis.smoothing.smooth import smooth
+from analysis.twins import refuse_twins
+from analysis.windows import trial_names
+from hybrid.artefact import Trained, load, plant_for
+from hybrid.baselines import reference
+from hybrid.calibrators.adaptive.calibrator import Adaptive
+from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
+from hybrid.calibrators.calibrator import Ground
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.gather import Gathered, gather
+from hybrid.reporting.errors import Calibration, Errors, calibration_of, errors_of
+from hybrid.reporting.motion import one_after_another, predicted_motion
+from hybrid.reporting.residuals import Residuals, residuals_of
+from hybrid.scores import distances
+from hybrid.validate import Validation, refuse_seen, validate
+from hybrid.vessel.files import DEFAULT, load_vessel
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant
+
+SHOWN = ("reference", "hybrid")
+"""The methods that are drawn beside what was measured; tables have all."""
+HORIZON_S = 15
+
+
+@dataclass(frozen=True)
+class Case:
+    """Recordings and the model, and perhaps calibrator, that they are held against."""
+
+    paths: tuple[Path, ...]
+    vessel: Vessel | None
+    trained: Trained | None = None
+    horizon_s: int = HORIZON_S
+    stride_s: int = 5
+    repair: bool = False
+    allow_seen: bool = False
+
+    @cached_property
+    def products(self) -> dict[str, Products]:
+        """What the analysis makes of each recording, by the name of its trial."""
+        options = Options(
+            repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
+            length_m=None if self.ship is None else self.ship.length_m,
+        )  # fmt: skip
+        return {name: analysed(path, options, name) for name, path in self.named_paths.items()}
+
+    @property
+    def named_paths(self) -> dict[str, Path]:
+        """The recordings by the names of their trials."""
+        return dict(zip(trial_names(self.paths), self.paths, strict=True))
+
+    @property
+    def ship(self) -> Ship | None:
+        """The model's main dimensions; None where a calibrator's vessel file is not there any more."""
+        if self.vessel is None:
+            return None
+        size = self.vessel.dimensions
+        return Ship(self.vessel.name, size.length_overall_m, size.beam_m, size.draught_m)
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The reference model: the calibrator's where there is one."""
+        return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
+
+    @cached_property
+    def gathered(self) -> Gathered:
+        """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
+        return gather(self.paths, self.horizon_s, self.stride_s, repair=self.repair)
+
+    @cached_property
+    def validation(self) -> Validation:
+        """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
+        if self.trained is not None and not self.allow_seen:
+            refuse_seen(self.gathered.sources, self.trained)
+        return validate(self.gathered, self.plant, self.trained)
+
+    @cached_property
+    def why_not(self) -> str:
+        """Why nothing can be predicted on these recordings; empty where it can."""
+        try:
+            _ = self.validation
+        except (DataShortageError, InputError) as error:
+            return str(error)
+        return ""
+
+    @property
+    def best(self) -> str:
+        """The method that is drawn where one is: the hybrid where there is a calibrator."""
+        return "hybrid" if "hybrid" in self.validation.tracks else "reference"
+
+    @cached_property
+    def errors(self) -> dict[str, Errors]:
+        """The errors of every method."""
+        return {name: errors_of(track, self.validation.horizons) for name, track in self.validation.tracks.items()}
+
+    @cached_property
+    def calibration(self) -> Calibration | None:
+        """Whether the hybrid's regions hold what they say."""
+        judged = self.validation
+        if judged.radius_m is None:
+            return None
+        distance = distances(judged.tracks["hybrid"], judged.horizons.track)
+        return calibration_of(distance, judged.radius_m, judged.horizons)
+
+    def predicted(self, name: str) -> dict[str, pd.DataFrame]:
+        """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
+        horizons, tracks = self.validation.horizons, self.validation.tracks
+        chosen = one_after_another(horizons)
+        chosen = chosen[horizons.trial[chosen] == name]
+        return {each: predicted_motion(horizons, tracks[each], chosen) for each in SHOWN if each in tracks}
+
+    @cached_property
+    def residuals(self) -> dict[str, Residuals]:
+        """The accelerations that the model lacks, by trial; only trials that can be smoothed."""
+        return {
+            name: residuals_of(each.one_hz, smooth(each.table, 1.0), self.plant)
+            for name, each in self.products.items() if each.windows is not None
+        }  # fmt: skip
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """What the trial has of what the calibrator was trained on."""
+        if self.trained is None:
+            return None
+        horizons = self.validation.horizons
+        return self.trained.calibrator.ground(horizons, reference(horizons, self.plant))
+
+    @cached_property
+    def parameters(self) -> Parameters | None:
+        """What an adaptive calibrator has learned; networks have no parameters that mean anything."""
+        calibrator = None if self.trained is None else self.trained.calibrator
+        return parameters_of(calibrator) if isinstance(calibrator, Adaptive) else None
+
+
+def load_case(
+    recordings: Sequence[Path | str],
+    calibrator: Path | str | None = None,
+    vessel: str | None = None,
+    horizon_s: int | None = None,
+    *,
+    repair: bool = False,
+    allow_seen: bool = False,
+) -> Case:
+    """A case from files; without a horizon that of the calibrator, or 15 s.
+
+    Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
+    :class:`ConfigurationError` for a vessel that is not the calibrator's.
+    """
+    paths = tuple(map(Path, recordings))
+    refuse_twins(paths)
+    trained = load(Path(calibrator)) if calibrator else None
+    if trained is not None:
+        plant_for(trained, vessel)
+    seconds = horizon_s or (trained.horizon_s if trained else HORIZON_S)
+    return Case(paths, _vessel(vessel, trained), trained, seconds, repair=repair, allow_seen=allow_seen)
+
+
+def _vessel(name: str | None, trained: Trained | None) -> Vessel | None:
+    """The vessel that is named, or the calibrator's, whose file may have gone: it holds all numbers itself."""
+    if name is not None or trained is None:
+        return load_vessel(name or DEFAULT)
+    try:
+        return load_vessel(trained.vessel)
+    except ConfigurationError:
+        return None

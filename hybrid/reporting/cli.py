@@ -1,0 +1,55 @@
+"""``seatrial report``: it parses, calls and prints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.cli import AsJson
+
+
+def mount(app: typer.Typer) -> None:
+    """Add this package's command to the command line."""
+    app.command("report", help="A notebook report as one HTML page: of a trial, a diagnosis, the paper, a batch.")(
+        report
+    )
+
+
+def report(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="A recording, or a folder of them, or one that diagnose, reproduce or batch wrote."),
+    ],
+    calibrator: Annotated[
+        Path | None, typer.Option(help="The folder that `seatrial train` wrote; without it the one in the folder.")
+    ] = None,
+    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    horizon: Annotated[
+        int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
+    ] = None,
+    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
+    recordings: Annotated[
+        Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
+    ] = None,
+    interactive: Annotated[
+        bool, typer.Option("--interactive/--no-interactive", help="Also a page of the track to zoom into.")
+    ] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Write the report that a folder asks for."""
+    from acquisition.progress import bar
+    from hybrid.reporting.folder import Choices
+    from hybrid.reporting.folder import report as run
+
+    choices = Choices(calibrator, vessel, horizon, repair, allow_seen, interactive)
+    with bar("report") as progress:
+        pages = run(folder, choices, recordings, progress)
+    if as_json:
+        typer.echo(json.dumps({"report": str(pages[0]), "pages": [str(page) for page in pages]}))
+        return
+    for page in pages:
+        typer.echo(page)

@@ -1,0 +1,120 @@
+"""How predictions are off, second by second: along and across the track, in heading, in speed; and whether the
+regions that come with them hold what they say.
+
+Windows are [N], seconds 1 to H. Errors are predicted less measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hybrid.horizon import Horizons, difference_rad
+from hybrid.reporting.motion import speeds_of
+from hybrid.scores import distances
+
+Floats = NDArray[np.float64]
+
+QUANTITIES = {
+    "distance": "distance [m]",
+    "along": "along the track [m]",
+    "across": "across the track [m]",
+    "heading": "heading [deg]",
+    "speed": "speed over ground [m/s]",
+}
+"""What a prediction may be off in, for people; the names are the attributes of :class:`Errors`."""
+
+_LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % radius
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors of one method [N, H]: ``distance``, ``along`` and ``across`` the measured heading [m] (ahead and to
+    starboard positive), ``heading`` [deg], ``speed`` over ground [m/s].
+    """
+
+    distance: Floats
+    along: Floats
+    across: Floats
+    heading: Floats
+    speed: Floats
+
+    def by_second(self, quantity: str, share: float) -> Floats:
+        """The size that ``share`` of the windows stay below, at each second [H]."""
+        return np.asarray(np.nanquantile(np.abs(getattr(self, quantity)), share, axis=0))
+
+    def by_trial(self, trial: NDArray[np.str_]) -> dict[str, Floats]:
+        """The mean distance of each window [m], by the name of its trial."""
+        mean = self.distance.mean(axis=1)
+        return {str(name): mean[trial == name] for name in dict.fromkeys(trial.tolist())}
+
+
+def errors_of(predicted: Floats, horizons: Horizons) -> Errors:
+    """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
+    measured = horizons.track
+    gap = (predicted - measured)[:, 1:, :2]
+    heading = measured[:, 1:, 2]
+    along = gap[..., 0] * np.cos(heading) + gap[..., 1] * np.sin(heading)
+    across = gap[..., 1] * np.cos(heading) - gap[..., 0] * np.sin(heading)
+    turned = np.rad2deg(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
+    speed = speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3]
+    return Errors(distances(predicted, measured), along, across, turned, speed[:, 1:])
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Whether 95 % regions hold what they say, by second [H].
+
+    ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean width
+    of the regions over the range of what was predicted, the way covered (prediction interval normalised average
+    width), ``low`` and ``high`` the 95 % interval of ``picp`` if legs, and not windows, are what is independent.
+    ``pit`` [N H] is the probability integral transform of the distances: even from 0 to 1 where errors are normal
+    and of the size that the regions say.
+    """
+
+    picp: Floats
+    pinaw: Floats
+    low: Floats
+    high: Floats
+    pit: Floats
+
+
+def calibration_of(distance: Floats, radius_m: Floats, horizons: Horizons, draws: int = 500) -> Calibration:
+    """How regions of ``radius_m`` [N, H] about predicted positions that are off by ``distance`` [N, H] stand up."""
+    inside = distance <= radius_m
+    way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1))
+    spread = np.maximum(np.ptp(way, axis=0), 1e-9)
+    legs = _by_leg(inside, horizons.leg)
+    low, high = _interval(legs, draws)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pit = 1.0 - np.exp(-_LOG_OUTSIDE * (distance / radius_m) ** 2)
+    return Calibration(inside.mean(axis=0), 2.0 * radius_m.mean(axis=0) / spread, low, high, pit.ravel())
+
+
+def _by_leg(inside: NDArray[np.bool_], leg: NDArray[np.str_]) -> tuple[Floats, Floats]:
+    """How many of a leg's positions are inside [L, H], and its windows [L]."""
+    names, number = np.unique(leg, return_inverse=True)
+    counted = np.zeros((len(names), inside.shape[1]))
+    np.add.at(counted, number, inside.astype(float))
+    return counted, np.bincount(number).astype(float)
+
+
+def _interval(legs: tuple[Floats, Floats], draws: int) -> tuple[Floats, Floats]:
+    """The 95 % interval of the share inside [H], from drawing legs anew."""
+    counted, windows = legs
+    drawn = np.random.default_rng(0).integers(0, len(windows), (draws, len(windows)))
+    shares = counted[drawn].sum(axis=1) / windows[drawn].sum(axis=1)[:, None]
+    low, high = np.quantile(shares, [0.025, 0.975], axis=0)
+    return low, high
+
+
+def table_of(errors: Mapping[str, Errors], quantity: str, seconds: list[int]) -> list[list[str]]:
+    """A row a method: its name, then median and 90 % of a quantity at each of ``seconds``, as text."""
+    rows = []
+    for method, each in errors.items():
+        half, most = each.by_second(quantity, 0.5), each.by_second(quantity, 0.9)
+        rows.append([method, *(f"{half[second - 1]:.2f}, {most[second - 1]:.2f}" for second in seconds)])
+    return rows

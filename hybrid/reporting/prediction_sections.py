@@ -1,0 +1,212 @@
+"""The sections of a trial's report that are about predictions: how far off they are, and how sure of themselves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.page import Page
+from hybrid.plots import title_of
+from hybrid.reporting.case import Case
+from hybrid.reporting.errors import QUANTITIES, table_of
+from hybrid.reporting.motion import one_after_another
+from hybrid.scores import distances
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+_FANS = 40  # on one track; more would lie on each other
+_CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest for the reference": 1.0}
+_SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
+
+
+def add_headline(page: Page, case: Case) -> None:
+    """What matters, large; and what a reader may not miss."""
+    if case.why_not:
+        page.note(f"Nothing was predicted: {case.why_not}")
+        return
+    judged = case.validation
+    figures = {
+        f"{title_of(name)}, mean distance over {judged.horizons.horizon_s} s": f"{score.mean_distance_m:.2f} m"
+        for name, score in judged.scores.items()
+        if name in ("constant_velocity", "reference", "hybrid")
+    }
+    if judged.reduction is not None and judged.coverage_95 is not None:
+        figures["less error than the reference"] = f"{judged.reduction:.0%}"
+        figures["of positions inside the 95 % regions"] = f"{judged.coverage_95:.0%}"
+    page.headline(figures)
+    if case.trained is None:
+        page.note("No calibrator was given: constant velocity and the reference model are judged alone.")
+    if judged.outside:
+        page.note(f"{judged.outside} windows are left out: the reference model leaves its range in them.")
+
+
+def add_baselines(page: Page, case: Case) -> None:
+    """Every method in one table, on windows that none has seen."""
+    judged = case.validation
+    rows = [
+        [title_of(name), f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
+         f"{each.mae_east_m:.3f}", f"{each.heading_error_deg:.2f}",
+         f"{each.mean_distance_m / judged.scores['reference'].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")]
+        for name, each in judged.scores.items()
+    ]  # fmt: skip
+    best = int(np.argmin([each.mean_distance_m for each in judged.scores.values()]))
+    page.table(["method", "mean distance [m]", "at the end [m]", "north [m]", "east [m]", "heading [deg]",
+                "against the reference"], rows, best=best)  # fmt: skip
+    legs = len(np.unique(judged.horizons.leg))
+    page.text(
+        f"Means over {len(judged.horizons)} held windows of {judged.horizons.horizon_s} s in {legs} legs, one "
+        "every "
+        f"{case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, data "
+        "driven "
+        "the network without a model. None has seen these recordings."
+    )
+
+
+def add_by_second(page: Page, case: Case) -> None:
+    """Errors by second of the prediction: distance, along, across, heading and speed; median and 90 %."""
+    page.figure(
+        lambda figure: _draw_by_second(figure, case),
+        (9.5, 6),
+        "The size of the error that half of the windows stay below, and dashed nine in ten, against the time "
+        "predicted.",
+        "errors_by_second",
+    )
+    horizon_s = case.validation.horizons.horizon_s
+    seconds = [each for each in _SECONDS if each <= horizon_s]
+    for quantity, words in QUANTITIES.items():
+        with page.details(f"In numbers: {words}, median and 90 %"):
+            rows = [[title_of(name), *cells] for name, *cells in table_of(case.errors, quantity, seconds)]
+            page.table(["method", *(f"{each} s" for each in seconds)], rows)
+
+
+def _draw_by_second(figure: Figure, case: Case) -> None:
+    from hybrid.reporting import plots
+
+    grid = figure.subplots(2, 3).ravel()
+    for axes, quantity in zip(grid, QUANTITIES, strict=False):
+        plots.errors_by_second(axes, case.errors, quantity)
+    grid[-1].set_axis_off()
+    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+
+def add_fans(page: Page, case: Case) -> None:
+    """Predictions from many starts: over the measured tracks, and laid on each other."""
+    judged = case.validation
+    for name in case.products:
+        if not (judged.horizons.trial == name).any():
+            continue
+        page.figure(
+            lambda figure, name=name: _draw_fans(figure, case, name),  # type: ignore[misc]
+            (9.5, 8),
+            f"Predictions of {judged.horizons.horizon_s} s by {title_of(case.best)} over the measured track, "
+            + ("with the areas that hold the position with 95 % and, if errors are normal, with 50 %."
+               if judged.radius_m is not None else "without a calibrator there are no regions."),
+            "prediction_fans" if len(case.paths) == 1 else f"prediction_fans_{name}",
+        )  # fmt: skip
+    page.figure(
+        lambda figure: _draw_error_fans(figure, case),
+        (9, 5.5),
+        "How predictions from all starts spread about what was measured: ahead and to starboard positive.",
+        "error_fans",
+    )
+
+
+def _draw_fans(figure: Figure, case: Case, name: str) -> None:
+    """The whole track, and three stretches of it large: a usual one, a hard one and the hardest."""
+    from hybrid.reporting import plots
+
+    judged, table = case.validation, case.products[name].one_hz
+    chosen = one_after_another(judged.horizons)
+    chosen = chosen[judged.horizons.trial[chosen] == name]
+    whole, *close = figure.subplot_mosaic(
+        [["whole", "0"], ["whole", "1"], ["whole", "2"]], width_ratios=(1.35, 1.0)
+    ).values()
+
+    def draw(axes: Axes, some: NDArray[np.int64]) -> None:
+        radius_m = None if judged.radius_m is None else judged.radius_m[some]
+        tracks = judged.tracks[case.best][some]
+        plots.fans_on_track(axes, table, judged.horizons.subset(some), tracks, radius_m, case.best)
+
+    draw(whole, chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))])
+    error = distances(judged.tracks["reference"], judged.horizons.track).mean(axis=1)
+    ranked = chosen[np.argsort(error[chosen], kind="stable")]
+    for axes, (words, share) in zip(close, _CLOSE.items(), strict=True):
+        number = int(ranked[int(share * (len(ranked) - 1))])
+        near = chosen[np.abs(np.flatnonzero(chosen == number)[0] - np.arange(len(chosen))) <= 1]
+        draw(axes, near)
+        if case.best != "reference":
+            plots.tracks_beside(axes, judged.tracks["reference"][near], "reference")
+        plots.look_at(axes, judged.horizons.track[number], judged.tracks[case.best][number])
+        axes.set_title(f"{words}, {judged.horizons.start_time[number]:%H:%M:%S} UTC", loc="left", fontsize=8.5)
+    handles, labels = close[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=6)
+
+
+def _draw_error_fans(figure: Figure, case: Case) -> None:
+    from hybrid.reporting import plots
+
+    methods = [name for name in ("reference", "hybrid") if name in case.errors]
+    grid = figure.subplots(2, len(methods), sharex=True, sharey="row", squeeze=False)
+    for column, method in enumerate(methods):
+        for row, component in enumerate(("along", "across")):
+            plots.fan_of_errors(grid[row, column], case.errors[method], component, method)
+            grid[row, column].label_outer()
+            grid[row, column].legend(loc="upper left", ncols=3)
+        grid[0, column].set_title(title_of(method), loc="left")
+
+
+def add_distributions(page: Page, case: Case) -> None:
+    """How errors are distributed by channel and by trial, and whether the regions hold what they say."""
+    page.figure(
+        lambda figure: _draw_distributions(figure, case),
+        (9.5, 6.5),
+        "Errors of all windows and seconds by channel, predicted less measured; and by trial, boxes from quarter "
+        "to "
+        "quarter.",
+        "error_distributions",
+    )
+    if case.calibration is None:
+        return
+    calibration = case.calibration
+    page.figure(
+        lambda figure: _draw_calibration(figure, case),
+        (9, 3.6),
+        "Whether the 95 % regions hold what they say: the share inside with its 95 % interval, from drawing legs "
+        "anew; "
+        "and how distances lie within the regions, which is even where errors are normal.",
+        "region_calibration",
+    )
+    seconds = [each for each in _SECONDS if each <= len(calibration.picp)]
+    page.table(
+        ["", *(f"{each} s" for each in seconds)],
+        [["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
+         ["width over the way covered, PINAW [1]", *(f"{calibration.pinaw[each - 1]:.3f}" for each in seconds)]],
+    )  # fmt: skip
+
+
+def _draw_distributions(figure: Figure, case: Case) -> None:
+    from hybrid.reporting import plots
+
+    above, below = np.asarray(figure.subfigures(2, 1))
+    for axes, quantity in zip(above.subplots(1, 4), ("along", "across", "heading", "speed"), strict=True):
+        plots.error_histogram(axes, case.errors, quantity)
+    above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    trial = case.validation.horizons.trial
+    split = {name: each.by_trial(trial) for name, each in case.errors.items()}
+    names = list(dict.fromkeys(trial.tolist()))
+    plots.error_spread(
+        below.subplots(), {name: {method: split[method][name] for method in split} for name in names}
+    )
+
+
+def _draw_calibration(figure: Figure, case: Case) -> None:
+    from hybrid.reporting import plots
+
+    left, right = figure.subplots(1, 2)
+    if case.calibration is not None:
+        plots.coverage_by_second(left, case.calibration)
+        plots.transform_histogram(right, case.calibration)
