@@ -46,7 +46,7 @@ def described(name: str, command: Any) -> str:
     usage = " ".join([name, *map(_placeholder, arguments), *(["[OPTIONS]"] if options else [])])
     rows = [_row(f"`{_placeholder(each)}`", each) for each in arguments]
     rows += [_row(_flags(each), each) for each in options]
-    table = "\n".join(["| | value | |", "|---|---|---|", *rows])
+    table = "\n".join(["| argument, option | value | what it is |", "|---|---|---|", *rows])
     return f"## {name}\n\n{command.help}\n\n```text\n{usage}\n```\n\n{table if rows else ''}"
 
 
@@ -88,6 +88,7 @@ class SeatrialCommands(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """The sections."""
+        self.env.note_reread()  # the page is made of the program, which may have changed
         text = "\n\n".join(described(name, command) for name, command in commands())
         return self.parse_text_to_nodes(text, allow_section_headings=True)
 
