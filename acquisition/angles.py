@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from acquisition.channels import BY_NAME, CIRCULAR
+
 Floats = NDArray[np.float64]
 
 
@@ -20,6 +22,13 @@ def wrap_360(angle_deg: ArrayLike) -> Floats:
 def wrap_180(angle_deg: ArrayLike) -> Floats:
     """``angle_deg`` in -180 < x <= 180."""
     return 180.0 - np.mod(180.0 - np.asarray(angle_deg, dtype=float), 360.0)
+
+
+def in_turn(name: str, values: ArrayLike) -> Floats:
+    """Values of a channel in the turn that its range gives; unchanged where it is no angle."""
+    if name not in CIRCULAR:
+        return np.asarray(values, dtype=float)
+    return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
 
 
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:

@@ -18,7 +18,8 @@ from acquisition.channels import NAMES
 from acquisition.config import TrialConfig
 from acquisition.health import ENOUGH_RATE, SILENT_NS, Health
 from acquisition.pipeline import Recorder
-from acquisition.recording.parts import RecordingParts, free_bytes, shortage
+from acquisition.recording.disk_room import free_bytes, shortage
+from acquisition.recording.parts import RecordingParts
 from acquisition.sections import RecordingSection
 
 

@@ -6,10 +6,12 @@ Thousands are made a second, so they are tuples with names.
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime, timedelta
 from enum import IntEnum, IntFlag
 from typing import Literal, NamedTuple
 
 Protocol = Literal["can", "nmea0183", "mavlink"]
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Quality(IntEnum):
@@ -73,3 +75,8 @@ Group = list[Sample]
 def now_ns() -> tuple[int, int]:
     """The wall clock (UTC, since 1970) and the monotonic clock at this moment [ns]."""
     return time.time_ns(), time.monotonic_ns()
+
+
+def iso(time_ns: int) -> str:
+    """A time in ns since 1970 as ISO 8601 with zone, to the microsecond."""
+    return (_EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat()

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from acquisition.frames import iso
 from acquisition.recording.reader import Recording, Series, read_recording
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-def iso(time_ns: int) -> str:
-    """A time in ns since 1970 as ISO 8601 with zone, to the microsecond."""
-    return (_EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat()
 
 
 def describe(path: Path | str) -> dict[str, Any]:

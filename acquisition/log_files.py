@@ -10,9 +10,8 @@ from contextlib import ExitStack
 from operator import attrgetter
 
 from acquisition.config import TrialConfig
-from acquisition.frames import Frame
+from acquisition.frames import Frame, iso
 from acquisition.health import Health
-from acquisition.info import iso
 from acquisition.processing import Processing
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source

@@ -11,8 +11,7 @@ import pandas as pd
 import pymap3d
 from numpy.typing import NDArray
 
-from acquisition.angles import wrap_180, wrap_360
-from acquisition.channels import BY_NAME, CIRCULAR
+from acquisition.angles import in_turn, wrap_360
 from acquisition.column_map import DEGREES_AND_MINUTES, ColumnMap, factor
 from acquisition.errors import ConfigurationError, InputError
 from acquisition.table_files import RawTable, numbers, times
@@ -76,7 +75,7 @@ def mapped(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> Mapped:
             result.sources[name] = "assumed"
         else:
             values = asked.numbers(entry.column, ("channels", name, "column"))
-            result.table[name] = _in_turn(name, factor(name, entry) * values + entry.offset)
+            result.table[name] = _turned_back(name, factor(name, entry) * values + entry.offset)
             result.sources[name] = f"table: {entry.column}"
     _add_position(result, columns, asked)
     _add_true_wind(result, columns, asked)
@@ -84,12 +83,9 @@ def mapped(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> Mapped:
     return result
 
 
-def _in_turn(name: str, values: Floats) -> Floats:
+def _turned_back(name: str, values: Floats) -> Floats:
     """Angles that a unit, sign or offset took out of their channel's turn come back into it."""
-    if name not in CIRCULAR:
-        return values
-    wrapped = wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
-    return np.where(np.abs(values) <= _MOST_TURNS_DEG, wrapped, values)
+    return np.where(np.abs(values) <= _MOST_TURNS_DEG, in_turn(name, values), values)
 
 
 def _add_position(result: Mapped, columns: ColumnMap, asked: _Asked) -> None:

@@ -61,10 +61,11 @@ def check(
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
             typer.echo(path, err=True)
     if repair is not None:
-        from analysis.quality.repairs import rebuilding_positions, write_repaired
+        from analysis.quality.repairs import write_repaired
 
-        findings = rebuilding_positions(quality.findings, table) if rebuild_positions else quality.findings
-        repairs = write_repaired(recording, table, findings, repair, quality.flags).repairs
+        repairs = write_repaired(
+            recording, table, quality.findings, repair, quality.flags, rebuild_positions=rebuild_positions
+        ).repairs
         for each in repairs:
             values = "1 value" if each.changed == 1 else f"{each.changed:,} values"
             typer.echo(f"repaired {each.channel}: {each.text}, {values}", err=True)
@@ -135,8 +136,8 @@ def windows(
 ) -> None:
     """Cut held windows out of recordings."""
     from acquisition.progress import bar
+    from analysis.window_files import write_windows
     from analysis.window_starts import Cutting, windows_of_recordings
-    from analysis.windows import write_windows
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them

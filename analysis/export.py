@@ -20,10 +20,10 @@ from acquisition.channels import BY_NAME
 from acquisition.frames import Quality
 from acquisition.trial import software_version
 from analysis.files import expect_suffix, in_place_of
-from analysis.frames import NANO, times_ns, utc_index
 from analysis.parquet import write_parquet
 from analysis.provenance import provenance_of
 from analysis.table import checked_delays_ns
+from analysis.time_index import NANO, times_ns, utc_index
 
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
 FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"

@@ -26,6 +26,14 @@ def expect_suffix(path: Path | str, *suffixes: str) -> str:
     return kind
 
 
+def make_folder(folder: Path) -> None:
+    """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise storage_error(folder, error) from error
+
+
 @contextmanager
 def in_place_of(path: Path | str) -> Iterator[Path]:
     """A file to write, which takes the place of ``path`` once it is complete; its folder is made.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.angles import wrap_180, wrap_360
 from acquisition.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.errors import DataShortageError, InputError
-from analysis.frames import NANO, times_ns
+from analysis.time_index import NANO, times_ns
 
 if TYPE_CHECKING:
     from analysis.manoeuvres import Manoeuvre

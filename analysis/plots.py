@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from acquisition.angles import difference
 from acquisition.channels import BY_NAME
-from analysis.frames import utc_index
+from analysis.time_index import utc_index
 from analysis.wind import mean_wind
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")

@@ -50,14 +50,13 @@ def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool 
     if not (how.repair or how.flags or how.remove_delays):
         return _at_rate(raw, how, {})
     from analysis.quality.check import check_recording
-    from analysis.quality.motion_checks import delays_of
-    from analysis.quality.repairs import flags_after, rebuilding_positions, repair
+    from analysis.quality.motion.checks import delays_of
+    from analysis.quality.repairs import flags_after, repair
 
     quality = check_recording(recording, raw)
     flags, table = quality.flags, raw
     if how.repair:
-        findings = rebuilding_positions(quality.findings, raw) if rebuild_positions else quality.findings
-        table = repair(raw, findings, flags, recording).table
+        table = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions).table
         flags = flags_after(raw, table, flags)
     delays = delays_of(quality.findings, raw) if how.remove_delays else {}
     result = _at_rate(table, how, delays)

@@ -22,13 +22,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import difference, wrap_180, wrap_360
+from acquisition.angles import difference, in_turn
 from acquisition.channels import BY_NAME, CIRCULAR, COMMAND
 from acquisition.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
-from analysis.frames import NANO, index_of, times_ns
 from analysis.history import with_step
 from analysis.table import attributes_of, believed, bounds_ns, channels_of, checked_delays_ns
+from analysis.time_index import NANO, index_of, times_ns
 from analysis.time_span import refuse_endless
 
 Floats = NDArray[np.float64]
@@ -176,7 +176,7 @@ def _resampled(
         smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]
-    return _in_turn(name, result)
+    return in_turn(name, result)
 
 
 def own_gap_s(interval_ns: float) -> float:
@@ -289,10 +289,3 @@ def _neighbours(
         apart = (times[first:last] - grid_ns[point]) / (rule.reach * step_ns)
         np.clip(apart, -1.0, 1.0, out=apart)
         yield point, slice(first, last), apart, (0.5 + 0.5 * np.cos(np.pi * apart)) ** rule.taper
-
-
-def _in_turn(name: str, values: Floats) -> Floats:
-    """Angles in the turn that their channel's range gives."""
-    if name not in CIRCULAR:
-        return values
-    return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)

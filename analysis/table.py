@@ -16,8 +16,8 @@ from acquisition.channels import BY_NAME, NAMES
 from acquisition.errors import DataShortageError, InputError
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
-from analysis.frames import NANO, index_of, times_ns
 from analysis.history import KEY, with_step
+from analysis.time_index import NANO, index_of, times_ns
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

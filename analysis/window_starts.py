@@ -23,10 +23,11 @@ from acquisition.channels import POSE, VELOCITY
 from acquisition.recording.reader import read_recording
 from analysis.prepare import Preparation, prepared
 from analysis.provenance import provenance_of
+from analysis.recordings import trial_names
 from analysis.resample import resample
 from analysis.smoothing.smooth import COVARIANCE_NAMES, Smoothed, smooth
 from analysis.twins import refuse_twins
-from analysis.windows import HeldWindows, held_windows, joined, nothing_held_is_an_error, trial_names
+from analysis.windows import HeldWindows, held_windows, joined, nothing_held_is_an_error
 
 STATES = (*POSE, *VELOCITY)
 SLOW = tuple(f"slow_{name}" for name in STATES)

@@ -9,11 +9,8 @@ never has one second on both sides.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import count
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,15 +19,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from acquisition.angles import difference
-from acquisition.channels import BY_NAME, CIRCULAR, COMMAND, NAMES
+from acquisition.channels import CIRCULAR, COMMAND, NAMES
 from acquisition.errors import DataShortageError, InputError
-from acquisition.recording.reader import read_recording
-from analysis.frames import NANO, index_of, times_ns
 from analysis.holding import Tolerances, held, tolerance_of
-from analysis.parquet import read_parquet, write_parquet
-from analysis.prepare import Preparation, prepared
-from analysis.resample import resample, resample_recording
-from analysis.table import select
+from analysis.time_index import NANO, index_of, times_ns
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -221,53 +213,6 @@ def _legs(values: Floats, starts: Counts, horizon_s: int, stride_s: int, rule: T
     return np.concatenate([[0], np.cumsum(~joined)])
 
 
-def tables_of_recordings(
-    paths: Sequence[Path],
-    progress: Callable[[float], None] = lambda share: None,
-    part_percent: tuple[float, float] = (0.0, 100.0),
-    *,
-    repair: bool = False,
-    rebuild_positions: bool = False,
-) -> dict[str, pd.DataFrame]:
-    """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's.
-
-    ``repair`` puts right before what a check of the whole recording is certain of, ``rebuild_positions`` with the
-    repairs the positions too (:func:`analysis.prepare.prepared`).
-    """
-    tables = {}
-    for number, (path, trial) in enumerate(zip(paths, trial_names(paths), strict=True)):
-        recording = read_recording(path)
-        if repair:
-            whole = prepared(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
-            tables[trial] = resample(select(whole, part_percent), 1.0)
-        else:
-            tables[trial] = resample_recording(recording, 1.0, part_percent=part_percent)
-        progress((number + 1) / len(paths))
-    return tables
-
-
-def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, stride_s: int = 5) -> HeldWindows:
-    """The held windows of 1 Hz tables by trial, joined.
-
-    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
-    """
-    parts = [held_windows(table, horizon_s, stride_s, trial=trial) for trial, table in tables.items()]
-    return nothing_held_is_an_error(joined(parts), ", ".join(tables))
-
-
-def trial_names(paths: Sequence[Path]) -> list[str]:
-    """The files' names without suffix, numbered where files in different folders are called the same."""
-    stems = [Path(path).stem for path in paths]
-    alone = {stem for stem in stems if stems.count(stem) == 1}
-    names, taken = [], set(alone)
-    for stem in stems:
-        if stem not in alone:
-            stem = next(name for name in (f"{stem}-{number}" for number in count(1)) if name not in taken)
-            taken.add(stem)
-        names.append(stem)
-    return names
-
-
 def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
     """The windows of several recordings in one, with window numbers that are unique across them.
 
@@ -301,52 +246,3 @@ def nothing_held_is_an_error(windows: HeldWindows, where: str) -> HeldWindows:
         why=reasons or "shorter than the horizon",
         fix="lower --horizon, or give recordings with held stretches",
     )
-
-
-def write_windows(windows: HeldWindows, path: Path | str) -> None:
-    """Write the windows as Parquet, the account of the candidates and their provenance in the file's metadata.
-
-    Their starts, if they have them, go into ``<name>.starts.parquet`` beside. Raises
-    :class:`acquisition.errors.StorageError` when a file cannot be written.
-    """
-    account = {
-        "candidates": windows.candidates,
-        "kept": windows.kept,
-        "dropped": windows.dropped,
-        "horizon_s": windows.horizon_s,
-        "stride_s": windows.stride_s,
-    }
-    units = {name: BY_NAME[name].unit for name in NAMES} | {"second": "s"}
-    provenance = {"provenance": json.dumps(windows.provenance)}
-    write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance})
-    if windows.starts is not None:
-        states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
-        about = {"covariance": "SI, angles in radians", **provenance}
-        write_parquet(windows.starts, starts_path(path), states, about)
-
-
-def starts_path(path: Path | str) -> Path:
-    """Where the starts of windows are that are written to ``path``."""
-    return Path(path).with_suffix(".starts.parquet")
-
-
-def read_windows(path: Path | str) -> HeldWindows:
-    """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
-    rows, metadata = read_parquet(path)
-    if "windows" not in metadata or set(COLUMNS) - set(rows.columns):
-        raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
-    names = [*COLUMNS, *(["held"] if "held" in rows else [])]
-    return HeldWindows(
-        rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path),
-        provenance=json.loads(metadata.get("provenance", "{}")),
-    )  # fmt: skip
-
-
-def _starts_beside(rows: pd.DataFrame, path: Path | str) -> pd.DataFrame | None:
-    """The starts beside a file of windows, unless they are of other windows."""
-    if not starts_path(path).is_file():
-        return None
-    starts, _ = read_parquet(starts_path(path))
-    first, keys = rows.loc[rows["second"] == 0], ["window", "trial", "start"]
-    same = set(keys) <= set(starts.columns) and len(first) == len(starts)
-    return starts if same and all((first[key].to_numpy() == starts[key].to_numpy()).all() for key in keys) else None

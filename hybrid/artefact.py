@@ -16,6 +16,7 @@ from torch import Tensor, isfinite, isnan
 
 from acquisition.channels import NAMES
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, storage_error
+from analysis.files import make_folder
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, Floats
 from hybrid.certainty import Predicted, Reserve, guarded
@@ -27,7 +28,7 @@ from hybrid.sidecar import (
     SIDECAR,
     Model,
     Sidecar,
-    Substitutes,
+    StoredReserve,
     damaged,
     model_of,
     read_bytes,
@@ -125,22 +126,10 @@ def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, s
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),
         files=digests,
         band_m=tuple(map(float, trained.band_m)),
-        reserve=Substitutes(
-            reference_m=(float(trained.reserve.usual_m[0]), float(trained.reserve.before_m[0])),
-            constant_velocity_m=(float(trained.reserve.usual_m[1]), float(trained.reserve.before_m[1])),
-            band=tuple(map(float, trained.reserve.band)),
-        ),
+        reserve=_stored_reserve(trained.reserve),
         data=trained.sources,
         metrics=trained.metrics,
     )
-
-
-def make_folder(folder: Path) -> None:
-    """Make the folder of an artefact, before the long work rather than after. Raises :class:`StorageError`."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise storage_error(folder / SIDECAR, error) from error
 
 
 def load(folder: Path) -> Trained:
@@ -154,7 +143,7 @@ def load(folder: Path) -> Trained:
         vessel=sidecar.vessel.name,
         plant=plant,
         band_m=np.array(sidecar.band_m),
-        reserve=_reserve(sidecar.reserve),
+        reserve=_reserve_from(sidecar.reserve),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,
@@ -162,7 +151,16 @@ def load(folder: Path) -> Trained:
     )
 
 
-def _reserve(stored: Substitutes) -> Reserve:
+def _stored_reserve(reserve: Reserve) -> StoredReserve:
+    usual_m, before_m = reserve.usual_m.tolist(), reserve.before_m.tolist()
+    return StoredReserve(
+        reference_m=(usual_m[0], before_m[0]),
+        constant_velocity_m=(usual_m[1], before_m[1]),
+        band=tuple(map(float, reserve.band)),
+    )
+
+
+def _reserve_from(stored: StoredReserve) -> Reserve:
     usual_m, before_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
     return Reserve(usual_m, before_m, np.array(stored.band))
 

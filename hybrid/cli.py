@@ -9,22 +9,26 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from analysis.cli import RebuildPositions
 from hybrid.diagnosis import cli as diagnosis
-from hybrid.diagnosis import plan_cli as planning
+from hybrid.diagnosis.planning import cli as planning
 from hybrid.evaluation import cli as evaluation
+from hybrid.options import (
+    CalibratorOption,
+    EffectsOption,
+    PartOption,
+    Recordings,
+    RepairOption,
+    SeaStateOption,
+    StrideOption,
+    VesselOption,
+)
 from hybrid.reporting import cli as reporting
 from hybrid.reproduction import cli as reproduction
 from hybrid.truth import cli as truth_commands
 
 HORIZON_S = 15
 SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
-VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
-CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
-PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
-EffectsOption = Annotated[
-    list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
-]
-Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 
 
 def mount(app: typer.Typer) -> None:
@@ -46,7 +50,7 @@ def mount(app: typer.Typer) -> None:
 def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", help="The recording to write, OUT.mcap.")],
     vessel: Annotated[str, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = "gunnerus_short",
-    sea_state: Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml.")] = "calm",
+    sea_state: SeaStateOption = "calm",
     manoeuvre: Annotated[
         str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
     ] = "voyage",
@@ -107,16 +111,19 @@ def train(
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the calibrator goes into.")],
     vessel: VesselOption = None,
     horizon: Annotated[int, typer.Option(min=2, help="How far it predicts, in seconds.")] = 15,
-    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    stride: StrideOption = 5,
     method: Annotated[str, typer.Option(help="adaptive, paper, additive or data_driven.")] = "adaptive",
     part: PartOption = "0..100",
+    repair: RepairOption = False,
+    rebuild_positions: RebuildPositions = False,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Train a calibrator on held windows."""
     from acquisition.progress import bar
+    from analysis.files import make_folder
     from analysis.table import percent_of
-    from hybrid.artefact import make_folder, save
+    from hybrid.artefact import save
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.gather import gather
     from hybrid.train import train as run
@@ -126,7 +133,10 @@ def train(
     plant = vessel_plant(load_vessel(name))
     make_folder(output)
     with bar("reading") as progress:
-        gathered = gather(files, horizon, stride, percent_of(part), progress, shorter=True)
+        gathered = gather(
+            files, horizon, stride, percent_of(part), progress, shorter=True,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        )  # fmt: skip
     with bar("training") as progress:
         trained = run(gathered, name, plant, method, seed, progress)
     path = save(trained, output)
@@ -152,8 +162,10 @@ def validate(
     horizon: Annotated[
         int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
     ] = None,
-    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    stride: StrideOption = 5,
     part: PartOption = "0..100",
+    repair: RepairOption = False,
+    rebuild_positions: RebuildPositions = False,
     allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -171,7 +183,10 @@ def validate(
     plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
     seconds = horizon or (trained.horizon_s if trained else HORIZON_S)
     with bar("reading") as progress:
-        gathered = gather(files, seconds, stride, percent_of(part), progress)
+        gathered = gather(
+            files, seconds, stride, percent_of(part), progress,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        )  # fmt: skip
     if trained is not None and not allow_seen:
         refuse_seen(gathered.sources, trained)
     validation = run(gathered, plant, trained)

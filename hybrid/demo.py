@@ -26,7 +26,8 @@ from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
 from analysis.quality.check import DataQuality, check_recording
-from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
+from analysis.recordings import tables_of_recordings, windows_of_tables
+from analysis.windows import HeldWindows
 from hybrid.artefact import Trained, save
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.files import diagnose_files, write_diagnosis

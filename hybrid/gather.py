@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from analysis.recordings import tables_of_recordings, windows_of_tables
 from analysis.smoothing.smooth import smooth_motion
 from analysis.twins import refuse_twins
-from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
+from analysis.windows import HeldWindows
 from hybrid.horizon import Horizons, from_rows, joined_horizons
 
 Progress = Callable[[float], None]

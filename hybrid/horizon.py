@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from acquisition.angles import difference, unwrap
 from acquisition.channels import NAMES, POSE, VELOCITY
 from acquisition.errors import DataShortageError
-from analysis.frames import NANO
+from analysis.time_index import NANO
 
 Floats = NDArray[np.float64]
 

@@ -75,7 +75,7 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True)
-class Substitutes:
+class StoredReserve:
     """What speaks where the calibrator has no ground: mean errors in the training, over the horizon and over the
     seconds before [m], and the radius of its 95 % region by second, per metre of spread.
     """
@@ -100,7 +100,7 @@ class Sidecar:
     data_driven: Model
     files: dict[str, Digest]
     band_m: tuple[Radius, ...]
-    reserve: Substitutes
+    reserve: StoredReserve
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
 

@@ -6,7 +6,6 @@ part when this one cannot be written any more, so that trouble with a disk costs
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -14,15 +13,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from acquisition.errors import StorageError
+from acquisition.recording.disk_room import RESUME_RATIO, require_room, room_bytes, why_full
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.writer import RecordingWriter
 from acquisition.sections import RecordingSection
 from acquisition.trial import Trial
 
 _MEGA = 1_000_000
-_LARGEST_RESERVE_BYTES = 200 * _MEGA
-_RESERVE_SHARE = 0.05
-_RESUME_RATIO = 1.1  # so much more than the reserve must be free again
 _LOOK_EVERY_S = 1.0
 _MOST_UNSURE = 100_000  # messages that wait for the disk; about 30 MB
 
@@ -31,27 +28,6 @@ Tell = Callable[[str, str], None]
 """Somebody who wants to know what happens to the recording: level, text."""
 Listener = Callable[[str, bytes, int], None]
 """Somebody who wants every message as well: topic, JSON, time of reception; must be quick and raise nothing."""
-
-
-def free_bytes(folder: Path) -> tuple[int, int]:
-    """What is free for us on the folder's disk, and how large that disk is [bytes]."""
-    disk = os.statvfs(folder)
-    return disk.f_bavail * disk.f_frsize, disk.f_blocks * disk.f_frsize
-
-
-def reserve_bytes(settings: RecordingSection, disk_bytes: int) -> float:
-    """How much of a disk of that size stays free [bytes]."""
-    if settings.reserve_mb is not None:
-        return settings.reserve_mb * _MEGA
-    return min(_RESERVE_SHARE * disk_bytes, _LARGEST_RESERVE_BYTES)
-
-
-def shortage(settings: RecordingSection, free: float, size: int, ratio: float = 1.0) -> str:
-    """In what a disk is too full, with so much free of its size [bytes]; nothing if it is not."""
-    reserve = reserve_bytes(settings, size)
-    if free >= reserve * ratio:
-        return ""
-    return f"{free / _MEGA:.1f} MB free, less than the reserve of {reserve / _MEGA:.1f} MB"
 
 
 class RecordingParts(MessageSink):
@@ -85,7 +61,7 @@ class RecordingParts(MessageSink):
         self._closed_bytes = 0  # in the parts before
         self._looked_s = self._began_s = time.monotonic()
         self._part: RecordingWriter | None = None
-        self._require_room()
+        require_room(folder, settings)
         self._open_part("recording started")
 
     @property
@@ -106,11 +82,7 @@ class RecordingParts(MessageSink):
     @property
     def room_bytes(self) -> int | None:
         """What may still be written to this disk [bytes]; None if the disk cannot be asked."""
-        try:
-            free, size = free_bytes(self._folder)
-        except OSError:
-            return None
-        return max(int(free - reserve_bytes(self._settings, size)), 0)
+        return room_bytes(self._folder, self._settings)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         """Record a message; while the recording is paused it waits in memory, as long as there is room."""
@@ -168,7 +140,7 @@ class RecordingParts(MessageSink):
             self.resume()
         elif self._has_vanished():
             self._put_back()
-        elif (reason := self._shortage(1.0)) and self._close_part():
+        elif (reason := why_full(self._folder, self._settings)) and self._close_part():
             self._pause(reason, "the file is closed well")
         elif self._part is not None and self._part_is_full(now_s):
             self.next_part("the part is full")
@@ -181,7 +153,7 @@ class RecordingParts(MessageSink):
     def resume(self) -> None:
         """End a pause, if its cause is gone."""
         why = self.trouble
-        if self._part is not None or self._shortage(_RESUME_RATIO):
+        if self._part is not None or why_full(self._folder, self._settings, RESUME_RATIO):
             return
         self._try_to_open(f"after a pause: {why}")
         if self._part is not None:
@@ -320,25 +292,6 @@ class RecordingParts(MessageSink):
         except StorageError as error:
             if not self.trouble:
                 self._pause(str(error), "nothing of it is lost while memory holds it")
-
-    def _shortage(self, ratio: float) -> str:
-        """Why the disk is too full to go on; nothing if it is not."""
-        try:
-            free, size = free_bytes(self._folder)
-        except OSError:
-            return ""  # opening or writing will say what is wrong, and better
-        why = shortage(self._settings, free, size, ratio)
-        return f"{self._folder}: {why}" if why else ""
-
-    def _require_room(self) -> None:
-        existing = next(each for each in (self._folder, *self._folder.absolute().parents) if each.exists())
-        if why := shortage(self._settings, *free_bytes(existing)):
-            raise StorageError(
-                "cannot be recorded to",
-                where=str(self._folder),
-                why=why,
-                fix="make room, or lower `reserve_mb` in [recording]",
-            )
 
 
 def _stem(name: str, started: datetime) -> str:

@@ -27,7 +27,7 @@ from mcap.records import (
 from mcap.writer import CompressionType, Writer
 
 from acquisition.errors import InputError, StorageError, storage_error
-from acquisition.info import iso
+from acquisition.frames import iso
 from acquisition.recording.definitions import Definitions, Progress, collect_definitions, scanned
 from acquisition.recording.reader import open_recording
 from acquisition.recording.records import HEAD, RecordError, contents

@@ -18,8 +18,7 @@ from typing import BinaryIO, Protocol
 import can
 
 from acquisition.errors import SourceError
-from acquisition.frames import Frame, FrameFlag, now_ns
-from acquisition.info import iso
+from acquisition.frames import Frame, FrameFlag, iso, now_ns
 from acquisition.sections import CanFileSource
 from acquisition.sources.can_text import LineReader, Logged
 

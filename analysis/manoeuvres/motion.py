@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from acquisition.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.channels import POSE, VELOCITY
-from analysis.frames import NANO, times_ns
 from analysis.history import history_of
 from analysis.quality.orders import CODE as ORDER_INTERPOLATED
 from analysis.quality.orders import orders
@@ -30,6 +29,7 @@ from analysis.quality.samples import white_noise
 from analysis.resample import resample
 from analysis.smoothing.slow_motion import local_quadratic
 from analysis.table import require
+from analysis.time_index import NANO, times_ns
 
 Floats = NDArray[np.float64]
 

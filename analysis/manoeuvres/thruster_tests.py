@@ -49,7 +49,7 @@ def thruster_tests(
         "tunnel thruster to starboard": tunnel & (motion.tunnel_rpm > 0) & (both | (port_idle & starboard_idle)),
         "tunnel thruster to port": tunnel & (motion.tunnel_rpm < 0) & (both | (port_idle & starboard_idle)),
     }
-    crab = _crabbing_rows(motion, smooth, port | starboard | tunnel)
+    crab = _crabbing_rows(smooth, port | starboard | tunnel)
     found = _tests_of(motion, "crabbing", "crabbing", _bridged(crab & free, round(_BRIDGE_S / motion.step_s)),
                       _CRAB_LEAST_S, length_m)  # fmt: skip
     found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
@@ -59,7 +59,7 @@ def thruster_tests(
     return found
 
 
-def _crabbing_rows(motion: Motion, smooth: Motion, driven: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _crabbing_rows(smooth: Motion, driven: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where the ship is driven and goes more to the side than ahead."""
     sideways = np.abs(smooth.sway_mps)
     return np.asarray(driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS))

@@ -13,9 +13,9 @@ import pandas as pd
 
 from acquisition.channels import Channel
 from acquisition.frames import Quality
-from analysis.frames import NANO
 from analysis.quality.findings import Flags
 from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_time, possible, times_of
+from analysis.time_index import NANO
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0

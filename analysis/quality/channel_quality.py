@@ -9,15 +9,14 @@ import numpy as np
 import pandas as pd
 
 from acquisition.channels import BY_NAME
-from acquisition.frames import Quality
-from acquisition.info import iso
-from analysis.frames import NANO
+from acquisition.frames import Quality, iso
 from analysis.quality import channel_checks
 from analysis.quality.findings import Flags
 from analysis.quality.quantisation import quantised
 from analysis.quality.samples import ASSUMED, Mask, Stretch, interval_ns, stretches_of, times_of
 from analysis.quality.stuck import stuck
 from analysis.quality.time_checks import ClockJump, jitter_s
+from analysis.time_index import NANO
 
 ASSUMED_SOURCES = list(ASSUMED)
 Grade = Literal["good", "suspect", "bad"]

@@ -12,13 +12,12 @@ import pandas as pd
 from acquisition.channels import BY_NAME
 from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series
-from analysis.frames import index_of, times_ns, utc_index
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.findings import Check, Checked, Finding, worst
 from analysis.quality.heading_wrap import heading_wrap
-from analysis.quality.motion_checks import motion
+from analysis.quality.motion.checks import motion
 from analysis.quality.orders import orders
-from analysis.quality.samples import Integers, Mask, column_samples, in_turn, rows_of, samples_of, times_of
+from analysis.quality.samples import Integers, Mask, column_samples, in_turn, rows_of, series_samples, times_of
 from analysis.quality.stuck import following_rates
 from analysis.quality.summary import (
     ALL,
@@ -32,6 +31,7 @@ from analysis.quality.thruster_feedback import thruster_feedback
 from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
 from analysis.quality.wind import wind
 from analysis.table import table_of
+from analysis.time_index import index_of, times_ns, utc_index
 from analysis.time_span import main_stretch
 
 CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)
@@ -76,7 +76,7 @@ def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> 
     """
     joined = table_of(recording) if table is None else table
     names = [name for name in BY_NAME if name in recording.series]
-    samples = {name: samples_of(recording.series[name], name) for name in names}
+    samples = {name: series_samples(recording.series[name], name) for name in names}
     whole = {name: pd.Series(recording.series[name].value, samples[name].index, name=name) for name in names}
     return _check(samples, whole, joined, recording.series)
 

@@ -15,9 +15,9 @@ from scipy import special
 
 from acquisition.angles import difference, wrap_360
 from acquisition.channels import BY_NAME, COMMAND
-from analysis.frames import utc_index
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.runs import Bools, Floats, Ints, Samples, mark, median_step_s, runs, samples_of, scatter
+from analysis.time_index import utc_index
 
 CODE = "heading_wrap_interpolated"
 JUDGED = ("heading_deg", "wind_direction_deg", *(name for name in COMMAND if BY_NAME[name].circular))

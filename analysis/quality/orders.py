@@ -15,9 +15,9 @@ import pandas as pd
 from acquisition.angles import unwrap
 from acquisition.channels import BY_NAME, COMMAND
 from acquisition.frames import Quality
-from analysis.frames import utc_index
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.runs import Bools, Floats, Ints, Samples, covered, mark, runs, samples_of
+from analysis.time_index import utc_index
 
 CODE = "order_interpolated"
 _FEWEST_STEPS = 3

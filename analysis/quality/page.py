@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from acquisition.frames import Quality
 from analysis.files import in_place_of
-from analysis.frames import times_ns
 from analysis.page import Page
 from analysis.parquet import write_parquet
 from analysis.quality.runs import runs
 from analysis.quality.summary import ALL
 from analysis.quality.terminal import counts_of, missing_text, sentences
+from analysis.time_index import times_ns
 from analysis.time_span import main_stretch
 
 if TYPE_CHECKING:

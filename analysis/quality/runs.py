@@ -9,7 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.frames import Quality
-from analysis.frames import NANO, times_ns
+from analysis.time_index import NANO, times_ns
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -13,8 +13,8 @@ from acquisition.angles import unwrap, wrap_180
 from acquisition.channels import BY_NAME, Channel
 from acquisition.frames import Quality
 from acquisition.recording.reader import Series
-from analysis.frames import NANO, index_of
 from analysis.quality.runs import runs
+from analysis.time_index import NANO, index_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,7 +36,7 @@ class Stretch:
         return (self.end_ns - self.start_ns) / NANO
 
 
-def samples_of(series: Series, name: str) -> pd.Series[Any]:
+def series_samples(series: Series, name: str) -> pd.Series[Any]:
     """One channel's values in the order of receipt, indexed by measured time; flagged bad is NaN."""
     values = np.where(series.quality >= Quality.BAD, np.nan, series.value)
     return pd.Series(values, index=index_of(series.measured_ns), name=name)

@@ -14,10 +14,10 @@ import pandas as pd
 
 from acquisition.channels import Channel
 from acquisition.frames import Quality
-from analysis.frames import NANO
 from analysis.quality.findings import Flags
 from analysis.quality.quantisation import grid_step, noise_beside
 from analysis.quality.samples import Floats, Integers, flags_where, in_time, times_of, turns_between
+from analysis.time_index import NANO
 
 _SHORTEST, _BESIDE = 8, 100
 _LIKELY = 1e-4

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from acquisition.channels import BY_NAME
-from analysis.frames import NANO
 from analysis.quality.findings import Finding
 from analysis.quality.samples import Integers, Stretch, times_of
 from analysis.quality.time_checks import ClockJump
+from analysis.time_index import NANO
 from analysis.time_span import stamped
 
 ALL = "all"

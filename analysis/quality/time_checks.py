@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
 from acquisition.recording.reader import Series
-from analysis.frames import NANO, times_ns
 from analysis.quality.samples import Floats, Integers, white_noise
+from analysis.time_index import NANO, times_ns
 
 MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 _IRREGULAR, _MOST_PLACES = 0.3, 200

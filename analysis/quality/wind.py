@@ -16,9 +16,9 @@ from scipy import special
 
 from acquisition.angles import wrap_180, wrap_360
 from acquisition.frames import Quality
-from analysis.frames import NANO, times_ns, utc_index
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.runs import Floats
+from analysis.time_index import NANO, times_ns, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")

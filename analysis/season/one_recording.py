@@ -27,7 +27,7 @@ from analysis.parquet import write_parquet
 from analysis.provenance import provenance_of, sha256_of
 from analysis.season.products import Options, Products, analysed
 from analysis.season.row import Row, plain, row_of
-from analysis.windows import write_windows
+from analysis.window_files import write_windows
 
 SUMMARY = "summary.json"
 

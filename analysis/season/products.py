@@ -15,7 +15,7 @@ from analysis.export import SIGMA_SUFFIX
 from analysis.history import with_step
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
-from analysis.quality.repairs import Repair, Repaired, rebuilding_positions, repair
+from analysis.quality.repairs import Repair, Repaired, repair
 from analysis.resample import resample
 from analysis.smoothing.smooth import Smoothed, smooth
 from analysis.table import require, table_of
@@ -77,8 +77,11 @@ def analysed(path: Path, options: Options, name: str = "") -> Products:
     raw = table_of(recording)
     raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
-    findings = rebuilding_positions(quality.findings, raw) if options.rebuild_positions else quality.findings
-    mended = repair(raw, findings, quality.flags, recording) if options.repair else Repaired(raw, ())
+    mended = Repaired(raw, ())
+    if options.repair:
+        mended = repair(
+            raw, quality.findings, quality.flags, recording, rebuild_positions=options.rebuild_positions
+        )
     one_hz = resample(mended.table, 1.0)
     products = Products(recording, quality, mended.table, one_hz, mended.repairs)
     with products.step():

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from analysis.frames import NANO, times_ns
 from analysis.resample import own_gap_s
 from analysis.smoothing.kalman import Flags, Floats
 from analysis.smoothing.motion_model import HEADING, YAW_RATE, motion_values
+from analysis.time_index import NANO, times_ns
 
 _GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
 _OTHERS = [2, 3, 4, 5]  # position and speeds

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from acquisition.angles import difference
 from acquisition.channels import BY_NAME
-from analysis.frames import NANO, times_ns
 from analysis.smoothing.kalman import Floats, Start, Steps
+from analysis.time_index import NANO, times_ns
 
 Counts = NDArray[np.int64]
 

@@ -21,7 +21,6 @@ import pandas as pd
 
 from acquisition.angles import wrap_360
 from acquisition.channels import POSE
-from analysis.frames import NANO, index_of, times_ns
 from analysis.history import with_step
 from analysis.parquet import write_parquet
 from analysis.provenance import provenance_of
@@ -45,6 +44,7 @@ from analysis.smoothing.motion_model import (
 from analysis.smoothing.noise_levels import NoiseLevels, estimate_levels
 from analysis.smoothing.slow_motion import local_quadratic, smooth_motion
 from analysis.table import require
+from analysis.time_index import NANO, index_of, times_ns
 from analysis.time_span import refuse_endless
 
 __all__ = ["Smoothed", "local_quadratic", "smooth", "smooth_motion"]

@@ -17,9 +17,9 @@ from scipy.ndimage import median_filter
 
 from acquisition.angles import unwrap
 from acquisition.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
-from analysis.frames import NANO, times_ns
 from analysis.smoothing.noise_levels import NoiseLevels
 from analysis.smoothing.smooth import smooth
+from analysis.time_index import NANO, times_ns
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 from hybrid.vessel.compiling import Floats
 

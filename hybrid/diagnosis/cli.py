@@ -10,6 +10,7 @@ import typer
 
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
+from hybrid.options import EffectsOption, PartOption, Recordings, RepairOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
@@ -20,21 +21,19 @@ def mount(app: typer.Typer) -> None:
 
 
 def diagnose(
-    files: Annotated[list[Path], typer.Argument(help="Recordings.")],
+    files: Recordings,
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
-    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    vessel: VesselOption = None,
     tolerance: Annotated[
         float, typer.Option(help="How far off the model may be anyway, in percent of the force range.")
     ] = 1.0,
-    effects: Annotated[
-        list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
-    ] = None,
+    effects: EffectsOption = None,
     without: Annotated[
         list[str] | None, typer.Option(help="An effect to leave out of the catalogue; may be given several times.")
     ] = None,
-    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
-    part: Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")] = "0..100",
+    part: PartOption = "0..100",
     calibrate: Annotated[
         bool, typer.Option("--calibrate", help="Also train a calibrator on the model before and after.")
     ] = False,
@@ -43,8 +42,8 @@ def diagnose(
 ) -> None:
     """Diagnose recordings against a model."""
     from acquisition.progress import bar
+    from analysis.files import make_folder
     from analysis.table import percent_of
-    from hybrid.artefact import make_folder
     from hybrid.diagnosis.files import diagnose_files, write_diagnosis
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.vessel.files import DEFAULT, load_vessel

@@ -13,16 +13,16 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.beyond import FORMS
+from hybrid.diagnosis.contradictions import contradictory, stated
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
-from hybrid.diagnosis.information import limits
-from hybrid.diagnosis.kinematics import contradictory, stated
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.name import Naming, moved_to, named
-from hybrid.diagnosis.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.page import Extras
+from hybrid.diagnosis.planning.information import limits
+from hybrid.diagnosis.planning.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.reading import read_as_fits
 from hybrid.diagnosis.remainder import Remainder, remainders
 from hybrid.diagnosis.result import Correlation, Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
@@ -53,7 +53,6 @@ class Examined:
 
     diagnosis: Diagnosis
     naming: Naming
-    remaining: tuple[Remainder, ...]
     gap: HeldOut
     extras: Extras
 
@@ -126,7 +125,7 @@ def _diagnosed(
         remarks=_remarks(log, vessel, effects, one, gap),
         provenance={**(provenance or {}), **_granted(first, noise)},
     )
-    return Examined(diagnosis, naming, tuple(found), gap, _extras(naming, maps, sensors))
+    return Examined(diagnosis, naming, gap, _extras(naming, maps, sensors))
 
 
 def _extras(naming: Naming, maps: tuple[Map, Map], sensors: Naming | None) -> Extras:

@@ -18,7 +18,7 @@ from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.evidence import Ints
 from hybrid.diagnosis.examine import Examination
 from hybrid.diagnosis.floor import left_by_noise_m
-from hybrid.diagnosis.linearise import DT_S, between, driven, paths, unreported
+from hybrid.diagnosis.linearise import DT_S, Model, between, driven, paths, unreported
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import Coordinates, moved_to, searched
 from hybrid.diagnosis.result import Gap, Tracks
@@ -62,20 +62,23 @@ def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
     return np.array(starts, dtype=np.int64)
 
 
-def predicted(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
-    """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN out of its range."""
-    states = unreported(log, plant)[starts]
+def predicted(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+    """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN out of its range.
+
+    ``origin`` [T, 6] is the motion that they would report as the log's (:func:`unreported`).
+    """
     controls, acting = driven(log, plant)
     rows = starts[:, None] + np.arange(horizon_s)
     settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, 5)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
-    runs = simulate_batch(replace(plant, command_delay_s=0.0), states, settings, wind, DT_S, 1, acting[starts])
+    still = replace(plant, command_delay_s=0.0)
+    runs = simulate_batch(still, origin[starts], settings, wind, DT_S, 1, acting[starts])
     return measured(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
-def measured_tracks(log: Log, plant: Plant, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
     """What was measured over each window [N, H+1, 3], brought from the samples' times to full seconds."""
-    at_seconds = log.measured - between(log, paths(log, plant, unreported(log, plant)))
+    at_seconds = log.measured - between(log, paths(log, plant, origin))
     return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
 
 
@@ -87,38 +90,62 @@ def held_out(
     ``barred`` is what the other legs must not name either.
     """
     starts, model = window_starts(log), replace(view.examination.model, at={})
-    seen = measured_tracks(log, model.plant(), starts)
-    dealt = fold_of(log)
-    fold, elsewhere = dealt[starts], dict[int, Coordinates]()
-    before = predicted(log, model.plant(), starts)
-    after, without = before.copy(), {name: before.copy() for name in names}
-    for number in np.unique(fold).tolist():
-        mine = fold == number
-        legs = np.isin(np.arange(log.legs), log.leg[dealt == number])
-        at = elsewhere[number] = _named_without(view, legs, barred)
-        after[mine] = predicted(log, replace(model, at=at).plant(), starts[mine])
-        for name in names:
-            less = {other: free for other, free in at.items() if other != name}
-            without[name][mine] = predicted(log, replace(model, at=less).plant(), starts[mine])
-    best = predicted(log, replace(model, at=final).plant(), starts)
-    known = (
-        np.isfinite(distances(before, seen))
-        & np.isfinite(distances(after, seen))
-        & np.isfinite(distances(best, seen))
-    )
+    base = model.plant()
+    origin = unreported(log, base)
+    seen, before = measured_tracks(log, base, origin, starts), predicted(log, base, origin, starts)
+    unseen = _by_the_other_folds(log, view, names, starts, before, barred)
+    best = _predicted_with(log, model, final, starts)
+    known = np.all([np.isfinite(distances(track, seen)) for track in (before, unseen.after, best)], axis=0)
 
     def mean(track: Floats) -> float:
         return float(np.nanmean(distances(track, seen)[known])) if known.any() else 0.0
 
-    floor = best if mean(best) < mean(after) else after
-    gap = Gap(mean(before), mean(after), mean(floor), int(known.any(axis=1).sum()), HORIZON_S)
-    shares = {name: max(mean(track) - gap.after_m, 0.0) for name, track in without.items()}
-    whole = sum(shares.values())
-    closed = max(gap.closed, 0.0)
-    shares = {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
-    still = present_motion_held(log.nominal[starts], HORIZON_S)
-    tracks = Tracks(seen, before, after, floor, still, log.leg[starts], log.time_s[starts])
-    return HeldOut(gap, shares, tracks, elsewhere)
+    floor = best if mean(best) < mean(unseen.after) else unseen.after
+    gap = Gap(mean(before), mean(unseen.after), mean(floor), int(known.any(axis=1).sum()), HORIZON_S)
+    shares = _shares(gap, {name: mean(track) for name, track in unseen.lacking.items()})
+    present = present_motion_held(log.nominal[starts], HORIZON_S)
+    tracks = Tracks(seen, before, unseen.after, floor, present, log.leg[starts], log.time_s[starts])
+    return HeldOut(gap, shares, tracks, unseen.without)
+
+
+@dataclass(frozen=True, slots=True)
+class _Unseen:
+    """Tracks ``after`` what the other folds name is added, the same ``lacking`` each effect, and what is named
+    ``without`` each fold."""
+
+    after: Floats
+    lacking: Mapping[str, Floats]
+    without: Mapping[int, Coordinates]
+
+
+def _by_the_other_folds(
+    log: Log, view: View, names: Sequence[str], starts: Ints, before: Floats, barred: frozenset[str]
+) -> _Unseen:
+    dealt, model = fold_of(log), view.examination.model
+    after, lacking = before.copy(), {name: before.copy() for name in names}
+    without: dict[int, Coordinates] = {}
+    for number in np.unique(dealt[starts]).tolist():
+        mine = dealt[starts] == number
+        legs = np.isin(np.arange(log.legs), log.leg[dealt == number])
+        at = without[number] = _named_without(view, legs, barred)
+        after[mine] = _predicted_with(log, model, at, starts[mine])
+        for name in names:
+            less = {other: free for other, free in at.items() if other != name}
+            lacking[name][mine] = _predicted_with(log, model, less, starts[mine])
+    return _Unseen(after, lacking, without)
+
+
+def _predicted_with(log: Log, model: Model, at: Coordinates, starts: Ints) -> Floats:
+    """What the model with the effects ``at`` these sizes, and no others, predicts over each window."""
+    plant = replace(model, at=at).plant()
+    return predicted(log, plant, unreported(log, plant), starts)
+
+
+def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
+    """Each effect's share of what the gap closes by, from how far predictions are off that lack it [m]."""
+    shares = {name: max(off_m - gap.after_m, 0.0) for name, off_m in lacking_m.items()}
+    whole, closed = sum(shares.values()), max(gap.closed, 0.0)
+    return {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
 
 
 def against_noise(held: HeldOut, examination: Examination) -> HeldOut:

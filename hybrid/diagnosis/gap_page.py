@@ -7,9 +7,9 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from analysis.page import Page
+from hybrid.bootstrap import FEW_LEGS, Interval
 from hybrid.diagnosis.result import Diagnosis, Ladder, NamedEffect
 from hybrid.diagnosis.words import number, percent
-from hybrid.evaluation.bootstrap import FEW_LEGS, Interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

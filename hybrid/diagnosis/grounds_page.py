@@ -12,7 +12,7 @@ from hybrid.diagnosis.words import chance, number, percent, plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hybrid.diagnosis.kinematics import Consistency
+    from hybrid.diagnosis.contradictions import Consistency
     from hybrid.diagnosis.where import Map
 
 

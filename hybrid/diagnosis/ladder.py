@@ -15,8 +15,9 @@ import numpy as np
 
 from acquisition.errors import DataShortageError
 from acquisition.progress import part_of
-from analysis.windows import trial_names
+from analysis.recordings import trial_names
 from hybrid.baselines import reference
+from hybrid.bootstrap import LegBootstrap
 from hybrid.diagnosis.diagnose import Examined
 from hybrid.diagnosis.evidence import Ints
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
@@ -24,7 +25,6 @@ from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import Coordinates
 from hybrid.diagnosis.result import Ladder
-from hybrid.evaluation.bootstrap import LegBootstrap
 from hybrid.evaluation.splits import Draw, with_stopping
 from hybrid.evaluation.study import Errors, judged, pooled
 from hybrid.gather import gather

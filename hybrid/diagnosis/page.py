@@ -16,7 +16,7 @@ from hybrid.diagnosis.words import DEPENDS, alternatives, chance, listed, number
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hybrid.diagnosis.kinematics import Consistency
+    from hybrid.diagnosis.contradictions import Consistency
     from hybrid.diagnosis.where import Map
 
 PAGE_FILE = "report.html"

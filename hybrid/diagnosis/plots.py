@@ -12,11 +12,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
 from analysis.plots import FAINT, INK, PALETTE
+from hybrid.bootstrap import Interval
 from hybrid.diagnosis.name import CLOSE
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
 from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
-from hybrid.evaluation.bootstrap import Interval
 from hybrid.plots import title_of
 from hybrid.reproduction.plots import plain_numbers, start_frame
 from hybrid.vessel.compiling import Floats

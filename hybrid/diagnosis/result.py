@@ -10,7 +10,7 @@ from typing import Any, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.evaluation.bootstrap import Interval
+from hybrid.bootstrap import Interval
 from hybrid.vessel.compiling import Floats
 
 Ints = NDArray[np.int64]

@@ -18,7 +18,8 @@ import pandas as pd
 
 from acquisition.errors import InputError, storage_error
 from analysis.parquet import read_parquet, write_parquet
-from hybrid.diagnosis.kinematics import Consistency
+from hybrid.bootstrap import Interval
+from hybrid.diagnosis.contradictions import Consistency
 from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.result import (
     Correlation,
@@ -35,7 +36,6 @@ from hybrid.diagnosis.result import (
     Unexplained,
 )
 from hybrid.diagnosis.where import FORCES, Map
-from hybrid.evaluation.bootstrap import Interval
 
 DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"
 MAP, TRACKS = "map.parquet", "tracks.parquet"

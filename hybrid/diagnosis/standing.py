@@ -34,7 +34,6 @@ class Tested:
     gain: float
     p_value: float
     spread: float
-    unseen_gain: float
     p_unseen: float
     large_enough: bool
 
@@ -59,7 +58,7 @@ def tested(view: View, names: tuple[str, ...], name: str) -> Tested:
     said = _said(view, together, name)
     gains, telling = unseen_gains(view, others, names), _telling(said)
     p_unseen = _no_chance(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
-    return Tested(name, gain, p_value, spread, float(gains.sum()), p_unseen, _large_enough(view, together, name))
+    return Tested(name, gain, p_value, spread, p_unseen, _large_enough(view, together, name))
 
 
 def _said(view: View, fit: Fit, name: str) -> Floats:

@@ -10,6 +10,7 @@ import typer
 
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
+from hybrid.options import Recordings, RepairOption, StrideOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
@@ -18,9 +19,9 @@ def mount(app: typer.Typer) -> None:
 
 
 def evaluate(
-    files: Annotated[list[Path], typer.Argument(help="Recordings.")],
+    files: Recordings,
     horizon: Annotated[int, typer.Option(min=2, help="How far is predicted, in seconds.")] = 15,
-    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    vessel: VesselOption = None,
     split: Annotated[
         list[str] | None,
         typer.Option(
@@ -32,8 +33,8 @@ def evaluate(
         list[str] | None, typer.Option(help="A kind of calibrator; several may be given. Without it all.")
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
-    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
-    repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
+    stride: StrideOption = 5,
+    repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="A folder for evaluation.json and evaluation.html.")
@@ -45,7 +46,7 @@ def evaluate(
     from rich.console import Console
 
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.calibrators import METHODS, make_calibrator
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.evaluation.page import write_evaluation

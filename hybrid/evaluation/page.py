@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from acquisition.errors import storage_error
 from analysis.page import Page
+from hybrid.bootstrap import Interval
 from hybrid.evaluation import plots
-from hybrid.evaluation.bootstrap import Interval
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
 from hybrid.evaluation.tables import MEANING, caption_of, spread

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from analysis.plots import FAINT, INK, PALETTE
-from hybrid.evaluation.bootstrap import Interval
+from hybrid.bootstrap import Interval
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import SplitSummary, Summary, counts_of
 from hybrid.plots import title_of

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.evaluation.bootstrap import Interval, LegBootstrap
+from hybrid.bootstrap import Interval, LegBootstrap
 from hybrid.evaluation.breakdown import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.horizon import Horizons

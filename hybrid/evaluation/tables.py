@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from hybrid.evaluation.bootstrap import FEW_LEGS, Interval
+from hybrid.bootstrap import FEW_LEGS, Interval
 from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
 
 MEANING = {

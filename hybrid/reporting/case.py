@@ -13,11 +13,11 @@ from pathlib import Path
 import pandas as pd
 
 from acquisition.errors import ConfigurationError, DataShortageError, InputError
+from analysis.recordings import trial_names
 from analysis.run_sheet import Ship
 from analysis.season.products import Options, Products, analysed
 from analysis.smoothing.smooth import smooth
 from analysis.twins import refuse_twins
-from analysis.windows import trial_names
 from hybrid.artefact import Trained, load, plant_for
 from hybrid.baselines import reference
 from hybrid.calibrators.adaptive.calibrator import Adaptive

@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.angles import wrap_360
-from analysis.frames import NANO
+from analysis.time_index import NANO
 from hybrid.horizon import Horizons
 
 Floats = NDArray[np.float64]

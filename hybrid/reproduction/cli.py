@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from hybrid.options import SeaStateOption, WorkersOption
 
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder for the results.")]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
@@ -27,12 +28,12 @@ def table3(
     output: Folder = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, help="So many campaigns in each sea state.")] = 5,
-    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
+    workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare all methods in the paper's three sea states."""
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.reproduction.seas import seas_of
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
@@ -68,7 +69,7 @@ def figures(
 ) -> None:
     """Draw the figures."""
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.reproduction.figures import write_figures
 
     make_folder(output)
@@ -85,14 +86,14 @@ def fidelity(
     output: Folder = None,
     seed: Seed = 0,
     seeds: Annotated[int, typer.Option(min=1, help="Means over so many draws of the windows learned from.")] = 2,
-    sea_state: Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml.")] = "gentle",
+    sea_state: SeaStateOption = "gentle",
     method: Annotated[str, typer.Option(help="The calibrator that is put on every reference.")] = "paper",
-    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
+    workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Degrade the reference step by step and learn from ever more windows."""
     from acquisition.progress import bar
-    from hybrid.artefact import make_folder
+    from analysis.files import make_folder
     from hybrid.reproduction.fidelity import papers_map
     from hybrid.reproduction.fidelity_reading import reading, with_reading
 

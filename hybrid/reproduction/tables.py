@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.table import Table
 
 from analysis.files import in_place_of
-from hybrid.evaluation.bootstrap import Interval
+from hybrid.bootstrap import Interval
 from hybrid.evaluation.tables import spread
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Row, Table3

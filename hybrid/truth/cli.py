@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
+from hybrid.options import WorkersOption
 
 
 def mount(app: typer.Typer) -> None:
@@ -19,7 +20,7 @@ def mount(app: typer.Typer) -> None:
 def campaign(
     file: Annotated[Path, typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
-    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
+    workers: WorkersOption = None,
     scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -44,7 +44,7 @@ _LONGEST_S = 7 * 86400.0
 
 @dataclass(frozen=True, slots=True)
 class Voyage:
-    """A simulated motion without sensors, ``dt_s`` between rows.
+    """A simulated motion without sensors, a row for every step of the simulation.
 
     ``states`` [K+1, 6], ``controls`` [K+1, 5] as the drives' feedback shows them with the plant's delay, and
     ``wind`` [K+1, 2] as a perfect sensor with the plant's bias and factor reports it.
@@ -53,7 +53,6 @@ class Voyage:
     states: Floats
     controls: Floats
     wind: Floats
-    dt_s: float
 
 
 def simulate_trial(
@@ -151,7 +150,7 @@ def sail_through(
     )
     if left >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)
-    return Voyage(states, acting_controls(controls, -plant.command_delay_s, dt_s), wind, dt_s)
+    return Voyage(states, acting_controls(controls, -plant.command_delay_s, dt_s), wind)
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:

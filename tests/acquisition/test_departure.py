@@ -17,7 +17,7 @@ from acquisition import departure
 from acquisition.config import TrialConfig, load_config
 from acquisition.departure import DepartureCheck, check_departure, examine_folder
 from acquisition.live.check_table import departure_table
-from acquisition.recording.parts import free_bytes
+from acquisition.recording.disk_room import free_bytes
 from acquisition.sections import RecordingSection
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port

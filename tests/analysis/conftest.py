@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from acquisition.angles import difference
 from acquisition.channels import NAMES
-from analysis.frames import NANO, index_of
+from analysis.time_index import NANO, index_of
 
 START_S = 1_573_287_600
 

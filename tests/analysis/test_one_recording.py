@@ -22,7 +22,7 @@ from analysis.season import one_recording
 from analysis.season.one_recording import SUMMARY, process, reusable
 from analysis.season.products import cause_of
 from analysis.season.row import distance_m, plain, thumbnail
-from analysis.windows import read_windows
+from analysis.window_files import read_windows
 from tests.analysis.conftest import table_at
 from tests.analysis.season import QUICK, hashes, sailed
 

@@ -16,7 +16,8 @@ from acquisition.angles import unwrap
 from acquisition.tabular import import_table
 from analysis.resample import resample
 from analysis.table import read_table
-from analysis.windows import held_windows, read_windows
+from analysis.window_files import read_windows
+from analysis.windows import held_windows
 from seatrial import app
 
 pytestmark = pytest.mark.shared

@@ -13,15 +13,9 @@ from hypothesis import strategies as st
 from acquisition.channels import COMMAND, NAMES
 from acquisition.errors import DataShortageError, InputError
 from analysis.holding import noise_of
-from analysis.windows import (
-    COLUMNS,
-    held_windows,
-    joined,
-    read_windows,
-    trial_names,
-    windows_of_tables,
-    write_windows,
-)
+from analysis.recordings import trial_names, windows_of_tables
+from analysis.window_files import read_windows, write_windows
+from analysis.windows import COLUMNS, held_windows, joined
 from tests.analysis.conftest import steady_table, table_at
 
 NOISES = ((0.0, 0.0), (0.3, 0.2), (2.0, 1.0))

@@ -17,8 +17,9 @@ from acquisition.trial import Trial
 from analysis.holding import feedback_of
 from analysis.resample import resample
 from analysis.smoothing.smooth import COVARIANCE_NAMES, smooth
+from analysis.window_files import read_windows, starts_path, write_windows
 from analysis.window_starts import START_COLUMNS, STATES, Cutting, windows_of_recordings, with_starts
-from analysis.windows import COLUMNS, REASONS, held_windows, joined, read_windows, starts_path, write_windows
+from analysis.windows import COLUMNS, REASONS, held_windows, joined
 from hybrid.truth.trial import simulate_trial
 from seatrial import app
 from tests.analysis.conftest import steady_table

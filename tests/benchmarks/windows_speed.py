@@ -13,8 +13,8 @@ import pandas as pd
 
 from acquisition.angles import unwrap
 from acquisition.channels import CIRCULAR, COMMAND, NAMES
-from analysis.frames import index_of
 from analysis.holding import Tolerances, noise_of, tolerance_of
+from analysis.time_index import index_of
 from analysis.windows import held_windows
 
 HOURS, HORIZON_S, STRIDE_S = 4, 15, 5

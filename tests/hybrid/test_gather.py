@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
@@ -13,23 +16,62 @@ from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.gather import gather
 from hybrid.horizon import Horizons
 from hybrid.truth.trial import simulate_trial
+from seatrial import app
+from tests.conftest import few_epochs
+
+RUN = CliRunner()
 
 KNOT_MPS = 1852.0 / 3600.0
 
 
-def test_speeds_in_knots_are_put_right_on_request(tmp_path: Path) -> None:
-    """Surge and sway of a simulated trial written in knots: repaired, windows start at the speeds of the ship."""
+@pytest.fixture(scope="module")
+def in_knots(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A simulated trial as it was, and with surge and sway written in knots."""
     table, _ = simulate_trial("gunnerus_short", "calm", "voyage", 600.0, 5.0, 1)
     wrong = table.assign(**{name: table[name] / KNOT_MPS for name in ("surge_mps", "sway_mps")})
-    paths = [tmp_path / "right.mcap", tmp_path / "wrong.mcap"]
+    folder = tmp_path_factory.mktemp("knots")
+    paths = folder / "right.mcap", folder / "wrong.mcap"
     for path, each in zip(paths, (table, wrong), strict=True):
         write_table(each, path, Trial(name=path.stem), source="simulated")
-    right, as_it_is = (gather([path], 15, 5).horizons for path in paths)
-    repaired = gather(paths[1:], 15, 5, repair=True).horizons
+    return paths
+
+
+def test_speeds_in_knots_are_put_right_on_request(in_knots: tuple[Path, Path]) -> None:
+    """Repaired, windows start at the speeds of the ship."""
+    right, as_it_is = (gather([path], 15, 5).horizons for path in in_knots)
+    repaired = gather(in_knots[1:], 15, 5, repair=True).horizons
     assert len(right) == len(as_it_is) == len(repaired) > 10
     surge = [np.median(each.start[:, 3]) for each in (as_it_is, right, repaired)]
     assert surge[0] == pytest.approx(surge[1] / KNOT_MPS, rel=0.01)
     assert surge[2] == pytest.approx(surge[1], rel=0.01)
+
+
+def test_train_and_validate_repair_on_request(
+    in_knots: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With --repair both judge the reference on speeds in knots as on those that are right."""
+    monkeypatch.setattr(
+        "hybrid.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 1)
+    )
+
+    def said(command: str, path: Path, *options: str) -> dict[str, Any]:
+        words = [command, str(path), "--vessel", "gunnerus_short", "--json", *options]
+        where = ["--method", "paper", "-o", str(tmp_path / "calibrator")] if command == "train" else []
+        done = RUN.invoke(app, [*words, *where])
+        assert done.exit_code == 0, done.output
+        return dict(json.loads(done.stdout))
+
+    right, wrong = in_knots
+    for repair in ("--repair", "--rebuild-positions"):
+        trained = [said("train", *each)["held_out_reference_m"] for each in ((right,), (wrong, repair), (wrong,))]
+        assert trained[1] == pytest.approx(trained[0], rel=0.2)
+        assert trained[2] > 2.0 * trained[0]
+    mean_m = [
+        said("validate", *each)["methods"]["reference"]["mean_distance_m"]
+        for each in ((right,), (wrong, "--repair"), (wrong,))
+    ]
+    assert mean_m[1] == pytest.approx(mean_m[0], rel=0.2)
+    assert mean_m[2] > 2.0 * mean_m[0]
 
 
 @pytest.fixture(scope="module")

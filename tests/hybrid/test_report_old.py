@@ -17,9 +17,10 @@ from matplotlib.figure import Figure
 
 from acquisition.errors import StorageError
 from analysis.page import Page
+from analysis.recordings import tables_of_recordings, windows_of_tables
 from analysis.run_sheet import add_run_sheet
 from analysis.trial_figures import add_channels, add_track
-from analysis.windows import HeldWindows, tables_of_recordings, windows_of_tables
+from analysis.windows import HeldWindows
 from hybrid import plots
 from hybrid.artefact import Trained
 from hybrid.gather import gather

@@ -8,9 +8,9 @@ import pytest
 
 from acquisition.channels import NAMES
 from acquisition.errors import InputError
-from analysis.frames import NANO, times_ns
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.segments import one_order_each, plateaus
+from analysis.time_index import NANO, times_ns
 from hybrid.truth.manoeuvres import Leg
 from hybrid.truth.trial import simulate_trial
 from tests.analysis.conftest import steady_table, table_at

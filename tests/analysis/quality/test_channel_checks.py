@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from acquisition.angles import wrap_180, wrap_360
 from acquisition.channels import BY_NAME
 from acquisition.frames import Quality
-from analysis.frames import NANO, index_of
 from analysis.quality.channel_checks import duplicates, gaps, out_of_range, spikes, time_backwards
-from analysis.quality.samples import samples_of, stretches_of
+from analysis.quality.samples import series_samples, stretches_of
 from analysis.quality.stuck import stuck
+from analysis.time_index import NANO, index_of
 
 Floats = NDArray[np.float64]
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
@@ -179,4 +179,4 @@ def test_values_that_a_decoder_doubted_are_no_samples(tmp_path: object) -> None:
     times = np.arange(3, dtype=np.int64)
     quality = np.array([1, 4, 3], dtype=np.uint8)
     series = Series(times, times, np.arange(3.0), quality, ("a",), np.zeros(3, np.int32))
-    assert samples_of(series, "surge_mps").isna().tolist() == [False, True, False]
+    assert series_samples(series, "surge_mps").isna().tolist() == [False, True, False]

@@ -15,10 +15,10 @@ from acquisition.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
-from analysis.frames import times_ns
 from analysis.quality.channel_quality import grade_of
 from analysis.quality.check import DataQuality, check_recording, check_table, rows_of
 from analysis.table import table_of
+from analysis.time_index import times_ns
 from hybrid.truth.trial import simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault

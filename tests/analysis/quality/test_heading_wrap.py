@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from acquisition.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.frames import Quality
 from acquisition.tabular import import_table
-from analysis.frames import NANO, times_ns
 from analysis.quality.heading_wrap import CODE, heading_wrap, straight_through
 from analysis.table import read_table
+from analysis.time_index import NANO, times_ns
 from hybrid.truth.sensors import Noise
 from hybrid.truth.trial import simulate_trial
 from tests.analysis.conftest import table_at

@@ -11,8 +11,8 @@ from math import sqrt
 
 from scipy.stats import chi2
 
-from hybrid.diagnosis.information import noncentrality
 from hybrid.diagnosis.name import searched
+from hybrid.diagnosis.planning.information import noncentrality
 from hybrid.diagnosis.remainder import CHANCE, Remainder, families, remainders
 from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE

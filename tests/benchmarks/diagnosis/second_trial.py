@@ -9,8 +9,8 @@ import pandas as pd
 
 from acquisition.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE, Examined, diagnose
-from hybrid.diagnosis.next_manoeuvre import usual_rpm
-from hybrid.diagnosis.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.diagnosis.planning.next_manoeuvre import usual_rpm
+from hybrid.diagnosis.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.effects import CATALOGUE
 from hybrid.truth.manoeuvres import Leg, Manoeuvre
 from hybrid.vessel.parameters import Vessel

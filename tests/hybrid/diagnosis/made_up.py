@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hybrid.bootstrap import Interval
 from hybrid.diagnosis.result import (
     Diagnosis,
     Estimate,
@@ -20,7 +21,6 @@ from hybrid.diagnosis.result import (
     Unexplained,
 )
 from hybrid.diagnosis.where import FORCES, Map
-from hybrid.evaluation.bootstrap import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",

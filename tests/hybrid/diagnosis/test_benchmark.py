@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.repertoire import Shafts, repertoire
+from hybrid.diagnosis.planning.repertoire import Shafts, repertoire
 from hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.cases import GROUPS, Case, cases_of
 from tests.benchmarks.diagnosis.design import MORE_PROGRAMMES, Design

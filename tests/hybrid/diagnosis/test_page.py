@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from hybrid.diagnosis import map_plots, plots
-from hybrid.diagnosis.kinematics import Consistency
+from hybrid.diagnosis.contradictions import Consistency
 from hybrid.diagnosis.page import Extras, page_of, verdict_sentence, write_report
 from hybrid.diagnosis.result import Diagnosis, Ladder
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
-    "heading_bias", (-1.5,), (0.1,), ("deg",), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
+    "heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "Heading and track disagree."
 )
 
 

@@ -1,0 +1,1 @@
+"""Position, heading, speeds and yaw rate against each other: whether they tell of one motion."""

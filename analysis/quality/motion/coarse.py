@@ -1,0 +1,247 @@
+"""Whether the motion channels tell of one motion at all, before anything fine is fitted to them.
+
+Positions and the path by heading and speeds are compared as complex moves (north + i east) over windows of ten
+seconds: their ratio is a scale and an angle, free from minus to plus infinity, and so is the ratio of turns. Signs
+and units that nothing fine could mend (a mirrored chart, sway to port, a heading in radians) are tried in turn:
+the one that takes most of what is left away is named. Lever arms and delays are left room, lest they pass for one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.quality.motion.series import GROUPS, STEP_S, Floats, Motion, block_starts, group_samples, isolated
+from analysis.table import require
+
+Complexes = NDArray[np.complex128]
+
+_WINDOW_S = 10.0
+_LONG_S = 60.0
+_FEWEST_WINDOWS = 12
+_FEWEST_LONG = 6
+_ROUNDS = 15
+_KEPT = 0.8  # of the windows: the rest may hold jumps
+_AGREES = 0.5  # of the moves may be left over where a ratio is believed
+_FAR = 0.25  # from which a ratio or an angle [rad] is beyond what the fine fit starts from
+_REMOVED = 0.5  # of what is left that a sign or unit must take away to be named
+_LIKELIER = 10.0  # logarithm of the ratio of likelihoods
+_LEAST_LEFT = 0.01
+_CONTRADICTED = 0.2
+_LEAST_MOVE_M = 30.0
+_BEYOND_NOISE = 6.0
+_FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
+
+
+@dataclass(frozen=True, slots=True)
+class Coarse:
+    """Where the fine fit begins: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
+    to subtract; what contradicts, in words, with its channel and how much of the moves is ``left`` [-]."""
+
+    speed_factor: float = 1.0
+    heading_offset_rad: float = 0.0
+    yaw_rate_factor: float = 1.0
+    contradiction: str = ""
+    channel: str = ""
+    left: float = 0.0
+
+    @property
+    def neutral(self) -> bool:
+        return (self.speed_factor, self.heading_offset_rad, self.yaw_rate_factor) == (1.0, 0.0, 1.0)
+
+
+def coarse_fit(table: pd.DataFrame) -> Coarse:
+    """Compare the motion channels of a table of raw samples.
+
+    Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` for less than 8
+    samples of one. Too few windows to say anything give a neutral answer.
+    """
+    require(table, tuple(name for names in GROUPS.values() for name in names))
+    position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
+    speed, yaw_rate = (each.without(isolated(each.levels)) for each in (speed, yaw_rate))
+    step_s = max(STEP_S, min(each.interval_s for each in (position, heading, speed, yaw_rate)))
+    motion = Motion(position, heading, speed, yaw_rate, step_s)
+    moves = _Moves.of(motion, _WINDOW_S)
+    if moves.count < _FEWEST_WINDOWS:
+        return Coarse()
+    yaw_rate_factor = moves.yaw_rate_factor()
+    named = _named(moves)
+    if named is not None:
+        return Coarse(1.0, 0.0, yaw_rate_factor, *named)
+    left = _left_of_long(_Moves.of(motion, _LONG_S), motion)
+    if left > _CONTRADICTED:
+        return Coarse(1.0, 0.0, yaw_rate_factor, "no sign and no unit that was tried explains it", "north_m", left)
+    return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
+
+
+def _scale_and_angle(moves: _Moves) -> tuple[float, float]:
+    """Factor of the speeds and offset of the heading [rad]; half a turn is the heading's, unless the ship would go
+    astern on the whole: then both speeds have the wrong sign."""
+    ratio = moves.ratio()
+    if abs(np.log(abs(ratio))) < _FAR and abs(np.angle(ratio)) < _FAR:
+        return 1.0, 0.0
+    if abs(np.angle(-ratio)) < _FAR and moves.body.real.mean() < 0.0:
+        return -float(abs(ratio)), float(-np.angle(-ratio))
+    angle = float(-np.angle(ratio))
+    return float(abs(ratio)), angle + 2.0 * np.pi if angle < _FAR - np.pi else angle
+
+
+@dataclass(frozen=True, slots=True)
+class _Explained:
+    """The ratio of moves to what explains them, and what is left [m] by it alone, and with an arm and a delay."""
+
+    ratio: complex
+    plainly_m: float
+    left_m: float
+
+    def removes(self, other: _Explained) -> bool:
+        return self.left_m < _REMOVED * other.left_m
+
+    def likelier(self, other: _Explained, windows: int) -> bool:
+        """Whether it leaves much less by itself and, where noise hides how much less, is better still when an arm
+        and a delay have taken what they can: sway to port looks much like a lever arm."""
+        much = self.plainly_m < _REMOVED * other.plainly_m
+        return much and _KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER
+
+
+@dataclass(frozen=True, slots=True)
+class _Moves:
+    """Positions as complex moves over windows [n], and grid values of what should explain them."""
+
+    grid_s: Floats
+    starts: NDArray[np.int64]
+    length: int
+    moved: Complexes
+    heading: Floats
+    body: Complexes
+    yaw_rate: Floats
+
+    @classmethod
+    def of(cls, motion: Motion, window_s: float) -> _Moves:
+        begin = max(each.time_s[0] for each in motion.groups)
+        end = min(each.time_s[-1] for each in motion.groups)
+        grid_s = np.arange(begin, max(end, begin) + 1e-6, motion.step_s)
+        length = max(2, round(window_s / motion.step_s))
+        starts = block_starts(motion, grid_s, length + 1) if grid_s.size > length else np.empty(0, np.int64)
+        north, east, ahead, aside, rate = (
+            np.interp(grid_s, group.time_s, column)
+            for group in (motion.position, motion.speed, motion.yaw_rate)
+            for column in group.levels.T
+        )
+        heading = np.interp(grid_s, motion.heading.time_s, np.unwrap(motion.heading.levels[:, 0]))
+        moved = np.asarray(_over(north + 1j * east, starts, length))
+        return cls(grid_s, starts, length, moved, heading, ahead + 1j * aside, rate)
+
+    @property
+    def count(self) -> int:
+        return int(self.starts.size)
+
+    def travelled(self, heading: Floats, body: Complexes) -> Complexes:
+        """The moves by heading and speeds."""
+        velocity = body * np.exp(1j * heading)
+        step = self.grid_s[1] - self.grid_s[0]
+        return _over(
+            np.append(0.0, np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]))), self.starts, self.length
+        )
+
+    def explained(self, moved: Complexes, heading: Floats, body: Complexes) -> _Explained:
+        """Moves by those that heading and speeds make."""
+        travelled = self.travelled(heading, body)
+        arm = _over(np.exp(1j * heading), self.starts, self.length)
+        late = _over(body * np.exp(1j * heading), self.starts, self.length)
+        values, plainly = _regressed(moved, travelled[:, np.newaxis])
+        left = _regressed(moved, np.column_stack([travelled, arm, late]))[1]
+        return _Explained(complex(values[0]), _trimmed(plainly), _trimmed(left))
+
+    def ratio(self) -> complex:
+        """What turns and stretches the moves by heading and speeds to those of the positions; 1 where they differ
+        by more than that."""
+        by = self.explained(self.moved, self.heading, self.body)
+        return by.ratio if by.left_m < _AGREES * _trimmed(self.moved) and abs(by.ratio) > 0.0 else 1.0 + 0.0j
+
+    def yaw_rate_factor(self) -> float:
+        """What the yaw rate must be multiplied by to be the heading's rate, where that is far from 1 and sure."""
+        step = self.grid_s[1] - self.grid_s[0]
+        rate = self.yaw_rate
+        turned = _over(np.append(0.0, np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))), self.starts, self.length)
+        headed = _over(self.heading, self.starts, self.length)
+        values, left = _regressed(headed, np.column_stack([turned, np.ones(turned.size)]))
+        factor, about = float(values[0].real), np.abs(headed - np.median(headed))
+        sure = _trimmed(left) < _AGREES * _trimmed(about) and factor != 0.0
+        return factor if sure and abs(factor - 1.0) > _FAR else 1.0
+
+
+def _named(moves: _Moves) -> tuple[str, str, float] | None:
+    """The sign or unit that takes away what the channels contradict each other by: words, channel, share left."""
+    path, plain = _trimmed(moves.moved), moves.explained(moves.moved, moves.heading, moves.body)
+    if not max(plain.left_m, plain.plainly_m) > _LEAST_LEFT * path:
+        return None
+    tried = {
+        "chart": moves.explained(moves.moved.conj(), moves.heading, moves.body),
+        "body": moves.explained(moves.moved, moves.heading, moves.body.conj()),
+        "heading": moves.explained(moves.moved, -moves.heading, moves.body),
+    }
+    if np.ptp(np.angle(np.exp(1j * moves.heading))) < _FULL_TURN_RAD_IN_DEG:
+        tried["radians"] = moves.explained(moves.moved, np.rad2deg(moves.heading), moves.body)
+    kind = min(tried, key=lambda each: tried[each].left_m)
+    removes = tried[kind].removes(plain) or (kind == "body" and tried[kind].likelier(plain, moves.count))
+    if not removes:
+        return None
+    return *_words(kind, float(np.rad2deg(np.angle(tried[kind].ratio)))), plain.plainly_m / path
+
+
+def _words(kind: str, angle_deg: float) -> tuple[str, str]:
+    if kind == "radians":
+        return "they agree if the heading is in radians, not degrees", "heading_deg"
+    if kind == "heading":
+        return "they agree if the heading counts anticlockwise", "heading_deg"
+    told = {
+        ("chart", 0): ("they agree if east counts to the west", "east_m"),
+        ("chart", 2): ("they agree if north counts to the south", "north_m"),
+        ("chart", 3): ("they agree if north and east are exchanged", "north_m"),
+        ("body", 0): ("they agree if sway counts to port", "sway_mps"),
+        ("body", 1): ("they agree if surge and sway are exchanged", "surge_mps"),
+        ("body", 2): ("they agree if surge counts astern", "surge_mps"),
+    }
+    other = {"chart": ("they agree if the chart is mirrored", "north_m"),
+             "body": ("they agree if one of surge and sway has the wrong sign", "surge_mps")}  # fmt: skip
+    return told.get((kind, round(angle_deg / 90.0) % 4), other[kind])
+
+
+def _left_of_long(moves: _Moves, motion: Motion) -> float:
+    """The share of the moves in a minute that is left, where it is beyond noise and the ship went anywhere."""
+    if moves.count < _FEWEST_LONG:
+        return 0.0
+    path, left = _trimmed(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
+    rough = np.abs(np.diff(motion.position.levels, n=2, axis=0))
+    noise = float(np.median(rough)) / (0.6745 * np.sqrt(6.0))
+    return left / path if path > _LEAST_MOVE_M and left > _BEYOND_NOISE * noise else 0.0
+
+
+def _over(values: NDArray[Any], starts: NDArray[np.int64], length: int) -> NDArray[Any]:
+    """By how much values on the grid change over each window."""
+    return np.asarray(values[starts + length] - values[starts])
+
+
+def _regressed(moved: Complexes | Floats, slopes: Complexes | Floats) -> tuple[Complexes, Complexes]:
+    """Complex least squares with Cauchy's weights: the values [p] and what is left [n]."""
+    size = np.sqrt(np.mean(np.abs(slopes) ** 2, axis=0)) + 1e-12
+    scaled = (slopes / size).astype(np.complex128)
+    weights = np.ones(moved.size)
+    for _ in range(_ROUNDS):
+        matrix = (scaled.conj() * weights[:, np.newaxis]).T @ scaled / weights.sum() + 1e-6 * np.eye(size.size)
+        values = np.linalg.solve(matrix, (scaled.conj() * weights[:, np.newaxis]).T @ moved / weights.sum())
+        left = moved - scaled @ values
+        scale = 2.0 * float(np.median(np.abs(left))) + 1e-9
+        weights = 1.0 / (1.0 + (np.abs(left) / scale) ** 2)
+    return np.asarray(values / size), np.asarray(left)
+
+
+def _trimmed(values: Complexes | Floats) -> float:
+    """The root mean square of all but the largest fifth."""
+    squares = np.sort(np.abs(values) ** 2)
+    return float(np.sqrt(squares[: max(1, int(_KEPT * squares.size))].mean()))

@@ -1,0 +1,221 @@
+"""Stamps of headings that jitter: the heading scatters about the integrated yaw rate in proportion to the rate.
+
+A ship's inertia keeps her yaw rate smooth, and noise of compass and gyro is the same whether she turns or not. The
+variance that grows with the square of the yaw rate is therefore that of the stamps. Each stretch of time counts for
+itself, about its own straight line and, within what is known of such sensors, its own scale and delay; the interval
+comes from leaving out one stretch after another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.angles import unwrap
+from analysis.quality.motion.jitter import Jitter
+from analysis.quality.motion.kinematics import Kinematics, quantile
+from analysis.quality.motion.path import turn_model
+from analysis.quality.motion.series import GROUPS, Bools, Floats, group_samples
+
+_SMALLEST_S = 0.1
+"""Jitter below this is nothing to care about: a quarter of a degree in a hard turn."""
+_CHANCE = 1e-3
+"""Probability that chance exceeds its own spread so far in a sound trial; it must be as large as jitter besides."""
+_SHORT_S = 30.0
+_LONG_S = 120.0
+_FEWEST_SAMPLES = 8
+_FEWEST_STRETCHES = 5
+_PRIOR = np.array([np.inf, np.inf, 0.05, 0.3])
+"""How far the line, the scale and the delay [s] of one stretch may be from those of the whole recording."""
+_FINEST_RAD = np.deg2rad(0.01)
+_LARGEST_STAMP_ERROR_S = 3.0
+_LEAP = 10.0
+_STILL = 0.1
+_ROUNDS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingErrors:
+    """Of each heading: when [s], by how much it differs from the integrated yaw rate [rad], how far the ship has
+    turned by then [rad] and how fast she turns [rad/s], all of shape [n]; the step of the values [rad]."""
+
+    time_s: Floats
+    error: Floats
+    turned: Floats
+    rate: Floats
+    step: float
+
+
+def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
+    """The jitter of the headings in a table about the turns that were fitted to it."""
+    raw = group_samples(table, GROUPS["heading_deg"])
+    turned, rate = turned_at(fit, raw.time_s)
+    error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
+    steps = np.abs(np.diff(raw.levels[:, 0]))
+    moved = steps[steps > 1e-7]
+    return jitter_of(HeadingErrors(raw.time_s, error, turned, rate, float(moved.min()) if moved.size else 0.0))
+
+
+def jitter_of(errors: HeadingErrors) -> Jitter:
+    """The part of errors that grows with the yaw rate, as that of stamps.
+
+    Short stretches tell best of errors that change from sample to sample, the limit of long ones, from stretches of
+    60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
+    worked out once more from how far the ship turns in that time, which in waves is less than in proportion.
+    """
+    lines = tuple(_about_lines(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
+    if min(lines[0].usable.sum(), lines[2].usable.sum()) < _FEWEST_STRETCHES:
+        return Jitter()
+    jitter = _jitter(lines, errors.rate**2, errors.step)
+    for _ in range(_ROUNDS):
+        if jitter.seconds >= _SMALLEST_S:
+            jitter = _jitter(lines, _swung2(errors, jitter.seconds), errors.step)
+    return jitter
+
+
+def certain(jitter: Jitter) -> bool:
+    """Whether headings jitter: not by chance, not next to nothing, nor by more than stamps do."""
+    return jitter.beyond(_SMALLEST_S, _CHANCE) and jitter.seconds <= _LARGEST_STAMP_ERROR_S
+
+
+def turned_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
+    """What a heading with these stamps should read but for a constant [rad], and the yaw rate then [rad/s].
+
+    From the recorded yaw rate with the factor, the bias and the delay between the two that were fitted.
+    """
+    from scipy.interpolate import CubicSpline
+
+    rate, parameters = fit.motion.yaw_rate, fit.parameters[6:]
+    grid_s = np.arange(rate.time_s[0], rate.time_s[-1], fit.motion.step_s)
+    turned, slopes = turn_model(fit.motion, grid_s)(parameters)
+    times = np.clip(heading_time_s - parameters[2], grid_s[0], grid_s[-1])
+    both = CubicSpline(grid_s, np.column_stack([turned[:, 0], -slopes[:, 2, 0]]))(times)
+    return both[:, 0], both[:, 1]
+
+
+def leaps(error: Floats, rate: Floats) -> Bools:
+    """Where headings part from the integrated yaw rate for good, as at a splice: [n - 1], steps that no stamp error
+    of 3 s and no noise explains."""
+    steps = np.abs(np.diff(error))
+    turning = np.maximum(np.abs(rate[1:]), np.abs(rate[:-1]))
+    noise = 1.4826 * float(np.median(steps)) if steps.size else 0.0
+    return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP * noise)
+
+
+def _swung2(errors: HeadingErrors, seconds: float) -> Floats:
+    """By how much stamps with this standard deviation spoil each heading: squared error over squared stamp error,
+    by the three points of Gauss and Hermite."""
+    aside_s = np.sqrt(3.0) * seconds
+    moved = [np.interp(errors.time_s + each, errors.time_s, errors.turned) - errors.turned
+             for each in (-aside_s, aside_s)]  # fmt: skip
+    return np.asarray((moved[0] ** 2 + moved[1] ** 2) / (2.0 * aside_s**2))
+
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """The ``stretch`` of each heading and what is ``left`` of it about the stretch's line: [n]; which stretches are
+    ``usable``, with samples enough and no breaks: [k]."""
+
+    stretch: NDArray[np.int64]
+    left: Floats
+    usable: Bools
+
+
+def _about_lines(errors: HeadingErrors, seconds: float) -> _Lines:
+    stretch = (errors.time_s // seconds).astype(np.int64)
+    count = np.bincount(stretch)
+    broken = np.bincount(stretch[1:], leaps(errors.error, errors.rate), count.size) > 0
+    usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
+    columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
+    noise2, left = _noise2(errors.error), np.zeros(stretch.size)
+    for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
+        within = slice(end - number, end)
+        left[within] = _left(columns[within], errors.error[within], noise2)
+    return _Lines(stretch, left, np.asarray(usable))
+
+
+def _noise2(error: Floats) -> float:
+    """The variance of one sample [rad2], by how it differs from its two neighbours."""
+    bends = error[1:-1] - 0.5 * (error[2:] + error[:-2])
+    return float(max((1.4826 * np.median(np.abs(bends))) ** 2 / 1.5, _FINEST_RAD**2))
+
+
+def _left(columns: Floats, error: Floats, noise2: float) -> Floats:
+    """What is left about the line, scale and delay of a stretch, as large as if they were known."""
+    columns = columns - np.concatenate([[0.0], columns[:, 1:].mean(axis=0)])
+    solution = np.linalg.solve(columns.T @ columns + np.diag(noise2 / _PRIOR**2), columns.T)
+    free = error.size - float(np.sum(columns * solution.T))
+    return np.asarray((error - columns @ (solution @ error)) * np.sqrt(error.size / max(free, 1.0)))
+
+
+def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
+    """The jitter by what is left in short, longer and long stretches, given what a second of it spoils [n]."""
+    short, half, long = (_sums(each, spoils2) for each in lines)
+    least = step**2 / 12.0
+    size = _growth(_in_the_limit(long, half)[lines[2].usable], least)
+    others = _growth(short[lines[0].usable], least)
+    surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.telling))
+    judged = lines[2].usable[lines[2].stretch]
+    ratio = _ratio(spoils2[judged], lines[2].left[judged] ** 2)
+    return Jitter(
+        size.variance_s2, size.standard_error_s2, size.telling, surest.surplus, surest.telling, ratio
+    )  # fmt: skip
+
+
+def _sums(lines: _Lines, spoils2: Floats) -> Floats:
+    """By stretch [k, 5]: the number of headings, and the sums of what jitter would spoil, of its squares, of the
+    squared errors and of their products with what it would spoil."""
+    left2 = lines.left**2
+    each = np.column_stack([np.ones(left2.size), spoils2, spoils2**2, left2, spoils2 * left2])
+    return np.column_stack([np.bincount(lines.stretch, column) for column in each.T]).astype(float)
+
+
+def _in_the_limit(long: Floats, half: Floats) -> Floats:
+    """Sums of what is left of errors that outlast their stretch: it is less by as much as the stretch is short."""
+    paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(-1, 2, 5).sum(axis=1)
+    return np.hstack([long[:, :3], 2.0 * long[:, 3:] - paired[:, 3:]])
+
+
+def _ratio(spoils2: Floats, left2: Floats) -> float:
+    """How many times the variance in turns is that of the tenth in which the ship turns least."""
+    if not spoils2.any():
+        return 1.0
+    still = float(left2[spoils2 <= np.quantile(spoils2, _STILL)].mean())
+    return float(spoils2 @ left2 / spoils2.sum()) / max(still, 1e-12)
+
+
+@dataclass(frozen=True, slots=True)
+class _Growth:
+    """The variance of the stamps [s2], its standard error, and how many stretches tell it."""
+
+    variance_s2: float
+    standard_error_s2: float
+    telling: float
+
+    @property
+    def surplus(self) -> float:
+        return self.variance_s2 / max(self.standard_error_s2, 1e-12)
+
+
+def _growth(sums: Floats, least: float) -> _Growth:
+    """A straight line through squared errors against what jitter would spoil, by least squares."""
+    total, count = sums.sum(axis=0), len(sums)
+    without = _slopes(total - sums, least)
+    error = np.sqrt((count - 1) / count * ((without - without.mean()) ** 2).sum())
+    usual = total[1] / total[0]
+    lever = sums[:, 2] - 2.0 * usual * sums[:, 1] + usual**2 * sums[:, 0]
+    telling = lever.sum() ** 2 / max(float((lever**2).sum()), 1e-300)
+    return _Growth(float(_slopes(total[np.newaxis], least)[0]), float(error), float(telling))
+
+
+def _slopes(sums: Floats, least: float) -> Floats:
+    """The slope of each line [k]; none is less than ``least`` without turning, the variance of rounding: a steady
+    heading that always reads the same seems to have none."""
+    count, spoils2, spoils4, left2, product = sums.T
+    slope = (product - left2 * spoils2 / count) / np.maximum(spoils4 - spoils2**2 / count, 1e-300)
+    still = (left2 - slope * spoils2) / count
+    through = (product - least * spoils2) / np.maximum(spoils4, 1e-300)
+    return np.asarray(np.where(still < least, through, slope))

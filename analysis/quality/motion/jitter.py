@@ -1,0 +1,146 @@
+"""Stamps of positions that jitter: the position errs along the way the ship goes, in proportion to her speed.
+
+Noise of the positions errs across as much as along, so the variance along less that across, by the square of the
+speed, is the variance of the stamps. Each stretch of time counts for itself, about its own straight line; the
+interval comes from leaving out one stretch after another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
+from analysis.quality.motion.path import interpolated, path_model
+from analysis.quality.motion.series import GROUPS, Floats, group_samples, isolated, rotated
+
+_SHORT_S = 30.0
+_LONG_S = 120.0
+_FEWEST_SAMPLES = 8
+_FEWEST_STRETCHES = 5
+_BROKEN = 30.0
+_LEAST_RATIO = 2.0
+_LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
+
+
+@dataclass(frozen=True, slots=True)
+class Jitter:
+    """Variance of the stamps [s2] with its standard error and how many stretches tell it.
+
+    ``surplus`` is by how many of its standard errors the variance that jitter makes exceeds the one that it does
+    not (of positions along and across the way, of headings with and without turning) in short stretches, whose
+    many tell it best, and ``ratio`` the one over the other.
+    """
+
+    variance_s2: float = 0.0
+    standard_error_s2: float = np.inf
+    stretches: float = 0.0
+    surplus: float = 0.0
+    surplus_stretches: float = 0.0
+    ratio: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        return float(np.sqrt(max(self.variance_s2, 0.0)))
+
+    def beyond(self, smallest_s: float, chance: float = CHANCE) -> bool:
+        """Whether it is larger than anyone should care about, and surely no chance."""
+        surely = self.surplus > quantile(1.0 - chance, self.surplus_stretches)
+        return surely and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
+
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the standard deviation [s]."""
+        error = np.hypot(self.standard_error_s2, _LEFT_OVER * self.variance_s2)
+        half = quantile(0.975, self.stretches) * error
+        low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0))
+        return float(low), float(high)
+
+
+@dataclass(frozen=True, slots=True)
+class PositionErrors:
+    """Of each raw position: when [s], by how much north and east [n, 2], the velocity of the ship [n, 2] and the
+    position itself [n, 2]."""
+
+    time_s: Floats
+    error: Floats
+    velocity: Floats
+    raw: Floats
+
+
+def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
+    """The jitter of the positions in a table about the motion that was fitted to it.
+
+    The line of a stretch takes some of a jitter that lasts for seconds away with it, by as much as the stretch is
+    short: the size is what stretches of 60 and 120 s lead to in the limit of long ones.
+    """
+    errors = position_errors(table, fit)
+    short, *halves = (_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S))
+    long = _sums(errors, _LONG_S)
+    usable, enough = _usable(long), _usable(short)
+    if usable.sum() < _FEWEST_STRETCHES or not long[1][usable].sum() > 0.0:
+        return Jitter()
+    half = halves[0][2] - halves[0][3]
+    half = np.pad(half, (0, 2 * len(usable) - len(half))).reshape(-1, 2).sum(axis=1)
+    size = _of_stretches((2.0 * (long[2] - long[3]) - half)[usable], long[1][usable])
+    variance, error, telling = _of_stretches((short[2] - short[3])[enough], short[1][enough])
+    ratio = short[2][enough].sum() / max(float(short[3][enough].sum()), 1e-12)
+    return Jitter(*size, variance / max(error, 1e-12), telling, float(ratio))
+
+
+Sums = tuple[Floats, Floats, Floats, Floats]
+"""For each stretch: samples, and sums of squares of speed, of errors along and of errors across the way."""
+
+
+def _sums(errors: PositionErrors, seconds: float) -> Sums:
+    stretch = (errors.time_s // seconds).astype(np.int64)
+    left = np.column_stack([_about_lines(column, stretch) for column in errors.error.T])
+    body = rotated(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), left)
+    speed2 = (errors.velocity**2).sum(axis=1)
+    count, moved, along, across = (
+        np.bincount(stretch, each).astype(float) for each in (np.ones(stretch.size), speed2, *(body**2).T)
+    )
+    return count, moved, along, across
+
+
+def _usable(sums: Sums) -> NDArray[np.bool_]:
+    """Stretches with samples enough and without breaks."""
+    count, _, along, across = sums
+    usable = count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0])))
+    size = (along + across) / np.maximum(count, 1)
+    return np.asarray(usable & (size <= _BROKEN * np.median(size[usable])) if usable.any() else usable)
+
+
+def _of_stretches(excess_m2: Floats, moved_m2: Floats) -> tuple[float, float, float]:
+    """The ratio of sums, its standard error by leaving out stretches, and how many tell it."""
+    count, total, base = excess_m2.size, excess_m2.sum(), moved_m2.sum()
+    without = (total - excess_m2) / np.maximum(base - moved_m2, 1e-12)
+    error = np.sqrt((count - 1) / count * ((without - without.mean()) ** 2).sum())
+    return float(total / base), float(error), float(base**2 / (moved_m2**2).sum())
+
+
+def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
+    """By how much raw positions differ from the path that was fitted; those that stick out are left out."""
+    motion, parameters = fit.motion, fit.parameters[:6]
+    grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
+    path, slopes = path_model(motion, grid_s)(parameters)
+    raw = group_samples(table, GROUPS["north_m"])
+    times = raw.time_s - parameters[2]
+    within = (times >= grid_s[0]) & (times <= grid_s[-1])
+    at = interpolated(times[within], grid_s, np.hstack([path, -slopes[:, 2]]))
+    error = raw.levels[within] - at[:, :2]
+    sound = ~isolated(error)
+    return PositionErrors(times[within][sound], error[sound], at[sound, 2:], raw.levels[within][sound])
+
+
+def _about_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
+    """What is left about the straight line of each stretch, as large as if the line were known."""
+    place = np.arange(values.size, dtype=float)
+    count = np.bincount(stretch)
+    some = np.maximum(count, 1)
+    place -= (np.bincount(stretch, place) / some)[stretch]
+    values = values - (np.bincount(stretch, values) / some)[stretch]
+    slope = np.bincount(stretch, place * values) / np.maximum(np.bincount(stretch, place**2), 1e-12)
+    return np.asarray((values - slope[stretch] * place) * np.sqrt(some / np.maximum(count - 2, 1))[stretch])

@@ -1,0 +1,221 @@
+"""Whether position, heading, speeds and yaw rate tell of one motion, and by what they differ if they do not.
+
+Whatever the ship does, and in waves and current too (speeds are over ground):
+
+    d(position)/dt = R(heading - b) [f u - y r, f v + x r],    d(heading)/dt = c r + d,
+
+with the factor f of the recorded speeds, the heading's offset b, the lever arm (x, y) from the point of the
+speeds to that of the positions, scale c and bias d of the yaw rate; and each group may be stamped too late. Both
+equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow motion to faster so that
+a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
+out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.motion.coarse`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.errors import DataShortageError
+from analysis.quality.motion.blocks import Solution, cosines, solve
+from analysis.quality.motion.coarse import Coarse, coarse_fit
+from analysis.quality.motion.path import Model, path_model, turn_model, without_jumps
+from analysis.quality.motion.series import Floats, Group, Motion, block_starts, motion_of, spline
+
+PATH_PARAMETERS = (
+    "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",
+)  # fmt: skip
+TURN_PARAMETERS = ("yaw_rate_factor", "yaw_rate_bias_radps", "heading_after_yaw_rate_s")
+NAMES = PATH_PARAMETERS + TURN_PARAMETERS
+CHANCE = 1e-4
+"""Probability that a figure of a sound trial is called wrong."""
+_DELAY_PRIOR_S = 20.0
+_PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0])
+_TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
+_CLEAR = 4.0
+_FARTHEST = 0.6
+_BLOCK_S = (40.0, 100.0)
+_BLOCKS = 20
+_FEWEST_BLOCKS = 5
+_STAGES_HZ = (0.05, 0.05, 0.15, 0.5, 0.5)
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What makes the motion channels agree.
+
+    ``parameters`` [9] in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
+    multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
+    heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
+    to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
+    ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
+    where they agree or were not asked (:func:`analysis.quality.motion.parts.with_parts`).
+    ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
+    """
+
+    parameters: Floats
+    covariance: Floats
+    informative: Floats
+    blocks: int
+    motion: Motion
+    converged: bool = True
+    coarse: Coarse = field(default_factory=Coarse)
+    half_between: Floats = field(default_factory=lambda: np.zeros(9))
+
+    @cached_property
+    def standard_errors(self) -> Floats:
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Floats:
+        return self.covariance / np.outer(self.standard_errors, self.standard_errors)
+
+    def value(self, name: str) -> float:
+        return float(self.parameters[NAMES.index(name)])
+
+    def standard_error(self, name: str) -> float:
+        return float(self.standard_errors[NAMES.index(name)])
+
+    def interval(self, name: str) -> tuple[float, float]:
+        """The 95 % interval, by Student's t for as many blocks as tell the value, or for the parts that differ."""
+        half = quantile(0.975, self.informative[NAMES.index(name)]) * self.standard_error(name)
+        half = max(half, float(self.half_between[NAMES.index(name)]))
+        return self.value(name) - half, self.value(name) + half
+
+
+def quantile(probability: float, informative: float) -> float:
+    """Of Student's t; the noise of all blocks is known beside the spread of those that matter."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(informative, 1.0) + 3.0, probability))
+
+
+def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinematics:
+    """Fit the motion channels of a table of raw samples to each other.
+
+    Raises :class:`InputError` where a motion channel is missing and :class:`DataShortageError` where fewer than
+    5 blocks of 40 s hold all of them.
+    """
+    coarse = coarse_fit(table) if coarse is None else coarse
+    if coarse.neutral:
+        return replace(fit_motion(motion_of(table)), coarse=coarse)
+    return _begun(fit_motion(motion_of(_corrected(table, coarse))), coarse)
+
+
+def _corrected(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
+    speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
+    heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
+    return table.assign(**speeds, heading_deg=heading, yaw_rate_dps=table["yaw_rate_dps"] * coarse.yaw_rate_factor)
+
+
+def _begun(fit: Kinematics, coarse: Coarse) -> Kinematics:
+    """A fit to a corrected table as one to the table itself: factors multiply, angles add."""
+    scale = np.ones(len(NAMES))
+    scale[NAMES.index("speed_factor")] = coarse.speed_factor
+    scale[NAMES.index("yaw_rate_factor")] = coarse.yaw_rate_factor
+    parameters = fit.parameters * scale
+    parameters[NAMES.index("heading_offset_rad")] += coarse.heading_offset_rad
+    recorded = rescaled(
+        fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
+    )
+    covariance = fit.covariance * np.outer(scale, scale)
+    return replace(fit, parameters=parameters, covariance=covariance, motion=recorded, coarse=coarse)
+
+
+def rescaled(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
+    """Speeds and yaw rate multiplied by their factors, and the offset subtracted from the heading."""
+    return replace(
+        motion,
+        heading=replace(motion.heading, levels=motion.heading.levels - heading_offset_rad),
+        speed=replace(motion.speed, levels=motion.speed.levels * speed_factor),
+        yaw_rate=replace(motion.yaw_rate, levels=motion.yaw_rate.levels * yaw_rate_factor),
+    )
+
+
+def fit_motion(motion: Motion) -> Kinematics:
+    """As :func:`fit_kinematics`, of a motion that is already cleaned."""
+    start = max(group.time_s[0] for group in motion.groups)
+    end = min(group.time_s[-1] for group in motion.groups)
+    grid_s = np.arange(start, max(end, start) + 1e-6, motion.step_s)
+    block_s = float(np.clip((end - start) / _BLOCKS, *_BLOCK_S))
+    length = int(block_s / motion.step_s)
+    starts = block_starts(motion, grid_s, length)
+    if len(starts) < _FEWEST_BLOCKS:
+        raise DataShortageError(
+            f"holds {len(starts)} stretches of {block_s:.0f} s with all motion channels",
+            why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
+        )  # fmt: skip
+    frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
+    parts = (motion, motion.half(0), motion.half(1))
+    path = _fitted(motion.position, tuple(path_model(each, grid_s) for each in parts), _PATH_PRIOR, frame)
+    turn = _fitted(motion.heading, tuple(turn_model(each, grid_s) for each in parts), _TURN_PRIOR, frame)
+    covariance = np.zeros((9, 9))
+    covariance[:6, :6], covariance[6:, 6:] = path.covariance, turn.covariance
+    return Kinematics(
+        np.concatenate([path.parameters, turn.parameters]), covariance,
+        np.concatenate([path.informative, turn.informative]), len(starts), motion,
+        _inside(path.parameters[:2]) and _inside(turn.parameters[:2]),
+    )  # fmt: skip
+
+
+def _inside(parameters: Floats) -> bool:
+    """Whether factor and angle (or bias) stayed where the fit can be believed; the coarse fit is to lead there."""
+    return bool(abs(parameters[0] - 1.0) < _FARTHEST and abs(parameters[1]) < _FARTHEST)
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """The grid, its blocks and the highest frequency that the slowest channel can tell."""
+
+    grid_s: Floats
+    starts: NDArray[np.int64]
+    length: int
+    step_s: float
+    highest_hz: float
+
+    def coefficients(self, limit_hz: float) -> int:
+        """How many cosines lie below a frequency."""
+        wanted = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
+        return int(np.clip(wanted, 3, self.length - 1))
+
+
+Models = tuple[Model, ...]
+"""By all samples, by every other one, and by the rest."""
+
+
+def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
+    """Levels fitted as they are or, where they jump and that tells more, without their jumps.
+
+    To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
+    """
+    solution = _gauss_newton(level, models, prior, frame)
+    steady = without_jumps(level, models[0], frame.grid_s, solution.parameters)
+    if steady is level:
+        return solution
+    other = _gauss_newton(steady, models, prior, frame)
+    return min(solution, other, key=lambda each: float(np.linalg.slogdet(each.covariance)[1]))
+
+
+def _gauss_newton(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
+    """From slow motion to faster. A delay or arm that a stage does not tell begins the next at none, lest it
+    wanders, or finds itself a whole wave off."""
+    level_at, values = spline(level), np.zeros(prior.size)
+    values[0] = 1.0
+    for number, limit_hz in enumerate(_STAGES_HZ, start=1):
+        most = frame.coefficients(limit_hz)
+        (wanted, slopes), *halves = (model(values) for model in models)
+        times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
+        parts = (level_at(times) - wanted, slopes, *(half[1] for half in halves))
+        residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in parts)
+        solution = solve(residuals, by, (first, second), prior)
+        values = values + np.clip(solution.parameters, -0.2 * prior, 0.2 * prior)
+        if number < len(_STAGES_HZ):
+            unclear = np.abs(values) < _CLEAR * np.sqrt(np.diag(solution.covariance))
+            values = np.where(unclear & (prior >= _DELAY_PRIOR_S), 0.0, values)
+    # What the last step still moved is not known better.
+    moving = np.diag(np.where(prior >= _DELAY_PRIOR_S, 2.0 * solution.parameters, 0.0) ** 2)
+    return replace(solution, parameters=values, covariance=solution.covariance + moving)

@@ -1,0 +1,115 @@
+"""Positions with jittering time stamps, rebuilt from the path that speeds and heading give.
+
+A complementary filter: fast motion from the integrated velocity, slow from the recorded positions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.angles import unwrap
+from analysis.quality.runs import Floats, Samples, integral, samples_of
+from analysis.time_index import NANO, times_ns, utc_index
+
+POSITION = ("north_m", "east_m")
+_NEEDED = (*POSITION, "heading_deg", "surge_mps", "sway_mps")
+_TIES_S = (60.0, 120.0, 300.0, 600.0)
+_SLOW = 0.01
+"""A tie may move the path by one per cent of the ship's speed, hardly more than speeds are uncertain by."""
+_LEAP = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rebuilt:
+    """The two position columns, [rows] each, and over how many seconds they are tied; infinite for a median."""
+
+    columns: dict[str, Floats]
+    tie_s: float
+
+
+def rebuilt(table: pd.DataFrame) -> Rebuilt | None:
+    """Positions from the integrated velocity, tied to the recorded ones; None where a channel is lacking.
+
+    What lies between path and positions is passed through a running median over 60 s, which leaps do not move,
+    and a running mean. Where the two part for good (a clock that was set, a hole that was interpolated) each
+    side is tied by itself. Stamps whose errors add up make positions leave the path by leap after leap: such a
+    tie would put that way into the ship's motion again. Where path and positions agree between the leaps, it is
+    made longer until it moves the path by less than 1 % of the speed, at last a constant.
+    """
+    if any(samples_of(table, name).rows.size < 2 for name in _NEEDED):
+        return None
+    way_m = path(table)
+    both = np.flatnonzero(table[list(POSITION)].notna().all(axis=1))
+    times, way_m = utc_index(table)[both], way_m[both]
+    recorded_m = table[list(POSITION)].to_numpy(dtype=float)[both]
+    off_m = recorded_m - way_m
+    side = _sides(off_m)
+    tie_s = _TIES_S[0]
+    tied_m = tied(off_m, side, times, tie_s)
+    if _agrees_between_leaps(way_m, off_m):
+        for tie_s in (*_TIES_S, np.inf):
+            tied_m = tied(off_m, side, times, tie_s)
+            if _pull(tied_m, way_m, side) < _SLOW:
+                break
+    columns = {}
+    for number, name in enumerate(POSITION):
+        columns[name] = table[name].to_numpy(dtype=float, copy=True)
+        columns[name][both] = way_m[:, number] + tied_m[:, number]
+    return Rebuilt(columns, tie_s)
+
+
+def path(table: pd.DataFrame) -> Floats:
+    """North and east of the way that the speeds over ground and the heading give since the start: [rows, 2]."""
+    time_ns = times_ns(table)
+    since_s = np.asarray((time_ns - time_ns[0]) / NANO)
+    surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
+    ahead, aside = (np.interp(since_s, each.time_s, each.value) for each in (surge, sway))
+    psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
+    velocity = ahead * np.cos(psi) - aside * np.sin(psi), ahead * np.sin(psi) + aside * np.cos(psi)
+    rows = np.arange(since_s.size)
+    return np.column_stack([integral(Samples(rows, since_s, each)) for each in velocity])
+
+
+def _sides(off_m: Floats) -> NDArray[np.intp]:
+    """The number of the stretch each position belongs to, between steps far beyond what jitter makes here: [n]."""
+    step_m = np.hypot(*np.diff(off_m, axis=0).T)
+    leap = step_m > _LEAP * np.quantile(step_m, 0.995) if step_m.size else np.zeros(0, np.bool_)
+    return np.concatenate([[0], np.cumsum(leap)])
+
+
+def tied(off: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
+    """Running median and mean over ``tie_s`` of what lies between the recorded and the integrated [n, m], on each
+    side by itself; where ``tie_s`` is infinite, the median of a side."""
+    parts = []
+    for part in np.split(np.arange(side.size), np.flatnonzero(np.diff(side)) + 1):
+        each = pd.DataFrame(off[part], index=times[part])
+        if np.isfinite(tie_s):
+            typical = each.rolling(pd.Timedelta(seconds=tie_s), center=True).median()
+            parts.append(typical.rolling(pd.Timedelta(seconds=tie_s), center=True).mean().to_numpy())
+        else:
+            parts.append(np.broadcast_to(np.median(off[part], axis=0), (part.size, off.shape[1])))
+    return np.concatenate(parts)
+
+
+def _agrees_between_leaps(way_m: Floats, off_m: Floats) -> bool:
+    """Whether the usual step of the positions is that of the path, along and across it.
+
+    It is not where the heading has an offset or the speeds a scale; then the positions are the better guide.
+    """
+    way, off = (np.diff(each[:, 0] + 1j * each[:, 1]) for each in (way_m, off_m))
+    moving = np.abs(way) > 0.2 * np.median(np.abs(way))
+    if not moving.any():
+        return False
+    share = off[moving] / way[moving]
+    return bool(np.hypot(np.median(share.real), np.median(share.imag)) < _SLOW)
+
+
+def _pull(tied_m: Floats, way_m: Floats, side: NDArray[np.intp]) -> float:
+    """How far the tie moves the path, as a share of the way: root mean square of steps within the sides."""
+    within = np.diff(side) == 0
+    moved, way = (np.sum(np.diff(each, axis=0)[within] ** 2) for each in (tied_m, way_m))
+    return float(np.sqrt(moved / max(way, 1e-12)))

@@ -1,0 +1,137 @@
+"""Scales, a bias and an offset of the motion channels in words, where they are clear of chance.
+
+What is clear may yet not be certain: a factor must be known to half a percent over the whole recording, and be one
+that no other channel could be to blame for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis.quality.findings import Finding
+from analysis.quality.motion.contradictions import SPEED_UNITS, YAW_RATE_UNITS, Unit, believable, unit_of
+from analysis.quality.motion.kinematics import CHANCE, NAMES, Kinematics, quantile
+
+_SMALLEST = {
+    "speed_factor": 0.005,
+    "yaw_rate_factor": 0.01,
+    "yaw_rate_bias_radps": np.deg2rad(0.02),
+    "heading_offset_rad": np.deg2rad(0.3),
+}
+_SYSTEMATIC = {
+    "speed_factor": 2e-4,
+    "yaw_rate_factor": 5e-4,
+    "yaw_rate_bias_radps": np.deg2rad(5e-4),
+    "heading_offset_rad": np.deg2rad(0.01),
+}
+"""What sampling and interpolation may do, as standard deviations: no interval is narrower."""
+
+_CERTAIN_HALF_WIDTH = 0.005
+
+
+def _interval(fit: Kinematics, name: str) -> tuple[float, float]:
+    low, high = fit.interval(name)
+    half = float(np.hypot(0.5 * (high - low), 1.96 * _systematic(fit, name)))
+    return fit.value(name) - half, fit.value(name) + half
+
+
+def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
+    """Whether a figure differs from its neutral value, by more than chance and by enough to matter."""
+    away = abs(fit.value(name) - neutral)
+    critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
+    return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
+
+
+def _systematic(fit: Kinematics, name: str) -> float:
+    """In proportion to a factor."""
+    return float(_SYSTEMATIC[name] * (abs(fit.value(name)) if name.endswith("factor") else 1.0))
+
+
+def _certain(factor: float, low: float, high: float, unit: Unit | None) -> bool:
+    half = 0.5 * (high - low)
+    precise = half < _CERTAIN_HALF_WIDTH * abs(factor) and abs(factor - 1.0) > 4.0 * half
+    return bool(precise and believable(factor, unit))
+
+
+def speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    """The factor of surge and sway against the rate of the positions."""
+    if not _clear(fit, "speed_factor", 1.0):
+        return None
+    factor, (low, high) = fit.value("speed_factor"), _interval(fit, "speed_factor")
+    unit = unit_of(factor, SPEED_UNITS, low, high)
+    how = (
+        f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
+        if factor > 0.0
+        else "run against"
+    )
+    return Finding(
+        "speed_scale", "surge_mps", start, end,
+        f"Surge and sway {how} the rate of the positions {_factor(fit, 'speed_factor', unit)}",
+        f"Multiply surge and sway by {factor:.4f}." if unit is None or unit.sure else "Find out which it is.",
+        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
+    )  # fmt: skip
+
+
+def yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    """The factor of the yaw rate against the turns of the heading."""
+    if not _clear(fit, "yaw_rate_factor", 1.0):
+        return None
+    factor, (low, high) = fit.value("yaw_rate_factor"), _interval(fit, "yaw_rate_factor")
+    unit = unit_of(factor, YAW_RATE_UNITS, low, high)
+    how = (
+        f"reads {abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
+        if factor > 0.0
+        else "reads against the turns of the heading"
+    )
+    return Finding(
+        "yaw_rate_scale", "yaw_rate_dps", start, end,
+        f"The yaw rate {how} {_factor(fit, 'yaw_rate_factor', unit)}", f"Multiply the yaw rate by {factor:.4f}.",
+        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
+    )  # fmt: skip
+
+
+def _factor(fit: Kinematics, name: str, unit: Unit | None) -> str:
+    """A factor with its interval, the unit that it tells of, and whether it holds throughout."""
+    low, high = _interval(fit, name)
+    text = f"(factor {fit.value(name):.4f}, 95 % {low:.4f} to {high:.4f})"
+    if unit is not None:
+        text += f", {unit.words}"
+    apart = fit.half_between[NAMES.index(name)] > max(_SMALLEST[name], 2.0 * fit.standard_error(name))
+    return text + ("; it is not the same throughout the recording" if apart else "")
+
+
+def yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    """What the yaw rate reads while the heading stays [deg/s]."""
+    if not _clear(fit, "yaw_rate_bias_radps"):
+        return None
+    scale = -180.0 / np.pi / fit.value("yaw_rate_factor")
+    bias, (high, low) = (
+        fit.value("yaw_rate_bias_radps") * scale,
+        np.array(_interval(fit, "yaw_rate_bias_radps")) * scale,
+    )
+    text = f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})"
+    return Finding(
+        "yaw_rate_bias", "yaw_rate_dps", start, end, text, "Subtract it, and set the gyro's zero.",
+        {"bias_dps": bias, "low": float(low), "high": float(high)},
+    )  # fmt: skip
+
+
+def heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    """The heading against course and drift angle [deg]."""
+    if not _clear(fit, "heading_offset_rad"):
+        return None
+    angle, (low, high) = (
+        np.rad2deg(fit.value("heading_offset_rad")),
+        np.rad2deg(_interval(fit, "heading_offset_rad")),
+    )
+    astern = ", unless surge and sway have the wrong sign" if abs(angle) > 175.0 else ""
+    text = (
+        f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
+        f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}"
+    )
+    return Finding(
+        "heading_offset", "heading_deg", start, end, text,
+        "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
+        {"angle_deg": float(angle), "low": float(low), "high": float(high)},
+    )  # fmt: skip

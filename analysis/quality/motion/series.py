@@ -1,0 +1,233 @@
+"""The motion channels of a table as smooth functions of time, and blocks of time in which all of them are there.
+
+Positions, heading, speeds and yaw rate are four groups, each with stamps of its own. Groups that are faster than
+:data:`STEP_S` are averaged over that long, time and value alike, which shifts nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.errors import DataShortageError
+from analysis.table import require
+from analysis.time_index import NANO, times_ns
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "north_m": ("north_m", "east_m"),
+    "heading_deg": ("heading_deg",),
+    "surge_mps": ("surge_mps", "sway_mps"),
+    "yaw_rate_dps": ("yaw_rate_dps",),
+}
+"""Channels that are stamped together, by the channel that findings name them with."""
+
+MOTION = tuple(name for names in GROUPS.values() for name in names)
+STEP_S = 0.25
+_SPIKE = 8.0
+_LONGEST_GAP_S = 3.0
+_WILD_RAD = np.deg2rad(2.0)
+_NEIGHBOURHOOD_S = 20.0
+_MOST_WILD = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """One group: ``time_s`` [n] increasing, ``levels`` [n, channels] in SI units, ``interval_s`` between them."""
+
+    time_s: Floats
+    levels: Floats
+    interval_s: float
+
+    def without(self, spoilt: Bools) -> Group:
+        return Group(self.time_s[~spoilt], self.levels[~spoilt], self.interval_s)
+
+    def gaps(self) -> Floats:
+        """Where too long nothing was recorded: [gaps, 2] beginning and end [s]."""
+        long = np.diff(self.time_s) > max(_LONGEST_GAP_S, 2.5 * self.interval_s)
+        return np.column_stack([self.time_s[:-1][long], self.time_s[1:][long]])
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Four groups cleaned of spikes; ``heading`` is unwrapped. ``step_s`` is the grid the fit works on."""
+
+    position: Group
+    heading: Group
+    speed: Group
+    yaw_rate: Group
+    step_s: float
+
+    def half(self, first: int) -> Motion:
+        """The motion by every other sample of heading, speeds and yaw rate, from the ``first`` on (0 or 1)."""
+        heading, speed, yaw_rate = (
+            Group(each.time_s[first::2], each.levels[first::2], 2.0 * each.interval_s) for each in self.groups[1:]
+        )
+        return Motion(self.position, heading, speed, yaw_rate, self.step_s)
+
+    @property
+    def slowest_s(self) -> float:
+        return max(each.interval_s for each in self.groups)
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        return self.position, self.heading, self.speed, self.yaw_rate
+
+
+def motion_of(table: pd.DataFrame) -> Motion:
+    """The motion in a table of raw samples, time from its first row.
+
+    Raises :class:`InputError` where a channel is missing and :class:`DataShortageError` for less than 8 samples.
+    """
+    require(table, MOTION)
+    raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
+    step_s = max(STEP_S, min(each.interval_s for each in raw.values()))
+    speed, yaw_rate = (_binned(_without_spikes(raw[name]), step_s) for name in ("surge_mps", "yaw_rate_dps"))
+    heading = _binned(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
+    path = path_at(raw["north_m"].time_s, heading, speed, step_s)
+    spikes = isolated(raw["north_m"].levels - path)
+    return Motion(_binned(raw["north_m"].without(spikes), step_s), heading, speed, yaw_rate, step_s)
+
+
+def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
+    """The samples of channels that are stamped together, in radians where they are angles."""
+    times = (times_ns(table) - times_ns(table).min()) / NANO
+    columns = [table[name].to_numpy(dtype=float) for name in channels]
+    if len(columns) > 1 and not (np.isfinite(columns[0]) & np.isfinite(columns[1])).any():
+        there = np.isfinite(columns[1])
+        columns[1] = np.interp(times, times[there], columns[1][there])
+    values = np.column_stack(columns)
+    there = np.isfinite(values).all(axis=1)
+    order = np.flatnonzero(there)[np.argsort(times[there], kind="stable")]
+    if order.size < 8:
+        raise DataShortageError(f"holds only {order.size} samples of {channels[0]}", fix="record for longer")
+    scale = np.pi / 180.0 if channels[0].endswith(("_deg", "_dps")) else 1.0
+    steps = np.diff(times[order])
+    interval_s = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 1.0
+    return _without_repeats(Group(times[order], values[order] * scale, interval_s))
+
+
+def _without_repeats(samples: Group) -> Group:
+    """Without the copies of a slower source that was written again and again: repeats that come regularly.
+
+    Rounded values repeat too, but now and then; their copies are samples like all others.
+    """
+    new = np.concatenate([[True], (np.diff(samples.levels, axis=0) != 0.0).any(axis=1)])
+    runs = np.diff(np.append(np.flatnonzero(new), new.size))
+    usual = float(np.median(runs))
+    if usual < 2.0 or np.mean(np.abs(runs - usual) <= 0.1 * usual + 0.5) < 0.8:
+        return samples
+    return Group(samples.time_s[new], samples.levels[new], usual * samples.interval_s)
+
+
+def isolated(values: Floats) -> Bools:
+    """Rows of [n, channels] that stick out of their two neighbours on either side far more than noise does.
+
+    What rises or falls steadily never sticks out, however steep.
+    """
+    before, after = np.pad(values, ((2, 2), (0, 0)), mode="reflect"), values
+    sides = np.stack([before[:-4], before[1:-3], before[3:-1], before[4:]])
+    outside = np.maximum(np.maximum(sides.min(axis=0) - after, after - sides.max(axis=0)), 0.0)
+    spread = np.abs(after - np.median(sides, axis=0))
+    common = spread <= np.quantile(spread, 0.99, axis=0)
+    scale = np.maximum(
+        1.4826 * np.median(spread, axis=0), np.sqrt(np.mean(np.where(common, spread, 0.0) ** 2, axis=0))
+    )
+    return np.asarray((outside > _SPIKE * scale + 1e-9).any(axis=1))
+
+
+def spline(samples: Group) -> Callable[..., Floats]:
+    """A cubic spline through a group; across what is missing it is straight."""
+    from scipy.interpolate import CubicSpline
+
+    steps = np.diff(samples.time_s)
+    extra = np.maximum(np.ceil(steps / (1.5 * samples.interval_s)).astype(int) - 1, 0)
+    extra = np.where(steps > 1.5 * samples.interval_s, np.minimum(extra, 1000), 0)
+    which = np.repeat(np.arange(steps.size), extra)
+    rank = np.arange(which.size) - np.repeat(np.cumsum(extra) - extra, extra) + 1
+    added = samples.time_s[which] + steps[which] * rank / (extra[which] + 1)
+    times = np.sort(np.concatenate([samples.time_s, added]))
+    values = np.column_stack([np.interp(times, samples.time_s, column) for column in samples.levels.T])
+    curve: Callable[..., Floats] = CubicSpline(times, values)
+    return curve
+
+
+def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floats:
+    """The path [n, 2] north and east that heading and speeds describe, at any times."""
+    grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
+    angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
+    ahead, aside = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
+    velocity = rotated(angle, np.column_stack([ahead, aside]))
+    travelled = np.vstack([np.zeros(2), np.cumsum(0.5 * step_s * (velocity[1:] + velocity[:-1]), axis=0)])
+    return np.column_stack([np.interp(time_s, grid, column) for column in travelled.T])
+
+
+def rotated(angle_rad: Floats, body: Floats) -> Floats:
+    """Vectors [n, 2] from forward and starboard to north and east."""
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    return np.column_stack([body[:, 0] * cosine - body[:, 1] * sine, body[:, 0] * sine + body[:, 1] * cosine])
+
+
+def _without_spikes(samples: Group) -> Group:
+    return samples.without(isolated(samples.levels))
+
+
+def _binned(samples: Group, step_s: float) -> Group:
+    """Means of time and value over each step; what is slower stays as it is, but for repeated times."""
+    bins = np.floor(samples.time_s / step_s + 1e-6).astype(np.int64)
+    _, place, count = np.unique(bins, return_inverse=True, return_counts=True)
+    time_s = np.bincount(place, samples.time_s) / count
+    values = np.column_stack([np.bincount(place, column) / count for column in samples.levels.T])
+    return Group(time_s, values, max(samples.interval_s, step_s))
+
+
+def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
+    """The heading unwrapped along the turn that the yaw rate tells, and by it where it contradicts wildly.
+
+    The difference of heading and integrated yaw rate wanders slowly; it is interpolated over samples where it
+    is far from the median of its neighbourhood, as in headings interpolated through north.
+    """
+    turned = _turn_at(heading.time_s, yaw_rate)
+    apart = heading.levels[:, 0] - turned
+    slow = _slow_angle(apart, heading.interval_s)
+    off = np.angle(np.exp(1j * (apart - slow)))
+    wild = np.abs(off) > max(_SPIKE * 1.4826 * float(np.median(np.abs(off))), _WILD_RAD)
+    if wild.mean() < _MOST_WILD:
+        off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
+    return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
+
+
+def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
+    """The running median of an angle on the circle, unwrapped. Long series are thinned before."""
+    from scipy.ndimage import median_filter
+
+    thin = max(1, int(STEP_S / interval_s))
+    size = 2 * int(np.clip(0.5 * _NEIGHBOURHOOD_S / (interval_s * thin), 4, 100)) + 1
+    vector = np.exp(1j * angle_rad[::thin])
+    middle = median_filter(vector.real, size) + 1j * median_filter(vector.imag, size)
+    places = np.arange(0, angle_rad.size, thin)
+    return np.asarray(np.interp(np.arange(angle_rad.size), places, np.unwrap(np.angle(middle))))
+
+
+def _turn_at(time_s: Floats, yaw_rate: Group) -> Floats:
+    rate = yaw_rate.levels[:, 0]
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(yaw_rate.time_s))])
+    return np.asarray(np.interp(time_s, yaw_rate.time_s, turned))
+
+
+def block_starts(motion: Motion, grid_s: Floats, length: int) -> NDArray[np.int64]:
+    """First grid points of the blocks of ``length`` points over which every group was recorded."""
+    there = np.ones(grid_s.size, dtype=bool)
+    for group in motion.groups:
+        there &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
+        for begin, end in group.gaps():
+            there[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(np.int8), [0]])))
+    starts = [np.arange(first, last - length + 1, length) for first, last in edges.reshape(-1, 2)]
+    return np.concatenate([np.empty(0, dtype=np.int64), *starts])

@@ -1,0 +1,80 @@
+"""The run sheet: what the crew said, what the channels say, and plainly what nobody wrote down."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.recording.reader import read_recording
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
+from analysis.manoeuvres.indices import Current, Manoeuvre
+from analysis.resample import resample
+from analysis.run_sheet import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
+from analysis.table import table_of
+from tests.analysis.conftest import steady_table
+
+
+def sheet_of(tmp_path: Path, trial: Trial, *more: object) -> dict[str, str]:
+    path = tmp_path / "trial.mcap"
+    write_table(steady_table(120), path, trial, source="test")
+    recording = read_recording(path)
+    return dict(run_sheet(recording, resample(table_of(recording)), *more))  # type: ignore[arg-type]
+
+
+def test_what_was_written_down_is_there(tmp_path: Path) -> None:
+    trial = Trial(
+        "docking", "gunnerus", "Trondheim", 63.5, -10.25, 20.0, 2.5, 0.1, "half fuel", "2, from the west", "<calm>"
+    )
+    sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 9.6, 2.7))
+    assert sheet["ship"] == "gunnerus"
+    assert sheet["water depth"] == "20 m, 8.0 draughts"
+    assert sheet["draught, trim by the stern"] == "2.5 m, 0.1 m"
+    assert sheet["origin of north and east"] == "63.50000\u00b0 N, 10.25000\u00b0 W"
+    assert (sheet["loading"], sheet["sea state"], sheet["crew's notes"]) == (
+        "half fuel",
+        "2, from the west",
+        "<calm>",
+    )
+    assert sheet["ratios"].startswith("L/B 3.78, B/T 3.56")
+    assert len(sheet["SHA-256"]) == 64
+    assert sheet["closed properly"] == "yes"
+
+
+def test_what_nobody_wrote_down_says_so(tmp_path: Path) -> None:
+    sheet = sheet_of(tmp_path, Trial())
+    for what in ("ship", "place", "loading", "water depth", "sea state", "crew's notes"):
+        assert sheet[what] == UNKNOWN
+    assert sheet["current"].startswith("not known")
+
+
+def test_the_current_is_that_of_the_turns(tmp_path: Path) -> None:
+    start = pd.Timestamp("2026-01-01", tz="UTC")
+    turns = [Manoeuvre("turning_circle", "circle", start, start, "port", {}, {}, current=each)
+             for each in (Current(0.0, 0.3, 0.01, 0.01), Current(0.0, 0.5, 0.01, 0.01))]  # fmt: skip
+    assert sheet_of(tmp_path, Trial(), turns)["current"].startswith("0.40 m/s towards 90\u00b0, from 2 turns")
+
+
+@pytest.mark.parametrize("force", range(1, 13))
+def test_the_wind_force_begins_at_its_lowest_speed(force: int) -> None:
+    lowest = BEAUFORT_MPS[force - 1]
+    assert (beaufort(lowest - 0.01), beaufort(lowest)) == (force - 1, force)
+
+
+def test_a_wind_about_north_is_no_wind_from_the_south() -> None:
+    table = pd.DataFrame({"wind_speed_mps": [6.0, 6.0], "wind_direction_deg": [350.0, 10.0]})
+    assert wind_words(table).startswith("6.0 m/s from 0\u00b0") or wind_words(table).startswith(
+        "6.0 m/s from 360\u00b0"
+    )
+    assert wind_words(table.assign(wind_speed_mps=np.nan)) == UNKNOWN
+
+
+def test_events_are_listed_with_their_time(tmp_path: Path) -> None:
+    path = tmp_path / "trial.mcap"
+    write_table(steady_table(5), path, Trial(), source="test")
+    recording = read_recording(path)
+    recording.events.append((1_700_000_000_000_000_000, "start zigzag"))
+    assert events_of(recording)[-1] == ["22:13:20", "start zigzag"]
