@@ -73,8 +73,18 @@ def _below_docs(path: Path) -> str:
 
 @pytest.mark.parametrize("each", PAGES, ids=name)
 def test_paths_of_the_repository_exist(each: Page) -> None:
+    """Whole paths as they stand, names of single modules anywhere in the packages."""
     for path in _PATH.findall(each.prose):
         assert any(ROOT.glob(path)) if "*" in path else (ROOT / path).exists(), path
+    for name_of_file in re.findall(r"`(\w+\.py)`", each.prose):
+        assert name_of_file in modules(), name_of_file
+
+
+@cache
+def modules() -> set[str]:
+    """The names of all Python files."""
+    places = ("acquisition", "analysis", "hybrid", "notebooks", "tests", "trials")
+    return {"seatrial.py"} | {path.name for place in places for path in (ROOT / place).rglob("*.py")}
 
 
 # Commands
