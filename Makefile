@@ -8,7 +8,7 @@ BIN    := $(VENV)/bin
 .PHONY: help install demo test test-slow pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load soak fuzz check clean
 
 help:            ## show this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ :/' | column -t -s:
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
 
 install: $(STAMP) ## make .venv with the pinned set of constraints.txt
 
