@@ -253,3 +253,25 @@ def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
         path.write_text(f'[trial]\nname = "t"\n\n{text}', encoding="utf-8")
         assert load_config(path).sources[0].channels
     assert len(blocks) == 2
+
+
+def test_the_column_map_of_the_page_imports(tmp_path: Path) -> None:
+    """A table with its columns becomes a recording, in the channels' units and with their signs."""
+    from acquisition.tabular import import_table
+    from analysis.table import read_table
+
+    path, table = tmp_path / "map.toml", tmp_path / "table.csv"
+    path.write_text(block_of("howto/import.md", "A column map", "toml"), encoding="utf-8")
+    motion = ["Time", "Lat", "Lon", "HDG", "SOG fwd [kn]", "SOG stbd [kn]", "ROT"]
+    columns = [*motion, "TWD", "TWS", "P rpm %", "P azi", "S rpm %", "S azi"]
+    values = ["63.44", "10.4", "90", "10", "0", "30", "200", "5", "50", "20", "50", "-20"]
+    rows = [",".join([f"2026-06-01T12:00:{second:02d}", *values]) for second in range(10)]
+    table.write_text("\n".join([",".join(columns), *rows]), encoding="utf-8")
+    import_table(table, tmp_path / "trial.mcap", path)
+    read = read_table(tmp_path / "trial.mcap")
+    assert read.index[0] == pd.Timestamp("2026-06-01T10:00:00Z")
+    first = read.iloc[0]
+    assert first["surge_mps"] == pytest.approx(5.144, abs=0.001)
+    assert (first["yaw_rate_dps"], first["port_rpm"]) == (pytest.approx(0.5), pytest.approx(101.5))
+    assert (first["port_angle_deg"], first["starboard_angle_deg"]) == (-20.0, 20.0)
+    assert "tunnel_rpm" not in read
