@@ -19,7 +19,7 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import Collection, LineCollection, PathCollection, QuadMesh
-from matplotlib.dates import DateConverter, num2date
+from matplotlib.dates import num2date
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
@@ -163,6 +163,6 @@ def _plain(values: Any, axes: Axes | None = None) -> list[Any]:
     if array.dtype.kind in "US":
         return [str(each) for each in array.ravel()]
     numbers: NDArray[np.float64] = np.ma.filled(np.ma.asarray(array, dtype=float), np.nan).ravel()
-    if axes is not None and isinstance(axes.xaxis.get_converter(), DateConverter):
+    if axes is not None and "Date" in type(axes.xaxis.get_converter()).__name__:  # matplotlib's own is private
         return [num2date(each).isoformat() if np.isfinite(each) else None for each in numbers]  # type: ignore[no-untyped-call]
     return [float(f"{each:.7g}") if np.isfinite(each) else None for each in numbers]

@@ -53,7 +53,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
         counted = np.where(each.seconds > 0, each.seconds, np.nan)
         artists.append(_mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0))))
         axes.set_xlabel(TITLES[x])
-    figure.colorbar(artists[-1], ax=list(grid[-1]), pad=0.01, label="seconds\nin a cell")  # type: ignore[arg-type]
+    figure.colorbar(artists[-1], ax=list(grid[-1]), pad=0.01, label="in a cell [s]")  # type: ignore[arg-type]
     for row in grid:
         for axes, (_, y) in zip(row, PLANES, strict=True):
             axes.set_ylabel(TITLES[y], fontsize=8)

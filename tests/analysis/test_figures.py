@@ -72,7 +72,7 @@ def test_shades_are_given_as_times_too() -> None:
     series(axes, steady_table(60), ["surge_mps"])
     held_shade(axes, windows)
     (shade,) = [each for each in drawn_in(figure, "areas") if each.get("label") == "held"]
-    both = pd.to_datetime([shade["areas"][0]["x"][0], str(windows["start"].min())], utc=True)  # type: ignore[index]
+    both = pd.to_datetime([shade["areas"][0]["x"][0], windows["start"].min().isoformat()], utc=True)  # type: ignore[index]
     assert abs((both[0] - both[1]).total_seconds()) < 1e-3
 
 

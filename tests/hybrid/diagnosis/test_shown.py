@@ -1,0 +1,79 @@
+"""What a diagnosis shows comes back from its files as it was, for every verdict."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acquisition.errors import InputError
+from hybrid.diagnosis.contradictions import Consistency
+from hybrid.diagnosis.page import Extras, page_of
+from hybrid.diagnosis.result import Correlation, Diagnosis, Tracks
+from hybrid.diagnosis.shown import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_shown, write_shown
+from tests.hybrid.diagnosis.made_up import a_ladder, a_map, named, of_verdict
+
+SENSORS = Consistency("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")
+CORRELATION = Correlation(("ocean current, 1", "heading bias"), np.array([[1.0, -0.97], [-0.97, 1.0]]))
+ALL = Extras(a_map(), a_map(), (SENSORS,), a_ladder(), CORRELATION)
+
+
+def back(diagnosis: Diagnosis, extras: Extras, folder: Path) -> tuple[Diagnosis, Extras]:
+    """Through the files, as ``seatrial diagnose`` writes them."""
+    (folder / DIAGNOSIS).write_text(json.dumps(diagnosis.as_dict()))
+    if extras.ladder is not None:
+        (folder / LADDER).write_text(json.dumps(extras.ladder.as_dict()))
+    write_shown(diagnosis, extras, folder)
+    return read_shown(folder)
+
+
+@pytest.mark.parametrize("verdict", ["named", "nothing_missing", "unknown", "indistinguishable"])
+def test_the_page_of_what_comes_back_is_the_page_of_what_went_in(verdict: str, tmp_path: Path) -> None:
+    diagnosis = named() if verdict == "named" else of_verdict(verdict)
+    again = back(diagnosis, ALL, tmp_path)
+    before, after = page_of(diagnosis, ALL), page_of(*again)
+    assert after.title == before.title
+    assert after.parts == before.parts  # pictures and all
+
+
+def test_tracks_and_maps_are_the_same_to_the_bit(tmp_path: Path) -> None:
+    diagnosis, extras = back(named(), ALL, tmp_path)
+    tracks, wanted = diagnosis.tracks, named().tracks
+    assert tracks is not None
+    assert wanted is not None
+    for field in fields(Tracks):
+        np.testing.assert_array_equal(getattr(tracks, field.name), getattr(wanted, field.name))
+    assert extras.map is not None
+    assert ALL.map is not None
+    np.testing.assert_array_equal(extras.map.force, ALL.map.force)
+    assert extras.map.places == ALL.map.places
+
+
+def test_what_is_not_there_is_none_and_an_older_file_of_it_goes(tmp_path: Path) -> None:
+    back(named(), ALL, tmp_path)
+    (tmp_path / LADDER).unlink()
+    diagnosis, extras = back(replace(named(), tracks=None), Extras(), tmp_path)
+    assert diagnosis.tracks is None
+    assert (extras.map, extras.consistency, extras.ladder, extras.correlation) == (None, None, None, None)
+    assert not (tmp_path / MAP).exists()
+    assert not (tmp_path / TRACKS).exists()
+
+
+def test_estimates_that_cannot_be_told_apart_are_said_to_be(tmp_path: Path) -> None:
+    assert "cannot be told apart" in "".join(page_of(named(), ALL).parts)
+    loose = replace(ALL, correlation=Correlation(CORRELATION.names, np.eye(2)))
+    assert "cannot be told apart" not in "".join(page_of(named(), loose).parts)
+
+
+def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        read_shown(tmp_path)
+    back(named(), ALL, tmp_path)
+    shown = json.loads((tmp_path / SHOWN).read_text())
+    del shown["evidence"]
+    (tmp_path / SHOWN).write_text(json.dumps(shown))
+    with pytest.raises(InputError, match=r"not what this version writes.*evidence"):
+        read_shown(tmp_path)

@@ -1,0 +1,21 @@
+"""A small case: one voyage held against a model and a calibrator that was trained on little."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hybrid.reporting.case import Case, load_case
+
+
+@pytest.fixture(scope="session")
+def case(unseen: Path, small_folder: Path) -> Case:
+    """With a calibrator."""
+    return load_case([unseen], small_folder)
+
+
+@pytest.fixture(scope="session")
+def bare(unseen: Path) -> Case:
+    """Without one."""
+    return load_case([unseen])

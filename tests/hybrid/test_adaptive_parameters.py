@@ -1,0 +1,92 @@
+"""What the adaptive calibrator says of its parameters: near the truth where the data know them, honest where
+not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hybrid.baselines import reference
+from hybrid.calibrators.adaptive.adaptation import NAMES
+from hybrid.calibrators.adaptive.calibrator import START_NAMES, Adaptive
+from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.gather import gather
+from hybrid.horizon import Horizons
+from hybrid.vessel.files import load_vessel
+
+pytestmark = pytest.mark.pages  # training takes its time
+
+
+@pytest.fixture(scope="module")
+def windows(earlier: list[Path]) -> Horizons:
+    return gather(earlier[:2], 15, 15).horizons
+
+
+@pytest.fixture(scope="module")
+def calibrator(windows: Horizons) -> Adaptive:
+    """On the model of the ship that sailed: what it lacks is current and drift, nothing of the ship."""
+    plant = vessel_plant(load_vessel("gunnerus_long"))
+    tracks = reference(windows, plant)
+    half = np.arange(len(windows)) % 2 == 0
+    return Adaptive(0, plant).fit((windows.subset(half), tracks[half]), (windows.subset(~half), tracks[~half]))
+
+
+@pytest.fixture(scope="module")
+def learned(calibrator: Adaptive) -> Parameters:
+    return parameters_of(calibrator)
+
+
+def test_the_covariance_is_one_and_no_wider_than_the_prior(calibrator: Adaptive) -> None:
+    covariance = calibrator.covariance_
+    assert covariance.shape == (len(NAMES), len(NAMES))
+    np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12)
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+    assert np.linalg.eigvalsh(covariance).max() <= 1.0 + 1e-9
+
+
+def test_the_current_is_known_best_and_found_within_its_interval_and_drift(learned: Parameters) -> None:
+    """The gentle sea's current is 0.2 m/s towards 210 deg; wave drift of the same direction goes with it in
+    part."""
+    best = {each.name: each for each in learned.identified}
+    north, east = best["current north"], best["current east"]
+    towards = np.rad2deg(np.arctan2(east.value, north.value)) % 360.0
+    assert towards == pytest.approx(210.0, abs=20.0)
+    assert np.hypot(north.value, east.value) == pytest.approx(0.2, abs=0.06)
+    assert north.unit == "m/s"
+
+
+def test_what_is_right_in_the_model_stays_near_it(learned: Parameters) -> None:
+    factors = [each for each in learned.every if each.neutral == 1.0]
+    far = [each.name for each in factors if not each.low - each.error <= 1.0 <= each.high + each.error]
+    assert len(far) <= 0.1 * len(factors), far
+    assert not [each.name for each in factors if each.at_bound]
+
+
+def test_the_best_known_come_first_and_the_unknown_say_so(learned: Parameters) -> None:
+    known = [each.identified for each in learned.every]
+    assert known == sorted(known, reverse=True)
+    assert 0 < sum(known) < len(known)
+    matrix = learned.correlation
+    np.testing.assert_allclose(np.diag(matrix), 1.0)
+    assert np.abs(matrix).max() <= 1.0 + 1e-9
+    assert all(abs(value) > 0.95 for _, _, value in learned.entangled())
+
+
+def test_the_covariance_goes_to_disk_and_back(calibrator: Adaptive) -> None:
+    again = Adaptive(0, calibrator.plant).restore(calibrator.state())
+    np.testing.assert_array_equal(again.covariance_, calibrator.covariance_)
+
+
+def test_the_ground_says_which_quantity_lies_beyond(calibrator: Adaptive, windows: Horizons) -> None:
+    """A start twice as fast as any of the training is beyond it in surge, and in nothing else; outside agrees."""
+    fast = windows.subset(np.arange(3))
+    fast.start[:, 3] *= 4.0
+    fast.past[..., 3] *= 4.0
+    ground = calibrator.ground(fast, reference(fast, calibrator._model))
+    assert ground.names == START_NAMES
+    assert ground.beyond.all(axis=0).tolist() == [name == "surge_mps" for name in START_NAMES]
+    assert calibrator.outside(fast, fast.track).all()
+    assert not calibrator.outside(windows, windows.track).any()
