@@ -5,10 +5,10 @@ STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load soak fuzz check clean
+.PHONY: help install demo test test-slow pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load soak fuzz check clean
 
 help:            ## show this list
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/ :/' | column -t -s:
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
 
 install: $(STAMP) ## make .venv with the pinned set of constraints.txt
 
@@ -21,10 +21,20 @@ demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to re
 	$(BIN)/seatrial demo -o demo
 
 test: $(STAMP)   ## the test suite (-n 2: two processes)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages"
 
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow
+
+pages: $(STAMP)  ## the tutorial and the notebooks, word by word
+	$(BIN)/python -m pytest -m pages
+
+docs: $(STAMP)   ## the documentation as a site in docs/_build/html; a warning is an error
+	$(BIN)/python -m sphinx -b html -d docs/_build/doctrees -W --keep-going -n -q docs docs/_build/html
+	@echo docs/_build/html/index.html
+
+linkcheck: $(STAMP) ## whether the links to other sites still lead somewhere; needs a network
+	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/linkcheck
 
 lint: $(STAMP)   ## ruff: rules and format
 	$(BIN)/ruff check .
@@ -57,7 +67,7 @@ fuzz: $(STAMP)   ## every decoder and recovery against bytes found by coverage, 
 	for name in nmea2000 dbc nmea0183 mavlink recover; do \
 	  $(BIN)/python tests/fuzz/fuzz_$$name.py -max_total_time=600 -rss_limit_mb=300 || exit 1; done
 
-check: lint types test ## what CI runs
+check: lint types docs test pages ## what CI runs
 
 clean:           ## forget the environment and what the demo made
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) demo docs/_build

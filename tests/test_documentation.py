@@ -1,0 +1,277 @@
+"""The documentation says what is: its links lead somewhere, its commands, paths, code and settings are real."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import typer.main
+
+import seatrial
+from tests.pages import DOCS, ROOT, Block, Page, page, pages
+
+PAGES = pages()
+_COMMAND = re.compile(r"(?<![-/])\bseatrial [a-z][^`\n|]+")
+_PATH = re.compile(r"`((?:acquisition|analysis|hybrid|trials|tests|docs|notebooks)/[\w./*]+)`")
+_REMOTE = ("http://", "https://", "mailto:")
+EXTERNAL = {"https://mcap.dev", "https://jupytext.readthedocs.io"}
+"""Other sites that a page may link to: few, as nobody looks after them."""
+
+
+def every(language: str) -> list[tuple[Page, Block]]:
+    """The fenced blocks of one language on all pages."""
+    return [(each, block) for each in PAGES for block in each.blocks if block.language == language]
+
+
+def name(value: object) -> str | None:
+    """How a page or a block is called in a test's name."""
+    if isinstance(value, Block):
+        return f"line {value.line}"
+    return value.name if isinstance(value, Page) else None
+
+
+# Links
+
+
+@pytest.mark.parametrize("each", PAGES, ids=name)
+def test_links_lead_somewhere(each: Page) -> None:
+    """Files are there, and so are the headings that a link names; links to other sites are on the list."""
+    for target in each.links:
+        if target.startswith(_REMOTE):
+            assert target.rstrip("/") in EXTERNAL, target
+            continue
+        path, _, anchor = target.partition("#")
+        there = (each.path.parent / path).resolve() if path else each.path
+        assert there.exists(), target
+        if anchor:
+            assert anchor in Page(there, there.read_text(encoding="utf-8")).anchors, target
+
+
+def test_every_page_is_in_a_table_of_contents() -> None:
+    """A page that none lists is found by nobody."""
+    listed = {"index.md"}
+    for each in PAGES:
+        for block in each.blocks:
+            if block.language == "toctree":
+                lines = [line.strip() for line in block.text.splitlines() if line and not line.startswith(":")]
+                entries = [re.sub(r".*<(.*)>", r"\1", line) for line in lines]
+                listed |= {_below_docs(each.path.parent / f"{entry}.md") for entry in entries}
+    assert {_below_docs(each.path) for each in PAGES if each.path.is_relative_to(DOCS)} == listed
+
+
+def _below_docs(path: Path) -> str:
+    return path.resolve().relative_to(DOCS.resolve()).as_posix()
+
+
+@pytest.mark.parametrize("each", PAGES, ids=name)
+def test_paths_of_the_repository_exist(each: Page) -> None:
+    """Whole paths as they stand, names of single modules anywhere in the packages."""
+    for path in _PATH.findall(each.prose):
+        assert any(ROOT.glob(path)) if "*" in path else (ROOT / path).exists(), path
+    for name_of_file in re.findall(r"`(\w+\.py)`", each.prose):
+        assert name_of_file in modules(), name_of_file
+
+
+@cache
+def modules() -> set[str]:
+    """The names of all Python files."""
+    places = ("acquisition", "analysis", "hybrid", "notebooks", "tests", "trials")
+    return {"seatrial.py"} | {path.name for place in places for path in (ROOT / place).rglob("*.py")}
+
+
+# Commands
+
+
+@cache
+def commands() -> dict[str, Any]:
+    """Every command, those of a group by both names."""
+    found = dict(typer.main.get_command(seatrial.app).commands)  # type: ignore[attr-defined]
+    for group, command in list(found.items()):
+        for inner, each in getattr(command, "commands", {}).items():
+            found[f"{group} {inner}"] = each
+    return found
+
+
+def command_lines(each: Page) -> Iterator[str]:
+    """The lines that call `seatrial`: in blocks as they stand, in prose between backquotes."""
+    for block in each.blocks:
+        if block.language in ("", "sh"):
+            text = block.text.replace("\\\n", " ")
+            yield from (found.rstrip() for found in _COMMAND.findall(text))
+    for code in re.findall(r"`([^`\n]+)`", each.prose):
+        if code.startswith("seatrial "):
+            yield code
+    yield from (line.strip() for line in each.prose.splitlines() if line.startswith("    seatrial "))
+
+
+def wrong_with(line: str) -> str:
+    """What is wrong with a command line; empty if nothing is. Placeholders and `...` are passed over."""
+    words = [word for word in shlex.split(line, comments=True)[1:] if word not in ("...", "|")]
+    words = [word.strip("[]") for word in words if not re.search(r"[<>&;]", word)]
+    if not words or words[0] in ("--help", "COMMAND"):
+        return ""
+    both = " ".join(words[:2])
+    command = commands().get(both) or commands().get(words[0])
+    if command is None:
+        return f"no command {words[0]!r}"
+    flags = {flag for each in command.params for flag in (*each.opts, *each.secondary_opts)} | {"--help"}
+    unknown = [word for word in words if re.match(r"--?[a-z]", word) and word.partition("=")[0] not in flags]
+    return f"no option {unknown}" if unknown else ""
+
+
+@pytest.mark.parametrize("each", PAGES, ids=name)
+def test_commands_and_options_exist(each: Page) -> None:
+    for line in command_lines(each):
+        assert not wrong_with(line), line
+
+
+def test_a_wrong_command_line_would_be_seen() -> None:
+    assert wrong_with("seatrial dianose trial.mcap") == "no command 'dianose'"
+    assert wrong_with("seatrial diagnose trial.mcap --toleranze 2") == "no option ['--toleranze']"
+    assert wrong_with("seatrial reproduce table3 --seed 2 -o DIR") == ""
+
+
+def test_every_command_is_described() -> None:
+    """The README's table names each, and the reference is made of them all."""
+    readme = next(each for each in PAGES if each.name == "README.md").text
+    missing = [
+        each for each in commands() if " " not in each and f"`seatrial {each}" not in readme and each != "demo"
+    ]
+    assert not missing
+
+
+# Code and settings
+
+
+@pytest.mark.parametrize(("each", "block"), every("python"), ids=name)
+def test_python_compiles(each: Page, block: Block) -> None:
+    compile(block.text, f"{each.name}, line {block.line}", "exec")
+
+
+@pytest.mark.parametrize(("each", "block"), every("python"), ids=name)
+def test_what_python_imports_is_there(each: Page, block: Block) -> None:
+    """Lines that import run as they stand."""
+    exec("\n".join(line for line in block.text.splitlines() if re.match(r"from [\w.]+ import \w", line)), {})
+
+
+@pytest.mark.parametrize(("each", "block"), every("toml"), ids=name)
+def test_toml_can_be_read(each: Page, block: Block) -> None:
+    assert tomllib.loads(block.text)
+
+
+def executed(code: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    """What a block of code knows when it has run among the names of a module."""
+    names = dict(known)
+    exec(code, names)
+    return names
+
+
+def block_of(where: str, heading: str, language: str) -> str:
+    """The text of the first block of a language below a heading."""
+    found = page(where).blocks
+    return next(each.text for each in found if each.heading == heading and each.language == language)
+
+
+def test_the_check_of_the_page_finds_an_overspeed() -> None:
+    """Written as the page says and put among the checks, it flags the samples and reports them."""
+    from analysis.quality import check
+
+    known = executed(block_of("howto/add_a_check.md", "Add a check", "python"), {})
+    time = pd.date_range("2026-06-01", periods=60, freq="s", tz="UTC", name="time")
+    noise = np.random.default_rng(0).normal(0.0, 0.3, 60)
+    table = pd.DataFrame({"port_rpm": 150.0 + noise, "starboard_rpm": 150.0 - noise}, index=time)
+    table.iloc[20:30, 0] = 260.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(check, "CHECKS", (*check.CHECKS, known["overspeed"]))
+        quality = check.check_table(table)
+    (finding,) = [each for each in quality.findings if each.code == "overspeed"]
+    assert (finding.channel, finding.estimate["rpm"]) == ("port_rpm", 260.0)
+    assert (finding.start, finding.end) == (time[20], time[29])
+    assert (quality.flags["port_rpm"].iloc[20:30] >= 3).all()
+    assert not known["overspeed"](table[["starboard_rpm"]]).findings
+
+
+def test_the_sentence_and_the_group_of_the_page_are_read() -> None:
+    """DPT and 128267, with the readers that the page shows."""
+    from acquisition.decoders import parameter_fields, parameter_groups, sentences
+    from acquisition.decoders.fields import Fields
+
+    reader, fields, group = [block.text for each, block in every("python") if each.name.endswith("a_sensor.md")]
+    read = executed(reader, vars(sentences))["_dpt"]
+    assert read(Fields(["12.3", "0.5"])) == sentences.Reading([("depth_below_transducer_m", 12.3)])
+    assert read(Fields(["", "0.5"])) == sentences.Reading()
+
+    names = {**vars(parameter_fields), **vars(parameter_groups), "FIELDS": {}}
+    known = executed(fields + group, names)
+    message = parameter_fields.Message(known["FIELDS"][128267], bytes([0, 0xDC, 0x05, 0, 0, 0xF4, 0x01, 0xFF]))
+    depth = [("depth_below_transducer_m", pytest.approx(15.0))]
+    assert known["_water_depth"](message) == parameter_groups.Reading(depth)
+    assert message["offset"] == pytest.approx(0.5)
+
+
+def test_the_channel_of_the_page_is_one() -> None:
+    from acquisition.channels import Channel
+
+    channel = eval(block_of("howto/add_a_channel.md", "Add a channel", "python").strip(), {"Channel": Channel})
+    assert channel.holds(30.0)
+    assert not channel.holds(-1.0)
+
+
+def test_the_vessel_of_the_page_can_be_loaded(tmp_path: Path) -> None:
+    from hybrid.vessel.files import load_vessel
+
+    path = tmp_path / "gunnerus_loaded.toml"
+    path.write_text(block_of("howto/add_a_vessel.md", "A change to a ship that is there", "toml"), encoding="utf-8")
+    vessel = load_vessel(path)
+    assert vessel.name == "gunnerus_loaded"
+    assert vessel.inertia.mass_kg == 440930.0
+
+
+def test_the_drogue_of_the_page_is_the_file() -> None:
+    code = (ROOT / "trials" / "effects" / "drogue.py").read_text(encoding="utf-8")
+    assert block_of("effects.md", "Adding one of your own", "python").strip() == code.strip()
+
+
+def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
+    """Each stands in a configuration of its own, beside the DBC file that it names."""
+    from acquisition.config import load_config
+
+    (tmp_path / "vessels").mkdir()
+    dbc = "vessels/thrusters.dbc"
+    (tmp_path / dbc).write_bytes((ROOT / "trials" / dbc).read_bytes())
+    blocks = [each.text for each in page("howto/add_a_sensor.md").blocks if each.language == "toml"]
+    for number, text in enumerate(blocks):
+        path = tmp_path / f"{number}.toml"
+        path.write_text(f'[trial]\nname = "t"\n\n{text}', encoding="utf-8")
+        assert load_config(path).sources[0].channels
+    assert len(blocks) == 2
+
+
+def test_the_column_map_of_the_page_imports(tmp_path: Path) -> None:
+    """A table with its columns becomes a recording, in the channels' units and with their signs."""
+    from acquisition.tabular import import_table
+    from analysis.table import read_table
+
+    path, table = tmp_path / "map.toml", tmp_path / "table.csv"
+    path.write_text(block_of("howto/import.md", "A column map", "toml"), encoding="utf-8")
+    motion = ["Time", "Lat", "Lon", "HDG", "SOG fwd [kn]", "SOG stbd [kn]", "ROT"]
+    columns = [*motion, "TWD", "TWS", "P rpm %", "P azi", "S rpm %", "S azi"]
+    values = ["63.44", "10.4", "90", "10", "0", "30", "200", "5", "50", "20", "50", "-20"]
+    rows = [",".join([f"2026-06-01T12:00:{second:02d}", *values]) for second in range(10)]
+    table.write_text("\n".join([",".join(columns), *rows]), encoding="utf-8")
+    import_table(table, tmp_path / "trial.mcap", path)
+    read = read_table(tmp_path / "trial.mcap")
+    assert read.index[0] == pd.Timestamp("2026-06-01T10:00:00Z")
+    first = read.iloc[0]
+    assert first["surge_mps"] == pytest.approx(5.144, abs=0.001)
+    assert (first["yaw_rate_dps"], first["port_rpm"]) == (pytest.approx(0.5), pytest.approx(101.5))
+    assert (first["port_angle_deg"], first["starboard_angle_deg"]) == (-20.0, 20.0)
+    assert "tunnel_rpm" not in read
