@@ -26,8 +26,8 @@ test: $(STAMP)   ## the test suite (-n 2: two processes)
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow
 
-pages: $(STAMP)  ## the tutorial and the notebooks, word by word
-	$(BIN)/python -m pytest -m pages
+pages: $(STAMP)  ## the tutorial word by word, the notebooks, the site
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m pages
 
 docs: $(STAMP)   ## the documentation as a site in docs/_build/html; a warning is an error
 	$(BIN)/python -m sphinx -b html -d docs/_build/doctrees -W --keep-going -n -q docs docs/_build/html
