@@ -25,13 +25,15 @@ horizon_s: int | None = None  # how far is predicted; without it what the calibr
 part = "0..100"  # of each recording's time in percent, where predictions are judged
 repair = False  # put right before what is certainly wrong
 allow_seen = False  # also recordings that the calibrator was trained on
-diagnosis: str | None = None  # the page of a diagnosis of these recordings, to link to
+diagnosis: str | None = None  # what `seatrial diagnose` wrote of these recordings
+story: str | None = None  # the report on it, to link to
 interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
 from hybrid.reporting import ground_sections as ground
 from hybrid.reporting import prediction_sections as prediction
+from hybrid.reporting import story_sections
 from hybrid.reporting import trial_sections as trial
 from hybrid.reporting.case import load_case
 from hybrid.reporting.show import links, shown_in
@@ -41,8 +43,11 @@ show = shown_in(figures_folder)
 show(prediction.add_headline, case)
 
 # %%
+show(story_sections.add_in_short, diagnosis)
+
+# %%
 pages = {} if interactive is None else trial.write_interactive_pages(case, interactive)
-links({"what the model lacks: the diagnosis of this trial": diagnosis, **pages})
+links({"how the diagnosis came to that": story, **pages})
 
 # %% [markdown]
 # ## Run sheet

@@ -7,6 +7,7 @@ then leads.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -86,7 +87,15 @@ def report(
 def _told(kind: Kind, folder: Path, progress: Progress) -> Path:
     """The report of a diagnosis or of the paper's results."""
     parameters = {"folder": str(folder.resolve()), "figures_folder": str(_figures(folder))}
-    return run_notebook(kind, parameters, folder / PAGES[kind], str(folder.resolve().name), progress)
+    return run_notebook(kind, parameters, folder / PAGES[kind], _about(kind, folder), progress)
+
+
+def _about(kind: Kind, folder: Path) -> str:
+    """What a report is about, in a line below its title."""
+    if kind != "missing_effect":
+        return "Wang, Li et al. 2021, Table III and figures"
+    known = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")).get("provenance", {})
+    return f"{known.get('recordings', folder.resolve().name)}, against {known.get('vessel', 'the model')}"
 
 
 def _figures(folder: Path) -> Path:
@@ -127,7 +136,8 @@ def trial_report(
         "repair": choices.repair,
         "allow_seen": choices.allow_seen,
         "figures_folder": str(_figures(folder)),
-        "diagnosis": None if diagnosis is None else os.path.relpath(diagnosis, folder),
+        "diagnosis": None if diagnosis is None else str(diagnosis.parent.resolve()),
+        "story": None if diagnosis is None else os.path.relpath(diagnosis, folder),
         "interactive": str(folder.resolve()) if choices.interactive else None,
     }
     subtitle = ", ".join(path.name for path in recordings)
@@ -158,8 +168,6 @@ def batch_reports(
 
 def batch_options(out: Path) -> Any:
     """The options of a batch, from the first result that says them."""
-    import json
-
     from analysis.season.one_recording import SUMMARY
     from analysis.season.products import Options
 

@@ -41,6 +41,21 @@ def add_question(page: Page, story: Story) -> None:
     page.table(["", ""], rows, words=True)
 
 
+def add_in_short(page: Page, folder: Path | str | None) -> None:
+    """The verdict, each effect's sentence and the gap in a few lines; nothing without a diagnosis."""
+    if folder is None:
+        return
+    diagnosis = load_story(folder).diagnosis
+    gap = diagnosis.gap
+    page.note(
+        f"Diagnosis: {verdict_page.verdict_sentence(diagnosis)}. Mean distance over {gap.horizon_s} s on windows "
+        "that "
+        f"took no part: {gap.before_m:.2f} m before, {gap.after_m:.2f} m after."
+    )
+    for effect in diagnosis.effects:
+        page.text(effect.sentence)
+
+
 def add_found(page: Page, story: Story) -> None:
     """Where model and trial disagree, cell by cell, and whether the sensors agree among themselves."""
     grounds_page.add_map(page, story.diagnosis.where, story.extras.map, story.extras.map_after)
@@ -66,7 +81,7 @@ def add_added(page: Page, story: Story) -> None:
     page.text(
         f"{listed([plain(each.name) for each in effects]).capitalize()} stand in {story.vessel_file.name}, on top "
         "of "
-        f"{base}. Every command takes that file: `seatrial validate RECORDING --vessel {story.vessel_file.name}`."
+        f"{base}. Every command takes that file: seatrial validate RECORDING --vessel {story.vessel_file.name}."
     )
     lines = [[f"[effects.{each.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
              for each in effects for name, estimate in each.parameters.items()]  # fmt: skip
