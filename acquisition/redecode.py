@@ -1,7 +1,7 @@
 """``seatrial redecode``: the channels of a recording anew from its raw input, with a corrected configuration.
 
-The raw input is copied as it is, and so is what people and the recorder noted and what was foretold; everything else (channels, fixes,
-what decoding told) comes from decoding again.
+The raw input is copied as it is, and so is what people and the recorder noted and what was foretold; everything
+else (channels, fixes, what decoding told) comes from decoding again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The schema of ``/prediction``: where the ship will be in the next seconds, and how far off such a word was before.
+"""The schema of ``/prediction``: where the ship will be in the next seconds, and how far off that was before.
 
 It is a JSON Schema for viewers, and what the recorder holds a prediction against before it takes it.
 """

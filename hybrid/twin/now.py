@@ -1,0 +1,114 @@
+"""One prediction from the newest second of what was measured, as ``seatrial predict`` makes it of a recording.
+
+Nothing lies ahead of that second but what has come since, less than a second. The filters that bring the channels
+to 1 Hz and smooth the start look as far ahead as there is something, and are one-sided here: what starts from the
+smoothed state (the reference, constant velocity, networks) starts from a less certain one than afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from acquisition.channels import NAMES, POSE, VELOCITY
+from acquisition.errors import DataShortageError
+from acquisition.frames import Quality
+from acquisition.recording.reader import Recording, Series
+from analysis.frames import NANO
+from analysis.resample import own_gap_s, resample_recording
+from hybrid.predict import Prediction, predict
+from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.artefact import Trained
+
+MOTION = (*POSE, *VELOCITY)
+"""What must have been measured up to the start; wind and thrusters are held anyhow, and may be older."""
+
+
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """A prediction, the 1 Hz table that it was made of, and the channels that were held to its start."""
+
+    prediction: Prediction
+    table: pd.DataFrame
+    held: tuple[str, ...]
+
+
+def newest_second_ns(recording: Recording) -> int | None:
+    """The newest whole second up to which all of the ship's motion was measured [ns]; None without all of it."""
+    newest = [_newest_ns(recording.series.get(name)) for name in MOTION]
+    known = [each for each in newest if each is not None]
+    return min(known) // NANO * NANO if len(known) == len(MOTION) else None
+
+
+def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
+    """Those of the 13 channels that have nothing to say at a second: never came, or too long ago.
+
+    Without a second (None) those that never came.
+    """
+    return [
+        name
+        for name in NAMES
+        if (newest := _newest_ns(recording.series.get(name))) is None
+        or (at_ns is not None and at_ns - newest > _longest_hold_ns(recording.series[name]))
+    ]
+
+
+def predict_now(
+    recording: Recording, horizon_s: int, plant: Plant, trained: Trained | None = None, at_ns: int | None = None
+) -> Foretold:
+    """Predict from the newest whole second of the last minute or so, or from the second ``at_ns``.
+
+    Raises :class:`DataShortageError` naming the channels that are missing, :class:`InputError` where one has a gap
+    at that second, :class:`ModelRangeError` where the reference leaves its range.
+    """
+    start_ns = newest_second_ns(recording) if at_ns is None else at_ns
+    missing = missing_channels(recording, start_ns)
+    if start_ns is None or missing:
+        raise DataShortageError(f"{', '.join(missing)} missing", fix="see what `seatrial record --check` says")
+    filled, held = held_until(recording, start_ns)
+    table = resample_recording(filled)
+    at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
+    return Foretold(predict(table, at, horizon_s, plant, trained), table, held)
+
+
+def held_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
+    """Wind and thrusters held from their newest sample to a second, where that is later; and which these are."""
+    series, held = dict(recording.series), []
+    for name in NAMES:
+        newest = _newest_ns(series[name])
+        if name not in MOTION and newest is not None and newest < until_ns:
+            series[name] = _longer(series[name], until_ns)
+            held.append(name)
+    return (replace(recording, series=series) if held else recording), tuple(held)
+
+
+def _longer(series: Series, until_ns: int) -> Series:
+    """A series with its newest believed value once more, as if measured at ``until_ns``."""
+    believed = np.flatnonzero(series.quality < Quality.BAD)
+    last = believed[np.argmax(series.measured_ns[believed])]
+    return Series(
+        np.append(series.measured_ns, until_ns),
+        np.append(series.received_ns, series.received_ns[last]),
+        np.append(series.value, series.value[last]),
+        np.append(series.quality, series.quality[last]),
+        series.sources,
+        np.append(series.source_index, series.source_index[last]),
+    )
+
+
+def _newest_ns(series: Series | None) -> int | None:
+    if series is None:
+        return None
+    believed = series.measured_ns[series.quality < Quality.BAD]
+    return int(believed.max()) if believed.size else None
+
+
+def _longest_hold_ns(series: Series) -> float:
+    """As long a gap as resampling bridges in this channel [ns]."""
+    apart = np.diff(np.sort(series.measured_ns))
+    return own_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
