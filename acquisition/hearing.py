@@ -1,8 +1,8 @@
 """What a recorder answers to other programs of this computer: marks, who it is, predictions of the ship.
 
 A client says one JSON object: ``{"text", "monotonic_ns"}`` is a mark, ``{"ask": "recording"}`` asks which file is
-being written and of which trial, ``{"prediction", "geojson"}`` goes into the recording. The answer is ``ok``, a JSON
-object, or ``refused:`` and why; rubbish gets none.
+being written and of which trial, ``{"prediction", "geojson"}`` goes into the recording. The answer is ``ok``, a
+JSON object, or ``refused:`` and why; rubbish gets none.
 """
 
 from __future__ import annotations

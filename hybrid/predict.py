@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from acquisition.angles import wrap_360
 from acquisition.channels import NAMES
 from acquisition.errors import InputError, ModelRangeError
-from hybrid.artefact import Trained, refuse_horizon, speak
 from hybrid.baselines import reference
 from hybrid.gather import start_motion
 from hybrid.horizon import Horizons, from_rows
 from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.artefact import Trained
 
 Floats = NDArray[np.float64]
 
@@ -111,6 +113,8 @@ def predict(
     table, :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:
+        from hybrid.artefact import refuse_horizon, speak  # torch comes with it: hundreds of megabytes
+
         refuse_horizon(horizon_s, trained)
     horizons, covered = window_at(table, at, horizon_s)
     track = reference(horizons, plant)

@@ -55,7 +55,6 @@ def watch(
 
 
 def _model(calibrator: Path | None, vessel: str | None, horizon: int | None) -> Model:
-    from hybrid.artefact import load, plant_for, refuse_horizon
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.twin.twin import Model
     from hybrid.vessel.files import DEFAULT, load_vessel
@@ -63,6 +62,8 @@ def _model(calibrator: Path | None, vessel: str | None, horizon: int | None) -> 
     if calibrator is None:
         name = vessel or DEFAULT
         return Model(name, vessel_plant(load_vessel(name)), horizon or HORIZON_S)
+    from hybrid.artefact import load, plant_for, refuse_horizon  # and torch with it
+
     trained = load(calibrator)
     if horizon is not None:
         refuse_horizon(horizon, trained)

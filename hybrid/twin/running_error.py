@@ -113,7 +113,10 @@ def mean_of(errors: Iterable[Judged]) -> Mean:
 
 
 def thrusters_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tolerances | None = None) -> bool:
-    """Whether a thruster moved in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz table, by the rule of windows."""
+    """Whether a thruster moved in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz table.
+
+    What counts as moved is the rule by which windows are held.
+    """
     rules, rows = rule or Tolerances(), horizon_s + 1
     return not all(held(name, table[name].to_numpy(dtype=float), rows, 1, rules)[row] for name in COMMAND)
 
