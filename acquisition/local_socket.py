@@ -79,6 +79,8 @@ class LocalServer:
 
     def __exit__(self, *_: object) -> None:
         self._stopping.set()
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)  # which wakes the thread
         self._thread.join()
         self._socket.close()
         with suppress(OSError):

@@ -80,7 +80,7 @@ class Tail:
         """
         samples: dict[str, Samples] = {}
         size = os.fstat(self._descriptor).st_size
-        self.cut = self.cut or size < self._offset
+        self.cut = self.cut or size < self._offset != len(MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
             return samples
         places = self._places(size)
