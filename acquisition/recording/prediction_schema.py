@@ -1,6 +1,7 @@
 """The schema of ``/prediction``: where the ship will be in the next seconds, and how far off that was before.
 
-It is a JSON Schema for viewers, and what the recorder holds a prediction against before it takes it.
+It is a JSON Schema for viewers, and what the recorder holds a prediction against before it takes it. What is not
+known is left out: Lichtblick reads no schema in which something has two types, be the second one null.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ _MOST_LETTERS = 200
 Schema = dict[str, Any]
 
 
-def _number(description: str, *, known: bool = True) -> Schema:
-    return {"type": "number" if known else ["number", "null"], "description": description}
+def _number(description: str) -> Schema:
+    return {"type": "number", "description": description}
 
 
 def _text(description: str) -> Schema:
@@ -30,9 +31,10 @@ def _numbers(description: str) -> Schema:
     }
 
 
-def _object(description: str, properties: dict[str, Schema], *, known: bool = True) -> Schema:
-    kind = "object" if known else ["object", "null"]
-    return {"type": kind, "description": description, "properties": properties, "required": list(properties)}
+def _object(description: str, properties: dict[str, Schema], unknown: tuple[str, ...] = ()) -> Schema:
+    """An object; those of its properties that are named ``unknown`` may be left out."""
+    required = [name for name in properties if name not in unknown]
+    return {"type": "object", "description": description, "properties": properties, "required": required}
 
 
 ARRAYS = {
@@ -54,7 +56,7 @@ _TRACK = _object(
     },
 )
 _ERROR = _object(
-    "How far off the prediction was whose horizon has just passed; null if there is none that can be judged",
+    "How far off the prediction was whose horizon has just passed; left out if there is none that can be judged",
     {
         "start": _number("The instant that it started from, UTC since 1970 [s]"),
         "method": _text("Who spoke then"),
@@ -67,23 +69,24 @@ _ERROR = _object(
         "along_m": _number("Predicted too far ahead along the measured heading, at the end [m]"),
         "across_m": _number("Predicted too far to starboard of the measured heading, at the end [m]"),
         "heading_deg": _number("Difference of the headings, mean of its size over its seconds [deg]"),
-        "inside_band": _number("Share of its seconds in which the position lay inside the band", known=False),
+        "inside_band": _number("Share of its seconds in which the position lay inside the band"),
     },
-    known=False,
+    unknown=("inside_band",),
 )
 _RUNNING = _object(
-    "Means over the predictions of the last minutes in whose horizon no thruster moved; null if there is none",
+    "Means over the predictions of the last minutes in whose horizon no thruster moved; left out if there is none",
     {
         "over_s": _number("So far back [s]"),
         "predictions": _number("How many were judged"),
         "left_out": _number("How many more were not, as a thruster moved in their horizon"),
-        "mean_distance_m": _number("Mean of mean_distance_m [m]", known=False),
-        "end_distance_m": _number("Mean of end_distance_m [m]", known=False),
-        "along_m": _number("Mean of along_m, with its sign [m]", known=False),
-        "across_m": _number("Mean of across_m, with its sign [m]", known=False),
-        "heading_deg": _number("Mean of heading_deg [deg]", known=False),
-        "inside_band": _number("Mean of inside_band; 0.95 is what the band promises", known=False),
+        "mean_distance_m": _number("Mean of mean_distance_m [m]"),
+        "end_distance_m": _number("Mean of end_distance_m [m]"),
+        "along_m": _number("Mean of along_m, with its sign [m]"),
+        "across_m": _number("Mean of across_m, with its sign [m]"),
+        "heading_deg": _number("Mean of heading_deg [deg]"),
+        "inside_band": _number("Mean of inside_band; 0.95 is what the band promises"),
     },
+    unknown=("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band"),
 )
 
 PREDICTION: Schema = {
@@ -112,5 +115,6 @@ PREDICTION: Schema = {
             "error": _ERROR,
             "running": _RUNNING,
         },
+        unknown=("error",),
     ),
 }

@@ -39,7 +39,7 @@ def body_of(
     means are and what they are.
     """
     over_s, mean = running
-    return {
+    body = {
         "start": prediction.at.as_unit("ns").value / NANO,
         "made_at": made_ns / NANO,
         "latency_s": round(latency_s, 4),
@@ -50,9 +50,14 @@ def body_of(
         "outside_training_range": prediction.untrained,
         "held_channels": list(held),
         "track": track_of(prediction, origin),
-        "error": None if error is None else error.as_dict(),
-        "running": {"over_s": over_s, **asdict(mean)},
+        "running": {"over_s": over_s, **_known(asdict(mean))},
     }
+    return body if error is None else {**body, "error": _known(error.as_dict())}
+
+
+def _known(values: dict[str, Any]) -> dict[str, Any]:
+    """Without what is None."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def track_of(prediction: Prediction, origin: Origin) -> dict[str, list[float]]:
