@@ -22,7 +22,7 @@ from acquisition.errors import InputError
 from acquisition.recording.batches import Batch, Samples, add_samples, batches
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
-from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, RAW_PREFIX
+from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
 from acquisition.trial import Trial
 
 REMEDY = "save what is intact with `seatrial recover`"
@@ -47,7 +47,8 @@ class Series:
 class Recording:
     """What one file holds. ``raw`` counts the undecoded messages by topic, ``events`` are (time, text).
 
-    ``metadata`` is what the file says besides the trial: which part of a recording it is, whose clock it has.
+    ``metadata`` is what the file says besides the trial: which part of a recording it is, whose clock it has;
+    ``predictions`` counts what another program foretold beside the recorder.
     """
 
     path: Path
@@ -60,6 +61,7 @@ class Recording:
     start_ns: int
     end_ns: int
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    predictions: int = 0
 
 
 class Entry(NamedTuple):
@@ -229,7 +231,7 @@ def read_recording(path: Path | str) -> Recording:
     samples: dict[str, Samples] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
-    start_ns, end_ns, messages = 2**63 - 1, 0, 0
+    start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
         messages += len(batch)
         start_ns, end_ns = min(start_ns, int(batch.log_ns.min())), max(end_ns, int(batch.log_ns.max()))
@@ -243,6 +245,8 @@ def read_recording(path: Path | str) -> Recording:
                 raw[topic] += len(batch.of_channels(each))
             elif topic == EVENT_TOPIC:
                 events += _events(batch.of_channels(each), stream.path)
+            elif topic == PREDICTION_TOPIC:
+                predictions += len(batch.of_channels(each))
     return Recording(
         path=stream.path,
         trial=stream.trial,
@@ -254,4 +258,5 @@ def read_recording(path: Path | str) -> Recording:
         start_ns=start_ns if messages else 0,
         end_ns=end_ns,
         metadata=stream.metadata,
+        predictions=predictions,
     )

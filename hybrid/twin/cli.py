@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hybrid.twin.twin import Model
 
 HORIZON_S = 30
-_NICENESS = 10  # the logger goes first
+_NICENESS = 5  # the logger goes first
 
 
 def mount(app: typer.Typer) -> None:

@@ -39,10 +39,13 @@ class Foretold:
 
 
 def newest_second_ns(recording: Recording) -> int | None:
-    """The newest whole second up to which all of the ship's motion was measured [ns]; None without all of it."""
-    newest = [_newest_ns(recording.series.get(name)) for name in MOTION]
-    known = [each for each in newest if each is not None]
-    return min(known) // NANO * NANO if len(known) == len(MOTION) else None
+    """The newest whole second within what was measured of all of the ship's motion [ns]; None without one."""
+    spans = [_span_ns(recording.series.get(name)) for name in MOTION]
+    known = [each for each in spans if each is not None]
+    if len(known) < len(MOTION):
+        return None
+    second_ns = min(newest for _, newest in known) // NANO * NANO
+    return second_ns if second_ns >= max(oldest for oldest, _ in known) else None
 
 
 def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
@@ -53,8 +56,8 @@ def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
     return [
         name
         for name in NAMES
-        if (newest := _newest_ns(recording.series.get(name))) is None
-        or (at_ns is not None and at_ns - newest > _longest_hold_ns(recording.series[name]))
+        if (span := _span_ns(recording.series.get(name))) is None
+        or (at_ns is not None and at_ns - span[1] > _longest_hold_ns(recording.series[name]))
     ]
 
 
@@ -68,8 +71,10 @@ def predict_now(
     """
     start_ns = newest_second_ns(recording) if at_ns is None else at_ns
     missing = missing_channels(recording, start_ns)
-    if start_ns is None or missing:
+    if missing:
         raise DataShortageError(f"{', '.join(missing)} missing", fix="see what `seatrial record --check` says")
+    if start_ns is None:
+        raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
     filled, held = held_until(recording, start_ns)
     table = resample_recording(filled)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
@@ -80,8 +85,8 @@ def held_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[st
     """Wind and thrusters held from their newest sample to a second, where that is later; and which these are."""
     series, held = dict(recording.series), []
     for name in NAMES:
-        newest = _newest_ns(series[name])
-        if name not in MOTION and newest is not None and newest < until_ns:
+        span = _span_ns(series[name])
+        if name not in MOTION and span is not None and span[1] < until_ns:
             series[name] = _longer(series[name], until_ns)
             held.append(name)
     return (replace(recording, series=series) if held else recording), tuple(held)
@@ -101,11 +106,12 @@ def _longer(series: Series, until_ns: int) -> Series:
     )
 
 
-def _newest_ns(series: Series | None) -> int | None:
+def _span_ns(series: Series | None) -> tuple[int, int] | None:
+    """When the first and the last believed sample of a channel were measured [ns]; None without one."""
     if series is None:
         return None
     believed = series.measured_ns[series.quality < Quality.BAD]
-    return int(believed.max()) if believed.size else None
+    return (int(believed.min()), int(believed.max())) if believed.size else None
 
 
 def _longest_hold_ns(series: Series) -> float:

@@ -183,14 +183,15 @@ def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(ear: Ear) ->
     assert ear.marks == ["start"]
 
 
-def test_a_client_that_stalls_is_parted_with(ear: Ear) -> None:
+def test_a_client_that_stalls_is_parted_with(ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("acquisition.local_socket.PATIENCE_S", 0.6)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.connect(str(ear.hearing.path))
         client.sendall(b"{")
-        client.settimeout(2 * PATIENCE_S)
+        client.settimeout(10.0)
         started_s = time.monotonic()
         assert client.recv(10) == b""
-        assert PATIENCE_S - 0.1 <= time.monotonic() - started_s < PATIENCE_S + 1.5
+        assert 0.5 <= time.monotonic() - started_s < 3.0
 
 
 def test_every_viewer_can_read_the_schema() -> None:
@@ -258,6 +259,7 @@ def test_predictions_are_in_the_recording_and_every_reader_copes(
     for each in (recording, tmp_path / "recovered.mcap", tmp_path / "redecoded.mcap"):
         assert read_recording(each).series["heading_deg"].value.size == 100, each
         assert describe(each)["channels"]["heading_deg"]["count"] == 100
+        assert describe(each)["predictions"] == 1
         (said,) = [entry for entry in MessageStream(each) if entry.topic == "/prediction"]
         assert json.loads(said.data) == BODY
         assert before_ns - 5e6 <= said.log_ns <= after_ns + 5e6

@@ -121,6 +121,21 @@ def test_a_channel_that_never_came_or_fell_silent_is_named(voyage: Recording, pl
             predict_now(silent, 15, plant)
 
 
+def test_less_than_a_whole_second_is_nothing_to_start_from(voyage: Recording, plant: Plant) -> None:
+    """A recording that has just begun: its samples lie between two whole seconds."""
+    begin = int(voyage.series["heading_deg"].measured_ns[0]) // NANO * NANO
+    series = {}
+    for name, each in voyage.series.items():
+        there = (each.measured_ns > begin + 250_000_000) & (each.measured_ns < begin + 950_000_000)
+        columns = each.measured_ns[there], each.received_ns[there], each.value[there], each.quality[there]
+        series[name] = Series(*columns, each.sources, each.source_index[there])
+    short = replace(voyage, series=series)
+    assert newest_second_ns(short) is None
+    with pytest.raises(DataShortageError, match="no whole second"):
+        predict_now(short, 15, plant)
+    assert newest_second_ns(until(voyage, begin + 1_050_000_000)) == begin + NANO
+
+
 def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
     """A recorder that gives a file up says part of it again in the next."""
     recent, once = Recent(1e6), Recent(1e6)

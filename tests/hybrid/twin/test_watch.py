@@ -29,7 +29,7 @@ from tests.acquisition.conftest import config_text, free_port, wait_for
 from tests.hybrid.twin.steady_ship import write_steady
 
 ROOT = Path(__file__).parents[3]
-HORIZON_S = 4
+HORIZON_S = 3
 
 
 class Aboard:
@@ -64,7 +64,7 @@ class Aboard:
     def log(self, name: str) -> str:
         return (self.folder / name).read_text()
 
-    def wait_for_log(self, name: str, text: str, longest_s: float = 40.0) -> None:
+    def wait_for_log(self, name: str, text: str, longest_s: float = 60.0) -> None:
         wait_for(lambda: text in self.log(name), longest_s)
 
     def sail(self, duration_s: float) -> tuple[threading.Thread, Counter[str]]:
@@ -94,6 +94,11 @@ def aboard(tmp_path: Path) -> Iterator[Aboard]:
         process.communicate()
 
 
+def first_part(log: str) -> str:
+    """The name of the file that a recorder says it begins with."""
+    return Path(log.partition("recording to ")[2].split()[0]).name
+
+
 def predictions_in(path: Path) -> list[tuple[int, dict[str, Any]]]:
     return [(each.log_ns, json.loads(each.data)) for each in MessageStream(path) if each.topic == "/prediction"]
 
@@ -109,16 +114,16 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
     """One twin that is there before the recorder and is stopped for a while, another that is killed."""
     twin = aboard.watch()
     aboard.wait_for_log("twin", "no recorder of the trial 'round trip' runs here; waiting for one")
-    recorder = aboard.record()
     killed = aboard.watch("killed")
-    aboard.wait_for_log("twin", "following")
-    playing, sent = aboard.sail(16.0)
+    recorder = aboard.record()
+    aboard.wait_for_log("twin", "following")  # and ready to predict
+    aboard.wait_for_log("killed", "following")
+    playing, sent = aboard.sail(12.0)
     aboard.wait_for_log("twin", "predicting")
     aboard.wait_for_log("killed", "predicting")
     killed.kill()
-    time.sleep(1.0)
     twin.send_signal(signal.SIGSTOP)
-    time.sleep(2.5)
+    time.sleep(2.0)
     twin.send_signal(signal.SIGCONT)
     playing.join()
     time.sleep(0.5)
@@ -130,8 +135,8 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
     assert describe(path)["closed"]
     said = predictions_in(path)
     assert all(misfit(body, PREDICTION) == "" for _, body in said)
-    assert len(said) >= summary["recorded"] >= 9
-    assert summary["judged"] >= 3
+    assert len(said) > summary["recorded"] >= 5  # the other one's are among them
+    assert summary["judged"] >= 1
     assert summary["left_out"] == 0
     assert "predictions" in aboard.log("twin").splitlines()[-1]
     assert_errors_are_those_of_the_recording(path, [body for _, body in said])
@@ -154,13 +159,14 @@ def assert_errors_are_those_of_the_recording(path: Path, bodies: list[dict[str, 
 
 @pytest.mark.slow
 def test_it_goes_on_with_the_next_part_and_with_the_next_recording(aboard: Aboard) -> None:
-    """Parts of some 100 kB; then the recorder ends and another begins."""
-    aboard.config.write_text(aboard.config.read_text() + "[recording]\nsplit_mb = 0.1\n")
+    """Parts of some 70 kB; then the recorder ends and another begins."""
+    aboard.config.write_text(aboard.config.read_text() + "[recording]\nsplit_mb = 0.07\n")
     twin = aboard.watch()
     paths: list[Path] = []
     for run in ("first", "second"):
         recorder = aboard.record(run)
-        playing, sent = aboard.sail(20.0)
+        aboard.wait_for_log("twin", f"following {first_part(aboard.log(run))}")
+        playing, sent = aboard.sail(14.0)
         playing.join()
         time.sleep(0.5)
         parts = [Path(line) for line in aboard.end(recorder).split()]
@@ -168,18 +174,17 @@ def test_it_goes_on_with_the_next_part_and_with_the_next_recording(aboard: Aboar
         found = recorded(parts)
         assert {name: found[name] for name in sent} == sent
         starts = [body["start"] for part in parts for _, body in predictions_in(part)]
-        assert len(starts) >= 14
+        assert len(starts) >= 9
         assert set(np.diff(starts)) <= {1.0, 2.0}, "a part was waited for"
         paths += parts
     summary = json.loads(aboard.end(twin))
     assert summary["recorded"] == sum(len(predictions_in(path)) for path in paths)
-    assert summary["judged"] >= 16
+    assert summary["judged"] >= 8
 
 
 def test_a_channel_that_is_missing_is_named_and_it_goes_on_when_it_comes(aboard: Aboard) -> None:
-    text = aboard.config.read_text()
-    aboard.record()
     twin = aboard.watch()
+    aboard.record()
     aboard.wait_for_log("twin", "following")
     port = load_config(aboard.config).sources[0].port  # type: ignore[union-attr]
     stop = threading.Event()
@@ -194,22 +199,21 @@ def test_a_channel_that_is_missing_is_named_and_it_goes_on_when_it_comes(aboard:
     speaking = threading.Thread(target=without_wind)
     speaking.start()
     aboard.wait_for_log("twin", "no prediction: nothing comes of north_m, east_m, surge_mps")
-    playing, _ = aboard.sail(6.0)
+    playing, _ = aboard.sail(3.5)
     aboard.wait_for_log("twin", "predicting")
     stop.set()
     speaking.join()
     playing.join()
     assert json.loads(aboard.end(twin))["recorded"] >= 1
-    assert text == aboard.config.read_text()
 
 
 def test_a_duration_ends_it_and_what_is_wrong_is_one_line(aboard: Aboard) -> None:
     process = aboard.start("short", "watch", "--duration", "0.5", "--json")
-    stdout, _ = process.communicate(timeout=40)
+    stdout, _ = process.communicate(timeout=60)
     assert process.returncode == 0
     assert json.loads(stdout)["made"] == 0
     assert "0 predictions" in aboard.log("short")
     process = aboard.start("wrong", "watch", "--vessel", "nowhere")
-    process.communicate(timeout=40)
+    process.communicate(timeout=60)
     assert process.returncode == 1
     assert len(aboard.log("wrong").splitlines()) == 1
