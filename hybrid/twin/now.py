@@ -1,8 +1,8 @@
 """One prediction from the newest second of what was measured, as ``seatrial predict`` makes it of a recording.
 
-Nothing lies ahead of that second but what has come since, less than a second. The filters that bring the channels
-to 1 Hz and smooth the start look as far ahead as there is something, and are one-sided here: what starts from the
-smoothed state (the reference, constant velocity, networks) starts from a less certain one than afterwards.
+Nothing lies ahead of that second but what has come since, less than a second. So the filter that brings the
+channels to 1 Hz is one-sided there, and the state that reference, constant velocity and networks start from is that
+of :mod:`analysis.smoothing.last_motion`: less certain than the one that a recording gives afterwards.
 """
 
 from __future__ import annotations
