@@ -4,8 +4,8 @@ Aboard nothing lies ahead of the start of a prediction. The local parabola of
 :mod:`analysis.smoothing.slow_motion` becomes one-sided there: it takes the swing of a wave for a turn that begins.
 Here heading, speeds and yaw rate are straight lines through the last 10 s, weighted with half a raised cosine;
 north and east, which a turn bends, keep the parabola. On simulated trials predictions of 30 s from such starts are
-15 % better for the reference in waves, 40 % for constant velocity where a calibrator has no ground, and within 5 % of
-the parabola's where she manoeuvres. Means instead of lines are better still in waves and much worse in manoeuvres.
+15 % better for the reference in waves, 40 % for constant velocity where a calibrator has no ground, and within 5 %
+of the parabola's where she manoeuvres. Means instead of lines are better still in waves and much worse in a turn.
 """
 
 from __future__ import annotations
