@@ -33,7 +33,6 @@ def describe_recording(recording: Recording) -> dict[str, Any]:
         "duration_s": (recording.end_ns - recording.start_ns) / 1e9,
         "channels": {name: _describe_series(series) for name, series in sorted(recording.series.items())},
         "raw": recording.raw,
-        "predictions": recording.predictions,
         "trial": recording.trial.as_metadata(),
     }
 

@@ -37,7 +37,8 @@ class Picture:
             yield track_table(twin.last.prediction)
         yield _one_line(latency(twin))
         yield _one_line(earlier(twin.last_error))
-        yield _one_line(running(twin.errors.mean(), twin.errors.over_s))
+        for line in running(twin.errors.mean(), twin.errors.over_s).split("; "):
+            yield _one_line(line)
         for level, text in tuple(self.messages):
             yield _one_line((text, _LEVEL_STYLES.get(level, "")))
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 from mcap.reader import make_reader
+from typer.testing import CliRunner
 
 from acquisition.config import load_config
 from acquisition.encoders.nmea0183 import sentence
@@ -28,6 +29,7 @@ from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.recover import recover
 from acquisition.redecode import redecode
+from seatrial import app
 from tests.acquisition.conftest import config_text, free_port, wait_for
 
 BODY: dict[str, Any] = {
@@ -259,7 +261,8 @@ def test_predictions_are_in_the_recording_and_every_reader_copes(
     for each in (recording, tmp_path / "recovered.mcap", tmp_path / "redecoded.mcap"):
         assert read_recording(each).series["heading_deg"].value.size == 100, each
         assert describe(each)["channels"]["heading_deg"]["count"] == 100
-        assert describe(each)["predictions"] == 1
+        assert read_recording(each).predictions == 1
+        assert "1 predictions made beside the recorder" in CliRunner().invoke(app, ["info", str(each)]).output
         (said,) = [entry for entry in MessageStream(each) if entry.topic == "/prediction"]
         assert json.loads(said.data) == BODY
         assert before_ns - 5e6 <= said.log_ns <= after_ns + 5e6
