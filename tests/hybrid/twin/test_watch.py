@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -118,7 +117,7 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
     recorder = aboard.record()
     aboard.wait_for_log("twin", "following")  # and ready to predict
     aboard.wait_for_log("killed", "following")
-    playing, sent = aboard.sail(12.0)
+    playing, sent = aboard.sail(10.0)
     aboard.wait_for_log("twin", "predicting")
     aboard.wait_for_log("killed", "predicting")
     killed.kill()
@@ -180,31 +179,6 @@ def test_it_goes_on_with_the_next_part_and_with_the_next_recording(aboard: Aboar
     summary = json.loads(aboard.end(twin))
     assert summary["recorded"] == sum(len(predictions_in(path)) for path in paths)
     assert summary["judged"] >= 8
-
-
-def test_a_channel_that_is_missing_is_named_and_it_goes_on_when_it_comes(aboard: Aboard) -> None:
-    twin = aboard.watch()
-    aboard.record()
-    aboard.wait_for_log("twin", "following")
-    port = load_config(aboard.config).sources[0].port  # type: ignore[union-attr]
-    stop = threading.Event()
-
-    def without_wind() -> None:
-        from acquisition.encoders.nmea0183 import sentence
-
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
-            while not stop.wait(0.1):
-                line.sendto(sentence("HEHDT,30.0,T"), ("127.0.0.1", port))
-
-    speaking = threading.Thread(target=without_wind)
-    speaking.start()
-    aboard.wait_for_log("twin", "no prediction: nothing comes of north_m, east_m, surge_mps")
-    playing, _ = aboard.sail(3.5)
-    aboard.wait_for_log("twin", "predicting")
-    stop.set()
-    speaking.join()
-    playing.join()
-    assert json.loads(aboard.end(twin))["recorded"] >= 1
 
 
 def test_a_duration_ends_it_and_what_is_wrong_is_one_line(aboard: Aboard) -> None:
