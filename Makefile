@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load soak fuzz check clean
+.PHONY: help install demo test test-slow pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -58,6 +58,9 @@ benchmark-diagnosis: $(STAMP) ## hidden effects named blind, scored; a night (so
 
 load: $(STAMP)   ## ten minutes of a saturated bus, a busy line and an autopilot: losses, CPU, memory
 	$(BIN)/python tests/benchmarks/recorder_load.py 600
+
+watch-load: $(STAMP) ## the same load for 80 s with a twin beside the recorder, stopped and killed: losses, CPU, latency
+	$(BIN)/python -m tests.benchmarks.watch_load $(or $(DURATION),80) $(CALIBRATOR)
 
 soak: $(STAMP)   ## a week at sea through the recorder, in some ten minutes: memory and open files
 	$(BIN)/python tests/benchmarks/recorder_soak.py 7

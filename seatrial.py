@@ -48,7 +48,7 @@ def main() -> None:
     """Run one command; an error that we raised on purpose is one line on stderr and exit code 1."""
     guard_streams()
     try:
-        with stopped_by_signals() if sys.argv[1:2] == ["record"] else nullcontext():
+        with stopped_by_signals() if sys.argv[1:2] in (["record"], ["watch"]) else nullcontext():
             _app()()
     except SeatrialError as error:
         _fail(error)

@@ -215,6 +215,8 @@ def info(
     console.print(_channel_table(found["channels"]))
     for topic, count in found["raw"].items():
         console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)
+    if recording.predictions:
+        console.print(f"/prediction: {recording.predictions:,} predictions made beside the recorder", **_AS_IT_IS)
 
 
 def recover(

@@ -128,6 +128,9 @@ class Health:
     started_ns: int = field(default_factory=time.monotonic_ns)
     samples: int = 0
     marks: int = 0
+    predictions: int = 0  # recorded for another program
+    predictions_refused: int = 0  # malformed, or too many
+    predictions_dropped: int = 0  # taken in, but nothing was written at the moment
     trouble: str = ""  # why nothing is written at the moment
     part: str = ""  # the name of the file that is being written
     free_bytes: int | None = None

@@ -18,6 +18,7 @@ from acquisition.frames import Frame
 from acquisition.health import ChannelHealth, Health, SourceHealth
 from acquisition.housekeeping import Housekeeping
 from acquisition.inbox import Inbox
+from acquisition.predictions import Predictions
 from acquisition.processing import Processing
 from acquisition.receiver import Receiver
 from acquisition.recording.parts import RecordingParts
@@ -62,6 +63,7 @@ class Recorder:
         self._processing = Processing(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
+        self.predictions = Predictions(self.health)
         self._stopping = threading.Event()
         self._all_received = threading.Event()
         self._failure: Exception | None = None
@@ -144,6 +146,7 @@ class Recorder:
             for frame in frames:
                 self._record(frame)
             self._note_texts()
+            self._note_predictions()
             chores.due()
             self._chores_s = time.monotonic()
             if finished and not frames:
@@ -163,3 +166,12 @@ class Recorder:
         while not self._texts.empty():
             monotonic_ns, level, text, name = self._texts.get()
             self._processing.note(text, self._scale.utc_ns(monotonic_ns), level, name)
+
+    def _note_predictions(self) -> None:
+        """What others foretell, unless nothing is written at the moment: memory is for what was measured."""
+        for monotonic_ns, start_ns, data, geojson in self.predictions.take():
+            if self._parts.paused:
+                self.health.predictions_dropped += 1
+            else:
+                self._parts.write_prediction(data, geojson, self._scale.utc_ns(monotonic_ns), start_ns)
+                self.health.predictions += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -12,11 +13,11 @@ from pathlib import Path
 from acquisition.config import TrialConfig
 from acquisition.errors import ConfigurationError, SeatrialError, SourceError
 from acquisition.health import Health
+from acquisition.hearing import Hearing, Running
 from acquisition.housekeeping import clock_metadata
 from acquisition.live import keys, terminal
 from acquisition.live.foxglove import LiveView
 from acquisition.log_files import record_log_files
-from acquisition.marks import MarkServer
 from acquisition.pipeline import Recorder, health_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.sections import FILE_SOURCES, LiveSection
@@ -68,7 +69,8 @@ def _record_live(
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
-        _with(stack, MarkServer(recorder.mark), recorder)
+        hearing = Hearing(recorder.mark, lambda: _running(config, recorder.health, parts), recorder.predictions)
+        _with(stack, hearing, recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial.name)
             if _with(stack, view, recorder):
@@ -80,6 +82,19 @@ def _record_live(
         _wait(recorder, stop, duration_s)
         notify("STOPPING=1")
     return parts.paths, recorder.health
+
+
+def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> Running:
+    """What other programs may know of this recording."""
+    return Running(
+        trial=config.trial.name,
+        configuration=str(config.path.absolute()),
+        recording=str(parts.path.absolute()),
+        paused=parts.paused,
+        process=os.getpid(),
+        predictions=health.predictions,
+        predictions_refused=health.predictions_refused + health.predictions_dropped,
+    )
 
 
 def _record_files(

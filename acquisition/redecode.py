@@ -1,7 +1,7 @@
 """``seatrial redecode``: the channels of a recording anew from its raw input, with a corrected configuration.
 
-The raw input is copied as it is, and so is what people and the recorder noted; everything else (channels, fixes,
-what decoding told) comes from decoding again.
+The raw input is copied as it is, and so is what people and the recorder noted and what was foretold; everything
+else (channels, fixes, what decoding told) comes from decoding again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from acquisition.processing import DECODED, Processing
 from acquisition.recording.beginning import trial_at_beginning
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import Entry, MessageStream
-from acquisition.recording.schemas import EVENT_TOPIC, RAW_PREFIX
+from acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
 from acquisition.recording.writer import RecordingWriter
 
 _FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
@@ -113,11 +113,18 @@ def _decode_all(paths: list[Path], config: TrialConfig, writer: RecordingWriter,
             else:
                 writer.write_raw(frame)
                 result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
-        elif entry.topic == EVENT_TOPIC and orjson.loads(entry.data).get("name") != DECODED:
-            writer.write(EVENT_TOPIC, entry.data, entry.log_ns, entry.publish_ns)
+        elif _is_kept(entry):
+            writer.write(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
     names = ", ".join(path.name for path in paths)
     processing.note(f"decoded again from {names}", last_ns)
     return result
+
+
+def _is_kept(entry: Entry) -> bool:
+    """Whether a message was no product of decoding: what was noted, and what was foretold at the time."""
+    if entry.topic == EVENT_TOPIC:
+        return bool(orjson.loads(entry.data).get("name") != DECODED)
+    return entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
 
 
 def _entries(paths: list[Path], progress: Progress) -> Iterator[Entry]:

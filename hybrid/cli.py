@@ -26,6 +26,7 @@ from hybrid.options import (
 from hybrid.reporting import cli as reporting
 from hybrid.reproduction import cli as reproduction
 from hybrid.truth import cli as truth_commands
+from hybrid.twin import cli as twin
 
 HORIZON_S = 15
 SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
@@ -39,6 +40,7 @@ def mount(app: typer.Typer) -> None:
     app.command("validate", help="Score every method on recordings that none has seen.")(validate)
     app.command("predict", help="Predict one track from one instant of a recording.")(predict)
     app.command("effects", help="List the effects that a model may lack.")(effects)
+    twin.mount(app)
     evaluation.mount(app)
     diagnosis.mount(app)
     planning.mount(app)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from acquisition.angles import wrap_360
 from acquisition.channels import NAMES
 from acquisition.errors import InputError, ModelRangeError
-from hybrid.artefact import Trained, refuse_horizon, speak
+from analysis.smoothing.last_motion import goes_on, last_motion
 from hybrid.baselines import reference
 from hybrid.gather import start_motion
 from hybrid.horizon import Horizons, from_rows
 from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.artefact import Trained
 
 Floats = NDArray[np.float64]
 
@@ -79,6 +82,7 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
 def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Horizons, bool]:
     """The window that starts at ``at`` in a 1 Hz table, and whether the recording covers all of it.
 
+    Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`last_motion`).
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
     """
     times = pd.DatetimeIndex(table.index)
@@ -97,7 +101,8 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    return from_rows(labelled, start_motion(labelled, table), {"prediction": table}), bool(
+    motion = start_motion(labelled, table) if goes_on(table, start) else last_motion(table, start)
+    return from_rows(labelled, motion, {"prediction": table}), bool(
         rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
     )
 
@@ -111,6 +116,8 @@ def predict(
     table, :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:
+        from hybrid.artefact import refuse_horizon, speak  # torch comes with it: hundreds of megabytes
+
         refuse_horizon(horizon_s, trained)
     horizons, covered = window_at(table, at, horizon_s)
     track = reference(horizons, plant)

@@ -11,7 +11,15 @@ from typing import Any
 import orjson
 
 from acquisition.frames import Frame, FrameFlag, Sample
-from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, POSITION_TOPIC, raw_topic
+from acquisition.recording.schemas import (
+    CHANNEL_PREFIX,
+    EVENT_TOPIC,
+    HEALTH_TOPIC,
+    POSITION_TOPIC,
+    PREDICTED_TRACK_TOPIC,
+    PREDICTION_TOPIC,
+    raw_topic,
+)
 from acquisition.trial import Trial
 
 _NANO = 1_000_000_000
@@ -82,6 +90,12 @@ class MessageSink(ABC):
     def write_health(self, health: dict[str, Any], received_ns: int) -> None:
         """Record the state of one source."""
         self.write(HEALTH_TOPIC, orjson.dumps(health), received_ns, received_ns)
+
+    def write_prediction(self, data: bytes, geojson: bytes, received_ns: int, start_ns: int) -> None:
+        """Record what another program foretells from ``start_ns`` on, and what a map draws of it, if anything."""
+        self.write(PREDICTION_TOPIC, data, received_ns, start_ns)
+        if geojson:
+            self.write(PREDICTED_TRACK_TOPIC, geojson, received_ns, start_ns)
 
 
 def _timestamp(time_ns: int) -> dict[str, int]:

@@ -22,7 +22,13 @@ from acquisition.errors import InputError
 from acquisition.recording.batches import Batch, Samples, add_samples, batches
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
-from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
+from acquisition.recording.schemas import (
+    CHANNEL_PREFIX,
+    EVENT_TOPIC,
+    HEALTH_TOPIC,
+    PREDICTION_TOPIC,
+    RAW_PREFIX,
+)
 from acquisition.trial import Trial
 
 REMEDY = "save what is intact with `seatrial recover`"
@@ -49,6 +55,7 @@ class Recording:
 
     ``metadata`` is what the file says besides the trial: which part of a recording it is, whose clock it has.
     ``health`` is the last word on each source: its state, its frames, how many were refused, why, and dropped.
+    ``predictions`` counts what another program foretold beside the recorder.
     """
 
     path: Path
@@ -62,6 +69,7 @@ class Recording:
     end_ns: int
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     health: dict[str, dict[str, Any]] = field(default_factory=dict)
+    predictions: int = 0
 
 
 class Entry(NamedTuple):
@@ -241,6 +249,7 @@ def read_recording(path: Path | str) -> Recording:
     events: list[tuple[int, str]] = []
     health: dict[str, dict[str, Any]] = {}
     start_ns, end_ns, messages = 2**63 - 1, 0, 0
+    start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
         messages += len(batch)
         start_ns, end_ns = min(start_ns, int(batch.log_ns.min())), max(end_ns, int(batch.log_ns.max()))
@@ -256,6 +265,8 @@ def read_recording(path: Path | str) -> Recording:
                 events += _events(batch.of_channels(each), stream.path)
             elif topic == HEALTH_TOPIC:
                 health |= _health(batch.of_channels(each), stream.path)
+            elif topic == PREDICTION_TOPIC:
+                predictions += len(batch.of_channels(each))
     return Recording(
         path=stream.path,
         trial=stream.trial,
@@ -268,4 +279,5 @@ def read_recording(path: Path | str) -> Recording:
         end_ns=end_ns,
         metadata=stream.metadata,
         health=health,
+        predictions=predictions,
     )

@@ -6,12 +6,15 @@ import json
 from typing import Any
 
 from acquisition.channels import BY_NAME, Channel
+from acquisition.recording.prediction_schema import PREDICTION
 
 RAW_PREFIX = "/raw/"
 CHANNEL_PREFIX = "/channel/"
 POSITION_TOPIC = "/position"
 EVENT_TOPIC = "/event"
 HEALTH_TOPIC = "/health"
+PREDICTION_TOPIC = "/prediction"
+PREDICTED_TRACK_TOPIC = "/prediction/track"
 
 _TIME = {
     "type": "object",
@@ -128,7 +131,18 @@ _HEALTH = _object(
         "age_s": {"type": ["number", "null"], "description": "Since the last frame [s]"},
     },
 )
-_WELL_KNOWN = {POSITION_TOPIC: _LOCATION_FIX, EVENT_TOPIC: _LOG, HEALTH_TOPIC: _HEALTH}
+_GEOJSON = _object(
+    "foxglove.GeoJSON",
+    "GeoJSON data for annotating maps",
+    {"geojson": {"type": "string", "description": "GeoJSON data encoded as a UTF-8 string"}},
+)
+_WELL_KNOWN = {
+    POSITION_TOPIC: _LOCATION_FIX,
+    EVENT_TOPIC: _LOG,
+    HEALTH_TOPIC: _HEALTH,
+    PREDICTION_TOPIC: PREDICTION,
+    PREDICTED_TRACK_TOPIC: _GEOJSON,
+}
 
 
 def schema_of(topic: str) -> tuple[str, bytes]:

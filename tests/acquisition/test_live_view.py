@@ -16,12 +16,14 @@ import pytest
 from acquisition.config import load_config
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.errors import ConfigurationError, SourceError
+from acquisition.hearing import recorders, say_prediction
 from acquisition.live.foxglove import LiveView
 from acquisition.record import record
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import schema_of
 from acquisition.sections import LiveSection
-from tests.acquisition.conftest import config_text, free_port
+from tests.acquisition.conftest import config_text, free_port, wait_for
+from tests.acquisition.test_predictions import BODY, GEOJSON
 
 websockets = pytest.importorskip("websockets.sync.client")
 LAYOUT = Path(__file__).parents[2] / "trials" / "foxglove_layout.json"
@@ -99,6 +101,39 @@ def test_a_viewer_sees_channels_with_schemas_and_values(recording: Recording) ->
     assert not any(topic.startswith("/raw") for topic in topics.values())
 
 
+def test_a_viewer_sees_predictions_and_their_track_on_the_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path / "run"))
+    running = Recording(tmp_path)
+    running.thread.start()
+    try:
+        with running.viewer() as viewer:
+            wait_for(lambda: bool(recorders()), 20.0)
+            assert say_prediction(recorders()[0][0], BODY, GEOJSON) == ""  # it makes the topics known
+            channels = {}
+            while len(channels) < 2:
+                said = viewer.recv(timeout=20)
+                for each in json.loads(said).get("channels", []) if isinstance(said, str) else []:
+                    if each["topic"].startswith("/prediction"):
+                        channels[each["topic"]] = each
+            assert channels["/prediction/track"]["schemaName"] == "foxglove.GeoJSON"
+            viewer.send(
+                json.dumps({"op": "subscribe", "subscriptions": [wanted(each) for each in channels.values()]})
+            )
+            found: dict[int, Any] = {}
+            while len(found) < 2:
+                say_prediction(recorders()[0][0], BODY, GEOJSON)
+                said = viewer.recv(timeout=20)
+                if not isinstance(said, str) and said[0] == MESSAGE_DATA:
+                    found[struct.unpack("<I", said[1:5])[0]] = json.loads(said[13:])
+            assert found[channels["/prediction"]["id"]] == BODY
+            assert found[channels["/prediction/track"]["id"]] == {"geojson": GEOJSON}
+    finally:
+        running.stop.set()
+        running.thread.join()
+
+
 def test_a_viewer_that_reads_nothing_costs_the_recording_nothing(recording: Recording) -> None:
     with recording.viewer():
         for _ in range(50):
@@ -143,11 +178,14 @@ def test_the_layout_shows_what_a_recording_holds() -> None:
     assert {panel.partition("!")[0] for panel in panels} >= {"map", "Plot", "RosOut"}
     paths = [text for text in _strings(layout["configById"]) if text.startswith("/")]
     for path in paths:
-        topic, _, field = path.partition(".")
-        properties = json.loads(schema_of(topic)[1])["properties"]
-        assert not field or field in properties, path
+        topic, *fields = path.removesuffix("[:]").split(".")
+        schema = json.loads(schema_of(topic)[1])
+        for field in fields:
+            assert field in schema["properties"], path
+            schema = schema["properties"][field]
+        assert path.endswith("[:]") == (bool(fields) and schema["type"] == "array"), path
     shown = {path.partition(".")[0] for path in paths}
     from acquisition.channels import CHANNELS
 
     assert {each.topic for each in CHANNELS} - shown == {"/channel/north_m", "/channel/east_m"}  # on the map
-    assert {"/position", "/event", "/health"} <= shown
+    assert {"/position", "/event", "/health", "/prediction"} <= shown

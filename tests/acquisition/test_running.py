@@ -25,8 +25,11 @@ from acquisition.config import load_config
 from acquisition.departure import check_departure
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.errors import SourceError
-from acquisition.marks import MarkServer, send_mark
+from acquisition.health import Health
+from acquisition.hearing import Hearing, Running
+from acquisition.marks import Mark, send_mark
 from acquisition.null_modem import NullModem
+from acquisition.predictions import Predictions
 from acquisition.recording.reader import read_recording
 from acquisition.sections import UdpSource
 from acquisition.sources.network import TcpLines, UdpLines
@@ -67,6 +70,11 @@ class Process:
         return self.process.returncode, stdout.splitlines()
 
 
+def hearing(mark: Mark, folder: Path) -> Hearing:
+    """A recorder's ear for marks."""
+    return Hearing(mark, lambda: Running("", "", "", False, 0, 0, 0), Predictions(Health({})), folder)
+
+
 def test_marks_are_set_from_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the time at which the command was given, not when it arrived."""
     monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path / "run"))
@@ -97,7 +105,7 @@ def test_a_socket_that_a_killed_recorder_left_is_no_recorder(tmp_path: Path) -> 
     stale.bind(str(tmp_path / "1-a.sock"))
     stale.close()
     heard: list[str] = []
-    with MarkServer(lambda text, at_ns: heard.append(text), tmp_path):
+    with hearing(lambda text, at_ns: heard.append(text), tmp_path):
         assert send_mark("x" * 1000, tmp_path) == 1
     assert heard == ["x" * 500]
     assert list(tmp_path.iterdir()) == []
@@ -120,7 +128,7 @@ def test_a_socket_that_a_killed_recorder_left_is_no_recorder(tmp_path: Path) -> 
 )
 def test_rubbish_sent_as_a_mark_does_no_harm(tmp_path: Path, rubbish: bytes) -> None:
     heard: list[str] = []
-    with MarkServer(lambda text, at_ns: heard.append(text), tmp_path) as server:
+    with hearing(lambda text, at_ns: heard.append(text), tmp_path) as server:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(server.path))
             with suppress(OSError):  # what is too long is not read to its end
@@ -132,7 +140,7 @@ def test_rubbish_sent_as_a_mark_does_no_harm(tmp_path: Path, rubbish: bytes) -> 
 @pytest.mark.parametrize(("text", "heard"), [("🚢" * 600, "🚢" * 500), ("a\udcff", "a?")])
 def test_a_mark_of_any_letters_is_heard(tmp_path: Path, text: str, heard: str) -> None:
     marks: list[str] = []
-    with MarkServer(lambda text, at_ns: marks.append(text), tmp_path):
+    with hearing(lambda text, at_ns: marks.append(text), tmp_path):
         assert send_mark(text, tmp_path) == 1
     assert marks == [heard]
 
@@ -140,7 +148,7 @@ def test_a_mark_of_any_letters_is_heard(tmp_path: Path, text: str, heard: str) -
 @pytest.mark.parametrize("apart_s", [-3600, 3600, 10**30])
 def test_a_mark_that_cannot_be_of_that_moment_is_of_now(tmp_path: Path, apart_s: int) -> None:
     moments: list[int] = []
-    with MarkServer(lambda text, at_ns: moments.append(at_ns), tmp_path) as server:
+    with hearing(lambda text, at_ns: moments.append(at_ns), tmp_path) as server:
         message = {"text": "\ud800", "monotonic_ns": time.monotonic_ns() + apart_s * 10**9}
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(server.path))

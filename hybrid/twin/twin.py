@@ -1,0 +1,184 @@
+"""The twin: follows the recorder of a trial, predicts once a second, judges what it said before, and says so."""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from acquisition.channels import NAMES
+from acquisition.errors import SeatrialError
+from acquisition.follow import Follower
+from acquisition.frames import Quality
+from acquisition.hearing import say_prediction
+from acquisition.recording.reader import Recording, Series
+from acquisition.trial import Trial
+from analysis.time_index import NANO
+from hybrid.horizon import PAST_S
+from hybrid.twin.message import body_of, geojson_of
+from hybrid.twin.now import Foretold, missing_channels, newest_second_ns, predict_now
+from hybrid.twin.recent import Recent
+from hybrid.twin.running_error import Judged, RunningError
+from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.artefact import Trained
+
+_MARGIN_S = 15.0  # more than the filters look back, and than judging waits
+_LEAST_APART_S = 0.55  # what the recorder takes is two a second
+_STALLED_S = 3.0
+
+Tell = Callable[[str, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """What predicts: the reference model of a vessel, or a calibrator on it; and how far [s]."""
+
+    vessel: str
+    plant: Plant
+    horizon_s: int
+    trained: Trained | None = None
+    calibrator: str = ""
+
+    @property
+    def keep_s(self) -> float:
+        """How much of the past it needs to predict and to judge [s]."""
+        return max(PAST_S, self.horizon_s) + _MARGIN_S
+
+
+@dataclass(slots=True)
+class Account:
+    """What has happened so far: one number a prediction or a judged error, and counts."""
+
+    made: int = 0
+    said: int = 0
+    left_out: int = 0
+    latency_s: array[float] = field(default_factory=lambda: array("d"))
+    mean_distance_m: array[float] = field(default_factory=lambda: array("d"))
+    end_distance_m: array[float] = field(default_factory=lambda: array("d"))
+    heading_deg: array[float] = field(default_factory=lambda: array("d"))
+    inside_band: array[float] = field(default_factory=lambda: array("d"))
+
+    def judge(self, error: Judged) -> None:
+        """Take a judged prediction in."""
+        if error.thrusters_moved:
+            self.left_out += 1
+            return
+        self.mean_distance_m.append(error.mean_distance_m)
+        self.end_distance_m.append(error.end_distance_m)
+        self.heading_deg.append(error.heading_deg)
+        if error.inside_band is not None:
+            self.inside_band.append(error.inside_band)
+
+
+class Twin:
+    """Beside the recorder of the trial ``name``; to be closed. Call :meth:`step` ten times a second or so."""
+
+    def __init__(
+        self, name: str, configuration: Path, model: Model, tell: Tell, folder: Path | None = None
+    ) -> None:
+        self.model, self.account, self.errors = model, Account(), RunningError()
+        self.last: Foretold | None = None
+        self.last_error: Judged | None = None
+        self.follower = Follower(name, configuration, model.keep_s, tell, folder)
+        self._recent = Recent(model.keep_s)
+        self._tell, self._told = tell, ""
+        self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self.follower.close()
+
+    def step(self) -> bool:
+        """Take in what is new; whether it brought a new prediction."""
+        news = self.follower.news()
+        if news.anew:
+            self._recent.clear()
+            self.errors.forget()
+            self._start_ns, self._new_s = 0, time.monotonic()
+        for samples in news.samples:
+            self._recent.add(samples, again=news.again)
+        path = self.follower.path
+        if not news.samples or path is None or time.monotonic() - self._made_s < _LEAST_APART_S:
+            return False
+        recording = self._recent.recording(self.follower.trial, path)
+        start_ns = newest_second_ns(recording)
+        if start_ns is None or start_ns <= self._start_ns:
+            self._look_for_missing(recording)
+            return False
+        self._start_ns = start_ns
+        return self._foretell(recording, start_ns)
+
+    def _foretell(self, recording: Recording, start_ns: int) -> bool:
+        self._made_s = time.monotonic()
+        try:
+            foretold = predict_now(recording, self.model.horizon_s, self.model.plant, self.model.trained, start_ns)
+        except SeatrialError as error:
+            self._say("warning", f"no prediction: {error}")
+            return False
+        self._new_s = time.monotonic()
+        self._judge(foretold, start_ns)
+        self.last = foretold
+        self.errors.add(foretold.prediction)
+        self._pass_on(foretold)
+        return True
+
+    def _judge(self, foretold: Foretold, until_ns: int) -> None:
+        errors = self.errors.measured(foretold.table, until_ns)
+        for error in errors:
+            self.account.judge(error)
+        self.last_error = errors[-1] if errors else None
+
+    def _pass_on(self, foretold: Foretold) -> None:
+        """Give the prediction to the recorder."""
+        origin, made_ns = self.follower.trial.origin, self.follower.utc_ns
+        latency_s = max((made_ns - self._recent.newest_received_ns) / NANO, 0.0)
+        self.account.made += 1
+        self.account.latency_s.append(latency_s)
+        names = self.model.vessel, self.model.calibrator
+        running = self.errors.over_s, self.errors.mean()
+        body = body_of(
+            foretold.prediction, foretold.held, origin, names, made_ns, latency_s, self.last_error, running
+        )
+        if self.follower.recorder is None:
+            return
+        refused = say_prediction(self.follower.recorder[0], body, geojson_of(foretold.prediction, origin))
+        self.account.said += not refused
+        self._say("warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting")
+
+    def _look_for_missing(self, recording: Recording) -> None:
+        """Say which channels there is no going on without."""
+        if time.monotonic() - self._new_s < _STALLED_S:
+            return
+        newest = [int(each.measured_ns.max()) for name, each in recording.series.items() if name in NAMES]
+        missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
+        if missing:
+            self._say("warning", f"no prediction: nothing comes of {', '.join(missing)}")
+
+    def _say(self, level: str, text: str) -> None:
+        """Tell what is new, once."""
+        if text != self._told:
+            self._told = text
+            self._tell(level, text)
+
+
+def warm_up(model: Model) -> None:
+    """Predict once for a ship at rest, so that what is compiled at first use is compiled before it matters."""
+    with suppress(SeatrialError):
+        predict_now(at_rest(model.keep_s), model.horizon_s, model.plant, model.trained)
+
+
+def at_rest(seconds: float) -> Recording:
+    """A recording of so many seconds in which all 13 channels are zero, a sample a second."""
+    times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
+    zeros = np.zeros(times_ns.size)
+    flags = np.full(times_ns.size, Quality.GOOD, np.uint8)
+    series = Series(times_ns, times_ns, zeros, flags, ("",), np.zeros(times_ns.size, np.int32))
+    return Recording(Path(), Trial(), dict.fromkeys(NAMES, series), {}, [], 0, True, 0, int(times_ns[-1]))

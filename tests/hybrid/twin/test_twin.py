@@ -1,0 +1,133 @@
+"""The twin step by step beside a recorder of a few lines: missing channels, another recording, what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from acquisition.frames import Sample
+from acquisition.health import Health
+from acquisition.hearing import Hearing, Running
+from acquisition.predictions import Predictions
+from acquisition.recording.parts import RecordingParts
+from acquisition.sections import RecordingSection
+from acquisition.trial import Trial
+from hybrid.twin import twin as twin_module
+from hybrid.twin.twin import Model, Twin
+from hybrid.vessel.plant import Plant
+from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
+
+HORIZON_S = 3
+
+
+class Recorder:
+    """What a twin sees of a recorder: a growing file and an ear. It writes a steady ship's seconds."""
+
+    def __init__(self, folder: Path, runtime: Path) -> None:
+        trial = Trial("bay", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
+        self.parts = RecordingParts(folder, trial, {}, RecordingSection())
+        self.predictions = Predictions(Health({}))
+        self.hearing = Hearing(lambda text, at_ns: None, self.who, self.predictions, runtime)
+        self.table = steady_table(60.0)
+
+    def who(self) -> Running:
+        return Running("bay", "/bay.toml", str(self.parts.path), False, 1, 0, 0)
+
+    def write(self, begin_s: float, end_s: float, without: str = "") -> None:
+        seconds = (self.table.index - self.table.index[0]) / pd.Timedelta(seconds=1)
+        for time, row in self.table[(seconds > begin_s) & (seconds <= end_s)].iterrows():
+            time_ns = pd.Timestamp(str(time)).as_unit("ns").value
+            for name, value in row.items():
+                if name != without:
+                    self.parts.write_sample(Sample(str(name), float(value), "x", time_ns, 0, time_ns))
+        self.parts.flush()
+
+    def said(self) -> list[dict[str, Any]]:
+        return [json.loads(each.data) for each in self.predictions.take()]
+
+
+@pytest.fixture
+def recorder(tmp_path: Path) -> Iterator[Recorder]:
+    running = Recorder(tmp_path / "out", tmp_path / "run")
+    with running.hearing:
+        yield running
+
+
+@pytest.fixture
+def told() -> list[str]:
+    return []
+
+
+@pytest.fixture
+def twin(tmp_path: Path, plant: Plant, told: list[str], monkeypatch: pytest.MonkeyPatch) -> Iterator[Twin]:
+    """One that does not wait between predictions, nor before it says what is missing."""
+    monkeypatch.setattr(twin_module, "_LEAST_APART_S", 0.0)
+    monkeypatch.setattr(twin_module, "_STALLED_S", -1.0)
+    model = Model("gunnerus_short", plant, HORIZON_S)
+    watching = Twin("bay", Path("/bay.toml"), model, lambda level, text: told.append(text), tmp_path / "run")
+    yield watching
+    watching.close()
+
+
+def test_it_says_where_the_ship_will_be_and_how_far_off_it_was(recorder: Recorder, twin: Twin) -> None:
+    said: list[dict[str, Any]] = []
+    for second in range(16):
+        recorder.write(second - 0.65, second + 0.35)
+        recorder.predictions._allowed = 4.0  # as if a second had passed
+        assert twin.step()
+        said += recorder.said()
+    starts = [body["start"] for body in said]
+    assert starts == [starts[0] + number for number in range(len(starts))]
+    assert len(said) >= 15
+    judged = [body for body in said if "error" in body]
+    assert [body["error"]["start"] for body in judged] == [body["start"] - HORIZON_S - 3 for body in judged]
+    assert twin.account.said == len(said)
+    assert twin.account.left_out == 0
+    assert len(twin.account.mean_distance_m) == len(judged) >= 8
+
+
+@pytest.mark.parametrize("name", ["tunnel_rpm", "north_m"])
+def test_a_channel_that_is_missing_is_named_and_it_goes_on_when_it_comes(
+    recorder: Recorder, twin: Twin, told: list[str], name: str
+) -> None:
+    for second in range(3):
+        recorder.write(second, second + 1.0, without=name)
+        assert not twin.step()
+    assert any(text.startswith("no prediction: ") and name in text for text in told)
+    recorder.write(3.0, 5.3)
+    assert twin.step()
+    assert len(recorder.said()) == 1
+    assert told[-1] == "predicting"
+
+
+def test_another_recording_forgets_what_was_foretold_of_the_first(
+    recorder: Recorder, twin: Twin, tmp_path: Path
+) -> None:
+    recorder.write(0.0, 5.3)
+    assert twin.step()
+    other = Recorder(tmp_path / "other", tmp_path / "run")
+    recorder.hearing.__exit__()
+    with other.hearing:
+        twin.follower._heard_s = twin.follower._asked_s = 0.0  # as if it had been quiet
+        other.write(20.0, 25.3)
+        assert twin.step()
+        assert twin.errors.unmeasured == 1
+        assert len(other.said()) == 1
+    recorder.hearing.__enter__()
+
+
+def test_what_the_recorder_refuses_is_told_and_it_goes_on(recorder: Recorder, twin: Twin, told: list[str]) -> None:
+    recorder.predictions._allowed = 0.0
+    recorder.write(0.0, 5.3)
+    assert twin.step()
+    assert told[-1] == "not recorded: more than 2 predictions a second"
+    recorder.predictions._allowed = 4.0
+    recorder.write(5.3, 6.3)
+    assert twin.step()
+    assert told[-1] == "predicting"
+    assert (twin.account.made, twin.account.said) == (2, 1)
