@@ -66,7 +66,7 @@ class SourceHealth:
             "rejected": self.rejected,
             "reasons": self.reasons,
             "dropped": self.dropped,
-            "age_s": None if self.last_ns is None else (now_ns - self.last_ns) / 1e9,
+            **({} if self.last_ns is None else {"age_s": (now_ns - self.last_ns) / 1e9}),
         }
 
 

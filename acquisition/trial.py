@@ -30,10 +30,10 @@ class Trial:
     origin_longitude_deg: float | None = None
     water_depth_m: float | None = None
     draught_m: float | None = None
+    crew_notes: str = ""
     trim_m: float | None = None
     loading: str = ""
     sea_state: str = ""
-    crew_notes: str = ""
 
     @property
     def origin(self) -> tuple[float, float] | None:

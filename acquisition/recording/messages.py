@@ -43,10 +43,11 @@ class MessageSink(ABC):
             "value": sample.value,
             "source": sample.source,
             "quality": int(sample.quality),
-            "source_time": None if sample.source_ns is None else sample.source_ns / _NANO,
             "source_clock": sample.clock,
             "monotonic_ns": sample.monotonic_ns,
         }
+        if sample.source_ns is not None:  # left out, for null is no number: some viewers know one type a field
+            body["source_time"] = sample.source_ns / _NANO
         self.write(CHANNEL_PREFIX + sample.quantity, orjson.dumps(body), sample.received_ns, sample.measured_ns)
 
     def write_raw(self, frame: Frame) -> None:

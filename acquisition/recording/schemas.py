@@ -47,8 +47,8 @@ def _channel_schema(channel: Channel) -> dict[str, Any]:
                 "description": "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing",
             },
             "source_time": {
-                "type": ["number", "null"],
-                "description": "When the source says it was measured, UTC since 1970 [s]",
+                "type": "number",
+                "description": "When the source says it was measured, UTC since 1970 [s]; left out if it does not",
             },
             "source_clock": {"type": "string", "description": "The clock of publish_time"},
             "monotonic_ns": {
@@ -124,11 +124,12 @@ _HEALTH = _object(
         "rejected": {"type": "integer", "description": "Frames and values that came and were not believed"},
         "reasons": {
             "type": "object",
+            "properties": {},
             "additionalProperties": {"type": "integer"},
             "description": "How many of them, by reason",
         },
         "dropped": {"type": "integer", "description": "Frames lost because the queue was full"},
-        "age_s": {"type": ["number", "null"], "description": "Since the last frame [s]"},
+        "age_s": {"type": "number", "description": "Since the last frame [s]; left out if there was none"},
     },
 )
 _GEOJSON = _object(

@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
+import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,6 +18,7 @@ from mcap.reader import make_reader
 from acquisition.channels import BY_NAME, NAMES
 from acquisition.errors import InputError, StorageError
 from acquisition.frames import Frame, FrameFlag, Quality, Sample
+from acquisition.health import SourceHealth
 from acquisition.info import describe
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import schema_of
@@ -24,7 +27,9 @@ from acquisition.recording.writer import RecordingWriter
 from acquisition.trial import Trial
 from tests.acquisition.conftest import write_voyage
 
-FULL_TRIAL = Trial("a trial", "gunnerus_long", "Trondheimsfjord", 63.44, 10.4, 120.0, 2.7, "calm; coffee")
+FULL_TRIAL = Trial(
+    "a trial", "gunnerus_long", "Trondheimsfjord", 63.44, 10.4, 120.0, 2.7, "calm; coffee", -0.1, "half fuel", "2"
+)
 
 
 def test_table_comes_back_to_the_last_bit(tmp_path: Path) -> None:
@@ -82,6 +87,42 @@ def test_a_plain_reader_opens_it_with_schemas_and_topics(tmp_path: Path) -> None
     assert json.loads(heading.data)["value"] == 12.5
     assert found["/position"][0].name == "foxglove.LocationFix"
     assert found["/event"][0].name == "foxglove.Log"
+
+
+@pytest.mark.parametrize(
+    "topic",
+    ["/channel/heading_deg", "/raw/can/bus", "/raw/nmea0183/gyro", "/raw/mavlink/pilot", "/position", "/event",
+     "/health", "/prediction", "/prediction/track"],
+)  # fmt: skip
+def test_every_schema_can_be_read_by_every_viewer(topic: str) -> None:
+    """One type a field, and objects that name their properties: Lichtblick opens no topic with other schemas."""
+
+    def look(schema: dict[str, Any], name: str) -> None:
+        assert schema["type"] in ("object", "array", "number", "integer", "string", "boolean"), name
+        assert not {"$ref", "anyOf", "oneOf", "allOf"} & set(schema), name
+        if schema["type"] == "object":
+            for key, each in schema["properties"].items():
+                look(each, f"{name}.{key}")
+        elif schema["type"] == "array":
+            look(schema["items"], f"{name}[]")
+
+    look(json.loads(schema_of(topic)[1]), topic)
+
+
+@pytest.mark.parametrize("source_ns", [None, 3_500_000_000])
+def test_samples_and_states_are_what_their_schemas_say(source_ns: int | None, tmp_path: Path) -> None:
+    """With a source's time and without, with a last frame and before the first."""
+    sample = Sample("heading_deg", 12.5, "gyro", 5, 1, 4, source_ns)
+    path = tmp_path / "a.mcap"
+    with RecordingWriter(path, Trial(name="x")) as writer:
+        writer.write_sample(sample)
+        writer.write_health(SourceHealth("gyro", last_ns=source_ns).as_message(9_000_000_000), 9)
+    with path.open("rb") as stream:
+        for schema, _, message in make_reader(stream).iter_messages():
+            assert schema is not None
+            body = json.loads(message.data)
+            jsonschema.validate(body, json.loads(schema.data))
+            assert None not in body.values()
 
 
 def test_schema_descriptions_carry_the_units() -> None:

@@ -27,7 +27,7 @@ def sheet_of(tmp_path: Path, trial: Trial, *more: object) -> dict[str, str]:
 
 def test_what_was_written_down_is_there(tmp_path: Path) -> None:
     trial = Trial(
-        "docking", "gunnerus", "Trondheim", 63.5, -10.25, 20.0, 2.5, 0.1, "half fuel", "2, from the west", "<calm>"
+        "docking", "gunnerus", "Trondheim", 63.5, -10.25, 20.0, 2.5, "<calm>", 0.1, "half fuel", "2, from the west"
     )
     sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 9.6, 2.7))
     assert sheet["ship"] == "gunnerus"

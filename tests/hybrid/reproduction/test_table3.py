@@ -261,6 +261,7 @@ def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatc
     monkeypatch.setattr("hybrid.reproduction.seas.seas_of", lambda *_: ())
     monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
     monkeypatch.setattr("hybrid.reproduction.figures.shown_of", lambda *_: None)  # the page without figures
+    monkeypatch.setattr("hybrid.reproduction.figures.write_drawn", lambda *_: [])
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
     assert "What falls short" in (tmp_path / "table3.html").read_text()
