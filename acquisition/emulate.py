@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,9 +19,8 @@ from acquisition.config import TrialConfig
 from acquisition.encoders import Encoder, Moment, make_encoder
 from acquisition.errors import InputError
 from acquisition.outlets import Outlet, open_outlet
+from acquisition.progress import Progress
 from acquisition.recording.reader import Recording, read_recording
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)

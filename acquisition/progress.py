@@ -6,8 +6,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Progress = Callable[[float], None]
+"""What long work tells: the share done, 0 to 1."""
 
-def part_of(progress: Callable[[float], None], done: int, total: int) -> Callable[[float], None]:
+
+def part_of(progress: Progress, done: int, total: int) -> Progress:
     """The progress of one of ``total`` pieces of work, ``done`` of which are over.
 
     >>> part_of(print, 1, 4)(0.5)
@@ -17,14 +20,14 @@ def part_of(progress: Callable[[float], None], done: int, total: int) -> Callabl
 
 
 @contextmanager
-def bar(what: str) -> Iterator[Callable[[float], None]]:
+def bar(what: str) -> Iterator[Progress]:
     """A function that takes the share done, 0 to 1."""
     if not sys.stderr.isatty():
         yield lambda share: None
         return
     from rich.console import Console
-    from rich.progress import Progress
+    from rich.progress import Progress as Bars
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with Bars(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(what, total=1.0)
         yield lambda share: progress.update(task, completed=share)

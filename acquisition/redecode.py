@@ -7,7 +7,7 @@ else (channels, fixes, what decoding told) comes from decoding again.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +20,7 @@ from acquisition.frames import Frame
 from acquisition.health import Health
 from acquisition.pipeline import health_of
 from acquisition.processing import DECODED, Processing
+from acquisition.progress import Progress
 from acquisition.recording.beginning import trial_at_beginning
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import Entry, MessageStream
@@ -27,8 +28,6 @@ from acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PR
 from acquisition.recording.writer import RecordingWriter
 
 _FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
-
-Progress = Callable[[float], None]
 
 
 @dataclass(slots=True)

@@ -22,6 +22,7 @@ from acquisition.config import load_config
 from acquisition.emulate import Played, emulate
 from acquisition.errors import SourceError
 from acquisition.null_modem import NullModem
+from acquisition.progress import Progress
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from acquisition.trial import Trial
@@ -41,7 +42,6 @@ from hybrid.truth.trial import simulate_trial
 from hybrid.validate import Validation, refuse_seen, validate
 from hybrid.vessel.files import load_vessel
 
-Progress = Callable[[float], None]
 Say = Callable[[str], None]
 
 TEMPLATE = Path(__file__).resolve().parents[1] / "trials" / "demo.toml"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -11,13 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.progress import Progress
 from analysis.recordings import tables_of_recordings, windows_of_tables
 from analysis.smoothing.smooth import smooth_motion
 from analysis.twins import refuse_twins
 from analysis.windows import HeldWindows
 from hybrid.horizon import Horizons, from_rows, joined_horizons
-
-Progress = Callable[[float], None]
 
 SHORTEST_S = 8
 """Thrusters held for less teach nothing about a prediction but its start."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
-from acquisition.progress import part_of
+from acquisition.progress import Progress, part_of
 from hybrid.artefact import Trained
 from hybrid.baselines import reference
 from hybrid.calibrators import make_calibrator
@@ -21,7 +20,6 @@ from hybrid.scores import score
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 HELD_OUT_SHARE = 0.2
 METHOD = "adaptive"

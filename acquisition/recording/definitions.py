@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,10 +13,9 @@ from typing import BinaryIO
 from mcap.records import Channel, Chunk, ChunkIndex, Header, McapRecord, Schema
 
 from acquisition.errors import InputError
+from acquisition.progress import Progress
 from acquisition.recording.records import LARGEST_BYTES, RecordError, contents
 from acquisition.recording.scan import Damage, Intact, scan
-
-Progress = Callable[[float], None]
 
 
 @dataclass(slots=True)

@@ -28,7 +28,8 @@ from mcap.writer import CompressionType, Writer
 
 from acquisition.errors import InputError, StorageError, storage_error
 from acquisition.frames import iso
-from acquisition.recording.definitions import Definitions, Progress, collect_definitions, scanned
+from acquisition.progress import Progress
+from acquisition.recording.definitions import Definitions, collect_definitions, scanned
 from acquisition.recording.reader import open_recording
 from acquisition.recording.records import HEAD, RecordError, contents
 from acquisition.recording.scan import Damage, Intact

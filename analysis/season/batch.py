@@ -21,6 +21,7 @@ from queue import Empty, Queue
 from typing import Any, TypeAlias
 
 from acquisition.errors import DataShortageError, InputError, SourceError, StorageError, storage_error
+from acquisition.progress import Progress
 from analysis.season.index import Failures, failures_of, gone_rows, write_index
 from analysis.season.interrupts import deaf_to_interrupts, ended_by_terminate
 from analysis.season.job import MARKS, MOST_ATTEMPTS, Job, attempt, failed_row
@@ -28,7 +29,6 @@ from analysis.season.one_recording import clear_partials
 from analysis.season.products import Options, cause_of
 from analysis.season.row import Row
 
-Progress = Callable[[float], None]
 Task = Callable[[Job], Row]
 Client: TypeAlias = Any  # of distributed, whose functions have no types
 Future: TypeAlias = Any

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.progress import Progress
 from hybrid.certainty import band_radius
 from hybrid.horizon import Horizons
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Progress = Callable[[float], None]
 Examples = tuple[Horizons, Floats]
 """Windows and the reference's tracks on them [N, H+1, 3]."""
 

@@ -12,8 +12,9 @@ import torch
 from torch import Tensor, nn
 
 from acquisition.errors import InputError
+from acquisition.progress import Progress
 from hybrid.baselines import constant_velocity
-from hybrid.calibrators.calibrator import Calibrator, Examples, Floats, Ground, Progress
+from hybrid.calibrators.calibrator import Calibrator, Examples, Floats, Ground
 from hybrid.calibrators.device import chosen_device
 from hybrid.calibrators.features import displacement
 from hybrid.calibrators.training import Rows, Stopping, fit_network

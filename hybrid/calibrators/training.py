@@ -7,13 +7,13 @@ time. Each step sees rows drawn anew, so that its cost does not grow with the da
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
-Progress = Callable[[float], None]
+from acquisition.progress import Progress
+
 Rows = tuple[Tensor, Tensor]
 """Inputs [rows, C] and the outputs wanted [rows, K], both scaled."""
 

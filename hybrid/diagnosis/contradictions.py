@@ -24,10 +24,11 @@ from hybrid.diagnosis.tolerance import ForceRange
 from hybrid.diagnosis.tolerated import tolerances
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.whiten import columns_of
-from hybrid.diagnosis.words import listed, number, parameter_title, plain
+from hybrid.diagnosis.words import number, parameter_title
 from hybrid.effects import Catalogue
 from hybrid.vessel.compiling import Floats
 from hybrid.vessel.sensors import HEADING
+from hybrid.words import listed, plain
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
 _SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: that much all sensors together may be off, and nobody would know

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp
 from typing import Any
@@ -12,6 +12,7 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from acquisition.errors import ConfigurationError
+from acquisition.progress import Progress
 from hybrid.diagnosis.beyond import FORMS
 from hybrid.diagnosis.contradictions import contradictory, stated
 from hybrid.diagnosis.examine import Examination, examined
@@ -32,12 +33,11 @@ from hybrid.diagnosis.siblings import perhaps_one
 from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, unexplained, verdict_of
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import Map, map_of, notable
-from hybrid.diagnosis.words import listed, plain
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.effects.catalogue import VERSION
 from hybrid.vessel.parameters import Vessel
+from hybrid.words import listed, plain
 
-Progress = Callable[[float], None]
 TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
 

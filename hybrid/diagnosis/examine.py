@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.progress import Progress
 from hybrid.diagnosis.beyond import FORMS, GRANTED, beyond
 from hybrid.diagnosis.evidence import Ints, Products
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, signatures
@@ -20,7 +21,6 @@ from hybrid.diagnosis.whiten import Columns, columns_of, whitened
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
 
-Progress = Callable[[float], None]
 Arrays = TypeVar("Arrays", Linear, Columns)
 
 _LEGS_AT_ONCE = 4

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.errors import storage_error
+from acquisition.progress import Progress
 from acquisition.recording.reader import read_recording
 from acquisition.trial import software_version
 from analysis.prepare import Preparation, prepared
@@ -23,8 +24,6 @@ from hybrid.diagnosis.shown import write_shown
 from hybrid.effects import Catalogue
 from hybrid.vessel.files import save_vessel
 from hybrid.vessel.parameters import Vessel
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)

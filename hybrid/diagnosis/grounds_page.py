@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.page import Page
 from hybrid.diagnosis.result import Diagnosis, Place, Suspect
-from hybrid.diagnosis.words import chance, number, percent, plain
+from hybrid.diagnosis.words import chance, number, percent
+from hybrid.words import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,14 +7,14 @@ is trained and judged is :mod:`hybrid.evaluation.study`'s, as for ``seatrial eva
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from acquisition.errors import DataShortageError
-from acquisition.progress import part_of
+from acquisition.progress import Progress, part_of
 from analysis.recordings import trial_names
 from hybrid.baselines import reference
 from hybrid.bootstrap import LegBootstrap
@@ -31,8 +31,6 @@ from hybrid.gather import gather
 from hybrid.horizon import Horizons
 from hybrid.train import METHOD
 from hybrid.vessel.plant import Plant
-
-Progress = Callable[[float], None]
 
 STRIDE_S = 5
 _LEAST_LEGS = 4  # over fewer a mean has no interval that says anything

@@ -13,7 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
-from hybrid.diagnosis.examine import Progress, examined
+from acquisition.progress import Progress
+from hybrid.diagnosis.examine import examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise

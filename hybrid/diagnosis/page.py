@@ -11,7 +11,8 @@ from analysis.page import Page
 from hybrid.diagnosis.gap_page import add_gap, add_ladder
 from hybrid.diagnosis.grounds_page import add_consistency, add_granted, add_map, add_suspects
 from hybrid.diagnosis.result import Correlation, Diagnosis, Estimate, Ladder, NamedEffect
-from hybrid.diagnosis.words import DEPENDS, alternatives, chance, listed, number, parameter_title, percent, plain
+from hybrid.diagnosis.words import DEPENDS, alternatives, chance, number, parameter_title, percent
+from hybrid.words import listed, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

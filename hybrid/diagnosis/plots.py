@@ -17,9 +17,10 @@ from hybrid.diagnosis.name import CLOSE
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
 from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
-from hybrid.plots import title_of
-from hybrid.reproduction.plots import plain_numbers, start_frame
+from hybrid.plots import interval_bar, logarithmic, plain_numbers, start_frame
+from hybrid.scores import distances
 from hybrid.vessel.compiling import Floats
+from hybrid.words import plain
 
 FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
 """One colour a family of effects, in every figure."""
@@ -41,7 +42,7 @@ def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> li
         linewidth=1.6,
     )
     axes.axvline(0.0, color=INK, linewidth=1.0)
-    axes.set_yticks(range(len(shown)), [title_of(each.name) for each in shown])
+    axes.set_yticks(range(len(shown)), [plain(each.name) for each in shown])
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
@@ -62,7 +63,7 @@ def parameters(figure: Figure, effects: Sequence[NamedEffect]) -> list[Artist]:
     ):
         artists += _interval(axes, estimate, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
-        axes.set_yticks([0.0], [f"{title_of(effect.name)}\n{title}"])
+        axes.set_yticks([0.0], [f"{plain(effect.name)}\n{title}"])
     return artists
 
 
@@ -89,7 +90,7 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
         height=0.6,
     )
     line = axes.axvline(CLOSE, color=INK, linewidth=1.0)
-    labels = [f"{title_of(each.name)}\nfor {title_of(each.instead_of)}" for each in shown]
+    labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
     axes.set_yticks(range(len(shown)), labels, fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
@@ -104,7 +105,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     """The mean distance before, what each effect takes off it, the rest of the fall, after, and the floor."""
     whole = diagnosis.gap
     could = whole.before_m - whole.floor_m
-    steps = [(title_of(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
+    steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
              for each in diagnosis.effects]  # fmt: skip
     names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [INK]
     level = whole.before_m
@@ -127,9 +128,6 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
 
 def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> list[Artist]:
     """The mean distance of each rung by its title, with its 95 % interval."""
-    # These bring PyTorch, which no other figure needs.
-    from hybrid.evaluation.plots import interval_bar, logarithmic
-
     artists = [interval_bar(axes, each, row, PALETTE[0]) for row, each in enumerate(rungs.values())]
     axes.set_yticks(range(len(rungs)), list(rungs))
     axes.set_ylim(len(rungs) - 0.5, -0.5)
@@ -146,7 +144,7 @@ def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> list[Arti
     """
     artists: list[Artist] = []
     for label, track, colour in [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known else [])]:
-        mean = distances_m(track, tracks.measured).mean(axis=0)
+        mean = distances(track, tracks.measured).mean(axis=0)
         style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
         artists += axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
     axes.set_yscale("log")
@@ -172,7 +170,7 @@ def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
             style = "-" if label == "measured" else "--"
             artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
         before, after = (
-            distances_m(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
+            distances(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
         )
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
         axes.set_aspect("equal", adjustable="datalim")
@@ -188,7 +186,7 @@ def chosen_windows(tracks: Tracks) -> dict[str, int]:
 
     One that is several of these stands once, under all its titles.
     """
-    before, after = (distances_m(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
+    before, after = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
     chosen = {
         "worst before": int(np.argmax(before)),
         "median before": int(np.argsort(before, kind="stable")[len(before) // 2]),
@@ -210,12 +208,6 @@ def _on_grid(axes: Axes) -> None:
     """Bars that lie on the grid, not under it."""
     axes.set_axisbelow(True)
     axes.grid(visible=False, axis="y")
-
-
-def distances_m(track: Floats, measured: Floats) -> Floats:
-    """How far tracks are from what was measured at seconds 1 to H [N, H]."""
-    away = track[:, 1:, :2] - measured[:, 1:, :2]
-    return np.hypot(away[..., 0], away[..., 1])
 
 
 def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from math import isfinite
 
 from hybrid.diagnosis.result import Estimate
-from hybrid.diagnosis.words import number, plain
+from hybrid.diagnosis.words import number
 from hybrid.effects import Effect
+from hybrid.words import plain
 
 Parameters = Mapping[str, Estimate]
 

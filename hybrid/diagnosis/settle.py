@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.progress import Progress
 from hybrid.diagnosis.evidence import drawn, fitted
-from hybrid.diagnosis.examine import Look, Progress, looked_at, products_of, some_of, tolerated_forces
+from hybrid.diagnosis.examine import Look, looked_at, products_of, some_of, tolerated_forces
 from hybrid.diagnosis.linearise import Model, Signature, reported
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise

@@ -11,9 +11,10 @@ from hybrid.diagnosis.beyond import AXES, FORMS, OPERATION
 from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
 from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
-from hybrid.diagnosis.words import DEPENDS, plain
+from hybrid.diagnosis.words import DEPENDS
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
+from hybrid.words import plain
 
 WEAK = 9.0
 """A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""

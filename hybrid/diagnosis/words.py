@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+from hybrid.words import listed, plain
+
 _SMALL = 0.001
 
 DEPENDS = {
@@ -20,24 +22,6 @@ DEPENDS = {
     "side thrust": "the thrust sideways",
 }
 """What something unknown may depend on."""
-
-
-def plain(name: str) -> str:
-    """An effect's or a channel's name for people.
-
-    >>> plain("ocean_current")
-    'ocean current'
-    """
-    return name.replace("_", " ")
-
-
-def listed(words: Sequence[str], last: str = "and") -> str:
-    """Words as a sentence lists them.
-
-    >>> listed(["trim", "skeg", "loading"])
-    'trim, skeg and loading'
-    """
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
 
 
 ONE_OF_THEM = "one effect of their family that is not in the catalogue"

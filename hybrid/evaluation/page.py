@@ -13,7 +13,7 @@ from hybrid.evaluation import plots
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
 from hybrid.evaluation.tables import MEANING, caption_of, spread
-from hybrid.plots import title_of
+from hybrid.words import plain, unbroken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,7 +57,7 @@ def headline_of(evaluation: Evaluation) -> dict[str, str]:
         learned = {name: each for name, each in split.whole.methods.items() if name not in BASELINES}
         if kind != "random" and learned:
             best = min(learned, key=lambda name: learned[name].ratio.value)
-            words = f"{title_of(best)} over {title_of(split.whole.best_baseline)}, {MEANING[kind]}"
+            words = f"{plain(best)} over {plain(split.whole.best_baseline)}, {MEANING[kind]}"
             figures[words] = f"{learned[best].ratio.value:.2f} \u00d7"
     return figures
 
@@ -82,7 +82,7 @@ def _add_split(page: Page, split: SplitSummary) -> None:
     page.heading(f"{split.kind.capitalize()}: {MEANING[split.kind]}; {counts_of(split.whole)}")
     names = list(split.whole.methods)
     rows = [
-        [unbroken(title_of(name)), unbroken(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
+        [unbroken(plain(name)), unbroken(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
          unbroken(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
          f"{each.heading_error_deg.value:.1f}", unbroken(spread(each.ratio)), _percent(each.coverage_95)]
         for name, each in split.whole.methods.items()
@@ -113,7 +113,7 @@ def _add_leak(page: Page, evaluation: Evaluation) -> None:
         "Windows drawn at random are of legs that were trained on, and may overlap what was seen of them. The "
         "error on legs that were never seen is the one that is met at sea.",
     )
-    rows = [[unbroken(title_of(name)), unbroken(spread(factor))] for name, factor in evaluation.leak.items()]
+    rows = [[unbroken(plain(name)), unbroken(spread(factor))] for name, factor in evaluation.leak.items()]
     page.table(["method", "error on legs never seen over the error shown, on the same windows"], rows)
 
 
@@ -137,8 +137,3 @@ def _drawn(artists: object) -> None:
 def _percent(interval: Interval) -> str:
     bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
     return unbroken(f"{interval.value:.1%}{bounds}")
-
-
-def unbroken(text: str) -> str:
-    """A text that is not broken over two lines."""
-    return text.replace(" ", "\u00a0").replace("-", "\u2011")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from textwrap import fill
-from typing import Literal
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,16 +11,14 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from analysis.plots import FAINT, INK, PALETTE
-from hybrid.bootstrap import Interval
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import SplitSummary, Summary, counts_of
-from hybrid.plots import title_of
+from hybrid.plots import interval_bar, logarithmic, reach
+from hybrid.words import plain
 
 Floats = NDArray[np.float64]
 
 _BASELINE_COLOURS = (INK, PALETTE[4])
-_LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
-_TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
 _METHOD_COLOURS = tuple(colour for colour in PALETTE if colour != PALETTE[4])
 
@@ -42,7 +39,7 @@ def error_by_second(axes: Axes, summary: Summary) -> list[Artist]:
     for method, each in summary.methods.items():
         seconds = np.arange(1, len(each.by_second) + 1)
         value, low, high = np.array([(one.value, one.low, one.high) for one in each.by_second]).T
-        artists += axes.plot(seconds, value, color=colours[method], label=title_of(method))
+        artists += axes.plot(seconds, value, color=colours[method], label=plain(method))
         artists.append(axes.fill_between(seconds, low, high, color=colours[method], alpha=0.12, linewidth=0))
     intervals = [one for each in summary.methods.values() for one in each.by_second]
     logarithmic(axes, "y", intervals)
@@ -58,7 +55,7 @@ def coverage_by_second(axes: Axes, summary: Summary) -> list[Artist]:
     artists.append(axes.axhspan(93.0, 97.0, color=FAINT, alpha=0.4, linewidth=0))
     for method, each in summary.methods.items():
         shares = [100.0 * one.value for one in each.coverage_by_second]
-        artists += axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=title_of(method))
+        artists += axes.plot(np.arange(1, len(shares) + 1), shares, color=colours[method], label=plain(method))
     axes.set_ylim(min(axes.get_ylim()[0], 90.0), 100.5)
     axes.set_xlim(0, len(next(iter(summary.methods.values())).by_second))
     axes.set_xlabel("prediction time [s]")
@@ -78,7 +75,7 @@ def forest(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
     artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=1.0)]
     for row, (_, method, ratio) in enumerate(rows):
         artists.append(interval_bar(axes, ratio, row, colours[method]))
-    axes.set_yticks(range(len(rows)), [f"{title_of(method)}, {kind}" for kind, method, _ in rows])
+    axes.set_yticks(range(len(rows)), [f"{plain(method)}, {kind}" for kind, method, _ in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     kinds = [kind for kind, _, _ in rows]
     for row in range(1, len(rows)):
@@ -101,7 +98,7 @@ def leak(axes: Axes, splits: Mapping[str, SplitSummary]) -> list[Artist]:
             (found, 0.12, PALETTE[0], "legs never seen"),
         ):
             artists.append(interval_bar(axes, each, row + lift, colour, words if row == 0 else ""))
-    axes.set_yticks(range(len(honest)), [title_of(method) for method in honest])
+    axes.set_yticks(range(len(honest)), [plain(method) for method in honest])
     axes.set_ylim(len(honest) - 0.5, -0.5)
     logarithmic(axes, "x", [each.mean_distance_m for part in (honest, leaky) for each in part.values()])
     axes.set_xlabel("mean distance [m]")
@@ -117,8 +114,8 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
         at = np.arange(len(classes)) + (number - (len(methods) - 1) / 2) * 0.6 / len(methods)
         intervals = [each.methods[method].mean_distance_m for each in classes.values()]
         drawn = axes.errorbar(
-            at, [each.value for each in intervals], np.column_stack([_reach(each) for each in intervals]), fmt="o",
-            color=colours[method], capsize=2.5, label=title_of(method),
+            at, [each.value for each in intervals], np.column_stack([reach(each) for each in intervals]), fmt="o",
+            color=colours[method], capsize=2.5, label=plain(method),
         )  # fmt: skip
         artists.append(drawn.lines[0])
     wide = max(_LABELS // len(classes), _SHORTEST)
@@ -129,33 +126,3 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
     return artists
-
-
-def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
-    """A point with its interval, lying down."""
-    drawn = axes.errorbar(
-        interval.value, row, xerr=_reach(interval)[:, None], fmt="o", color=colour, capsize=2.5, label=label
-    )
-    return drawn.lines[0]
-
-
-def _reach(interval: Interval) -> Floats:
-    """How far an interval reaches below and above its figure [2]: not at all where one leg cannot say."""
-    reach = np.array([interval.value - interval.low, interval.high - interval.value])
-    return np.asarray(np.maximum(np.nan_to_num(reach), 0.0))
-
-
-def logarithmic(axes: Axes, name: Literal["x", "y"], intervals: Sequence[Interval]) -> None:
-    """Half and double stand equally far from one; the ticks are numbers that people read."""
-    ends = np.array([(each.low, each.value, each.high) for each in intervals])
-    ends = ends[np.isfinite(ends) & (ends > _LEAST)]
-    low, high = (0.85 * ends.min(), 1.18 * ends.max()) if ends.size else (_LEAST, 1.0)
-    tens = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    bases = next(bases for reach, bases in _TICKS if high / low < reach)
-    marks = [base * 10.0**power for power in tens for base in bases]
-    inside = [mark for mark in marks if low <= mark <= high]
-    axes.set(**{f"{name}scale": "log"})
-    axis = axes.xaxis if name == "x" else axes.yaxis
-    axis.set_ticks(inside, labels=[f"{mark:g}" for mark in inside])
-    axis.set_ticks([], minor=True)
-    axes.set(**{f"{name}lim": (low, high)})

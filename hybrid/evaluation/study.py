@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.progress import part_of
+from acquisition.progress import Progress, part_of
 from hybrid.baselines import constant_velocity
 from hybrid.calibrators import make_calibrator
 from hybrid.certainty import band_radius, guarded, reserve_of
@@ -20,7 +20,6 @@ from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Progress = Callable[[float], None]
 Examples = tuple[Horizons, Floats]
 
 Predict = Callable[[Horizons, Floats], Floats]

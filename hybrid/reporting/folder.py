@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from acquisition.errors import ConfigurationError, InputError
-from acquisition.progress import part_of
+from acquisition.progress import Progress, part_of
 from hybrid.reporting.notebook import run_notebook
 from hybrid.reproduction.figures import FIGURES
 
-Progress = Callable[[float], None]
 Kind = Literal["missing_effect", "paper_reproduction", "trial_validation", "batch"]
 
 PAGES = {"missing_effect": "missing_effect.html", "paper_reproduction": "paper_reproduction.html",

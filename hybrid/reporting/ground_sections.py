@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from analysis.page import Page
-from hybrid.plots import title_of
 from hybrid.reporting.case import Case
-from hybrid.reporting.words import quantity_title
+from hybrid.words import plain, quantity_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,7 +45,7 @@ def add_coverage(page: Page, case: Case) -> None:
     beyond = int(judged.untrained.sum())
     names = [name for name, column in zip(ground.names, ground.beyond.T, strict=True) if column.any()]
     if beyond:
-        spoke = ", ".join(f"{title_of(name)} in {count}" for name, count in (judged.fallback or {}).items())
+        spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
         page.note(
             f"{beyond} of {len(judged.horizons)} windows start beyond what the calibrator was trained on, in "
             f"{', '.join(quantity_title(name) for name in names)}; there a baseline speaks: {spoke}."

@@ -16,7 +16,7 @@ from analysis.plots import FAINT, INK, PALETTE
 from hybrid.calibrators.adaptive.parameters import Parameters
 from hybrid.calibrators.calibrator import Ground
 from hybrid.reporting.residuals import ACCELERATIONS, PLANES, Cells, Residuals, cells_of
-from hybrid.reporting.words import quantity_title
+from hybrid.words import quantity_title
 
 Floats = NDArray[np.float64]
 

@@ -11,17 +11,17 @@ import logging
 import os
 import re
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from acquisition.errors import ConfigurationError, SeatrialError
+from acquisition.progress import Progress
 from analysis.page import write_document
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
 
-Progress = Callable[[float], None]
 
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks"
 NAMES = ("trial_validation", "paper_reproduction", "missing_effect")

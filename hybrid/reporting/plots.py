@@ -21,9 +21,9 @@ from scipy.spatial import ConvexHull
 from acquisition.channels import BY_NAME
 from analysis.plots import INK, held_shade, label, lifted
 from hybrid.horizon import Horizons
-from hybrid.plots import COLOUR, title_of
+from hybrid.plots import COLOUR, plain_numbers
 from hybrid.reporting.errors import QUANTITIES, Calibration, Errors
-from hybrid.reproduction.plots import plain_numbers
+from hybrid.words import plain
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def compared(
     for method, motion in predicted.items():
         shown = lifted(motion[name]) if circular else motion[name].to_numpy(dtype=float).copy()
         shown[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
-        artists += axes.plot(motion.index, shown, color=COLOUR[method], linewidth=1.2, label=title_of(method))
+        artists += axes.plot(motion.index, shown, color=COLOUR[method], linewidth=1.2, label=plain(method))
     axes.set_ylabel("speed [m/s]" if name == "speed_mps" else label(name))
     axes.set_xlabel("time, UTC")
     axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
@@ -89,7 +89,7 @@ def fans_on_track(
 def tracks_beside(axes: Axes, tracks: Floats, method: str) -> list[Artist]:
     """More predicted tracks [N, H+1, 3] on the axes of :func:`fans_on_track`."""
     joined = np.concatenate([np.vstack([track[:, :2], [[np.nan, np.nan]]]) for track in tracks])
-    return list(axes.plot(joined[:, 1], joined[:, 0], color=COLOUR[method], linewidth=1.2, label=title_of(method)))
+    return list(axes.plot(joined[:, 1], joined[:, 0], color=COLOUR[method], linewidth=1.2, label=plain(method)))
 
 
 def look_at(axes: Axes, *tracks: Floats) -> None:
@@ -136,7 +136,7 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
     for method, each in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
             line = each.by_second(quantity, share)
-            words = title_of(method) if share == 0.5 else "_"
+            words = plain(method) if share == 0.5 else "_"
             artists += axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel(QUANTITIES[quantity])
@@ -164,7 +164,7 @@ def error_spread(axes: Axes, by_trial: Mapping[str, Mapping[str, Floats]]) -> li
                                            for name, each in by_trial.items()])  # fmt: skip
     plain_numbers(axes.yaxis)
     axes.set_ylabel("mean distance of a window [m]")
-    handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=title_of(method))
+    handles = [Line2D([], [], color=COLOUR[method], linewidth=6, alpha=0.75, label=plain(method))
                for method in methods]  # fmt: skip
     axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
     return artists
@@ -179,7 +179,7 @@ def error_histogram(axes: Axes, errors: Mapping[str, Errors], quantity: str) -> 
     for method, each in errors.items():
         values = getattr(each, quantity)
         share = 100.0 * np.histogram(values, bins=edges)[0] / values.size
-        artists.append(axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=title_of(method)))
+        artists.append(axes.stairs(share, edges, color=COLOUR[method], linewidth=1.3, label=plain(method)))
     axes.set_xlabel(QUANTITIES[quantity])
     axes.set_ylabel("share in a class [%]")
     axes.set_ylim(bottom=0.0)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.page import Page
-from hybrid.plots import title_of
 from hybrid.reporting.case import Case
 from hybrid.reporting.errors import QUANTITIES, table_of
 from hybrid.reporting.motion import one_after_another
 from hybrid.scores import distances
+from hybrid.words import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +30,7 @@ def add_headline(page: Page, case: Case) -> None:
         return
     judged = case.validation
     figures = {
-        f"{title_of(name)}, mean distance over {judged.horizons.horizon_s} s": f"{score.mean_distance_m:.2f} m"
+        f"{plain(name)}, mean distance over {judged.horizons.horizon_s} s": f"{score.mean_distance_m:.2f} m"
         for name, score in judged.scores.items()
         if name in ("constant_velocity", "reference", "hybrid")
     }
@@ -53,7 +53,7 @@ def add_baselines(page: Page, case: Case) -> None:
     """Every method in one table, on windows that none has seen."""
     judged = case.validation
     rows = [
-        [title_of(name), f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
+        [plain(name), f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
          f"{each.mae_east_m:.3f}", f"{each.heading_error_deg:.2f}",
          f"{each.mean_distance_m / judged.scores['reference'].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")]
         for name, each in judged.scores.items()
@@ -84,7 +84,7 @@ def add_by_second(page: Page, case: Case) -> None:
     seconds = [each for each in _SECONDS if each <= horizon_s]
     for quantity, words in QUANTITIES.items():
         with page.details(f"In numbers: {words}, median and 90 %"):
-            rows = [[title_of(name), *cells] for name, *cells in table_of(case.errors, quantity, seconds)]
+            rows = [[plain(name), *cells] for name, *cells in table_of(case.errors, quantity, seconds)]
             page.table(["method", *(f"{each} s" for each in seconds)], rows)
 
 
@@ -107,7 +107,7 @@ def add_fans(page: Page, case: Case) -> None:
         page.figure(
             lambda figure, name=name: _draw_fans(figure, case, name),  # type: ignore[misc]
             (9.5, 8),
-            f"Predictions of {judged.horizons.horizon_s} s by {title_of(case.best)} over the measured track, "
+            f"Predictions of {judged.horizons.horizon_s} s by {plain(case.best)} over the measured track, "
             + ("with the areas that hold the position with 95 % and, if errors are normal, with 50 %."
                if judged.radius_m is not None else "without a calibrator there are no regions."),
             "prediction_fans" if len(case.paths) == 1 else f"prediction_fans_{name}",
@@ -161,7 +161,7 @@ def _draw_error_fans(figure: Figure, case: Case) -> None:
             plots.fan_of_errors(grid[row, column], case.errors[method], component, method)
             grid[row, column].label_outer()
             grid[row, column].legend(loc="upper left", ncols=3)
-        grid[0, column].set_title(title_of(method), loc="left")
+        grid[0, column].set_title(plain(method), loc="left")
 
 
 def add_distributions(page: Page, case: Case) -> None:

@@ -12,7 +12,8 @@ from hybrid.diagnosis import page as verdict_page
 from hybrid.diagnosis.page import Extras
 from hybrid.diagnosis.result import Diagnosis
 from hybrid.diagnosis.shown import read_shown
-from hybrid.diagnosis.words import listed, number, plain
+from hybrid.diagnosis.words import number
+from hybrid.words import listed, plain
 
 VESSEL = "vessel.toml"
 

@@ -7,7 +7,7 @@ never seen, the degraded reference alone, the hybrid on it, the data alone and t
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.errors import DataShortageError
+from acquisition.progress import Progress
 from hybrid.baselines import constant_velocity, reference
 from hybrid.calibrators import make_calibrator
 from hybrid.effects import vessel_plant
@@ -28,7 +29,6 @@ from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 AMOUNTS = (10, 20, 50, 100, 200, 400, 600)
 LARGEST_CAMPAIGN = 150  # sequences simulated in one go

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import groupby
 from operator import itemgetter
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid.reproduction.fidelity_map import SAME, FidelityMap, edge, enough_alone_m, hybrid_wins, useful_up_to_m
+from hybrid.words import listed
 
 Floats = NDArray[np.float64]
 
@@ -78,13 +79,4 @@ def _gain(main: FidelityMap) -> str:
 def _by_amount(main: FidelityMap, values: Floats) -> Iterator[tuple[float, str]]:
     """Each of ``values`` [W] with the amounts of data that it is said of, neighbours of one value together."""
     for value, group in groupby(zip(values, main.windows, strict=True), key=itemgetter(0)):
-        yield float(value), _listed([str(amount) for _, amount in group])
-
-
-def _listed(parts: Sequence[str]) -> str:
-    """Parts of a sentence, one after the other.
-
-    >>> _listed(["10", "20", "50"])
-    '10, 20 and 50'
-    """
-    return " and ".join(filter(None, [", ".join(parts[:-1]), *parts[-1:]]))
+        yield float(value), listed([str(amount) for _, amount in group])

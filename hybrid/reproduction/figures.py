@@ -18,16 +18,17 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from acquisition.angles import unwrap
+from acquisition.progress import Progress
 from analysis.figures import ENDINGS, filled, write_figure
 from analysis.plots import FAINT, INK
 from hybrid.horizon import PAST_S
+from hybrid.plots import start_frame
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
 from hybrid.reproduction.comparison import Job
 from hybrid.reproduction.seas import Sea, example_sequence, seas_of
 
 Floats = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
 FAN, TRACKS = 12, 20
@@ -175,11 +176,11 @@ def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
     """One unseen sequence, and the hybrid's own region about its end."""
     judged = sea.judged
     start = judged.start[number]
-    tracks = {method: plots.start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
+    tracks = {method: start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
     band_m = float(sea.radius_m("hybrid")[number, -1])
     off_m = {method: float(np.linalg.norm(sea.gap_m(method)[number, -1])) for method in tracks}
     around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + band_m)))
-    measured = plots.start_frame(judged.track[number], start)
+    measured = start_frame(judged.track[number], start)
     plots.track_with_end(axes, measured, tracks, band_m, around_m)
 
 

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from analysis.page import Page
-from hybrid.evaluation.page import unbroken
 from hybrid.evaluation.tables import spread
-from hybrid.plots import title_of
 from hybrid.reproduction.figures import FIGURES, FigureOf, Shown
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Cell, Row, Table3
 from hybrid.reproduction.tables import QUANTITY, counts_of, share
+from hybrid.words import plain, unbroken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -101,7 +100,7 @@ def add_sea_state(page: Page, rows: list[Row]) -> None:
 def _line(row: Row, mixed: Row | None) -> list[str]:
     leak = ["", ""] if mixed is None else [f"{mixed.mean_distance_m.value:.2f}", f"{mixed.reduction.value:.1%}"]
     return [
-        unbroken(title_of(row.method)), f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}",
+        unbroken(plain(row.method)), f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}",
         unbroken(spread(row.mean_distance_m)), f"{row.reduction.value:.1%}",
         f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
     ]  # fmt: skip

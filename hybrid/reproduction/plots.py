@@ -8,29 +8,20 @@ from typing import Literal
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.patches import Circle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from analysis.plots import FAINT, INK, PALETTE
 from hybrid import plots
 from hybrid.horizon import Horizons
-from hybrid.plots import title_of
+from hybrid.plots import plain_numbers, start_frame
+from hybrid.words import plain
 
 Floats = NDArray[np.float64]
 
 COLOUR: dict[str, str] = plots.COLOUR | {"paper": PALETTE[5], "additive": PALETTE[1], "floor": INK}
 """One colour a method, in every figure."""
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
-
-
-def start_frame(track: Floats, start: Floats) -> Floats:
-    """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
-    north = track[..., 0] - start[..., 0, None]
-    east = track[..., 1] - start[..., 1, None]
-    sine, cosine = np.sin(start[..., 2, None]), np.cos(start[..., 2, None])
-    return np.stack([east * cosine - north * sine, north * cosine + east * sine], axis=-1)
 
 
 def campaign_tracks(axes: Axes, horizons: Horizons, azimuth_deg: Floats) -> list[Artist]:
@@ -68,7 +59,7 @@ def fans(axes: Axes, horizons: Horizons, predicted: Floats, method: str) -> list
     for number, (ours, theirs) in enumerate(zip(measured, tracks, strict=True)):
         first = number == 0
         artists += axes.plot(ours[:, 0], ours[:, 1], color=INK, label="measured" if first else None)
-        label = title_of(method) if first else None
+        label = plain(method) if first else None
         artists += axes.plot(theirs[:, 0], theirs[:, 1], "--", color=COLOUR[method], label=label)
     _bow_up(axes, "box")
     return artists
@@ -81,7 +72,7 @@ def error_over_time(axes: Axes, gaps_m: Mapping[str, Floats]) -> list[Artist]:
         seconds, size = np.arange(1, gap_m.shape[1] + 1), np.abs(gap_m)
         low, high = np.quantile(size, [0.1, 0.9], axis=0)
         artists.append(axes.fill_between(seconds, low, high, color=COLOUR[method], alpha=0.22, linewidth=0))
-        artists += axes.plot(seconds, size.mean(axis=0), color=COLOUR[method], label=title_of(method))
+        artists += axes.plot(seconds, size.mean(axis=0), color=COLOUR[method], label=plain(method))
     axes.set_xlim(0, seconds[-1])
     axes.set_ylim(bottom=0)
     return artists
@@ -100,7 +91,7 @@ def track_with_end(
     for panel, wide in ((axes, 1.3), (ends, 1.6)):
         artists += panel.plot(*measured.T, color=INK, linewidth=wide, label="measured")
         for method, track in predicted.items():
-            artists += panel.plot(*track.T, "--", color=COLOUR[method], linewidth=wide, label=title_of(method))
+            artists += panel.plot(*track.T, "--", color=COLOUR[method], linewidth=wide, label=plain(method))
     ends.plot(*measured[-1], "o", color=INK, markersize=4)
     method, track = list(predicted.items())[-1]
     circle = Circle((track[-1, 0], track[-1, 1]), band_m, color=COLOUR[method], alpha=0.25, linewidth=0)
@@ -133,13 +124,6 @@ def _bow_up(axes: Axes, adjustable: Literal["box", "datalim"]) -> None:
     axes.set_ylabel("ahead [m]")
 
 
-def plain_numbers(axis: Axis) -> None:
-    """Ticks of a logarithmic axis as people write them: 0.5, 1, 2, 5."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
 SPLIT_LOOK = {"sequence": (-0.19, 0.85, "sequences never seen"), "random": (0.19, 0.25, "the random split")}
 
 
@@ -161,6 +145,6 @@ def error_spread(axes: Axes, errors_m: Mapping[tuple[str, str], Floats], methods
             artists += drawn["boxes"]
     axes.set_yscale("log")
     plain_numbers(axes.yaxis)
-    axes.set_xticks(range(len(methods)), [title_of(each).replace(" ", "\n") for each in methods], fontsize=7.5)
+    axes.set_xticks(range(len(methods)), [plain(each).replace(" ", "\n") for each in methods], fontsize=7.5)
     axes.grid(visible=False, axis="x")
     return artists

@@ -6,12 +6,12 @@ back, nothing is on the disk, and an error is to end it all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from typing import Any
 
-Progress = Callable[[float], None]
+from acquisition.progress import Progress
 
 
 def in_order(asked: Sequence[tuple[Any, ...]], workers: int, progress: Progress) -> Iterator[Any]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.progress import Progress
 from analysis.resample import resample
 from analysis.windows import held_windows
 from hybrid.horizon import Horizons
@@ -19,7 +20,6 @@ from hybrid.reproduction.processes import in_order
 from hybrid.truth.trial import simulate_trial
 
 Floats = NDArray[np.float64]
-Progress = Callable[[float], None]
 _EXAMPLE_S = 400.0
 
 

@@ -6,7 +6,6 @@ The workers, and what happens when one of them dies, are those of :mod:`analysis
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from itertools import product
@@ -16,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.errors import ConfigurationError
+from acquisition.progress import Progress
 from acquisition.recording.tables import write_table
 from acquisition.toml_file import load_toml
 from acquisition.trial import Trial, software_version
@@ -35,7 +35,6 @@ ORIGIN_DEG = (63.44, 10.40)
 """Latitude and longitude that simulated trials start from."""
 
 INDEX = "campaign.csv"
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)

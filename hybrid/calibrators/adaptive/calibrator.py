@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from acquisition.channels import NAMES as CHANNELS
 from acquisition.errors import DataShortageError
-from acquisition.progress import part_of
+from acquisition.progress import Progress, part_of
 from hybrid.baselines import modelled, present_motion_held
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground, Progress
+from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground
 from hybrid.certainty import HINDCAST_S, band_radius, blended, earlier, off_m
 from hybrid.horizon import Horizons, joined_horizons
 from hybrid.scores import distances

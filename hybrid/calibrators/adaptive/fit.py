@@ -13,12 +13,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.progress import Progress
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Progress = Callable[[float], None]
 
 STEPS = 8
 _OUTLYING = 1.5

@@ -13,7 +13,7 @@ from math import inf, log1p
 
 import numpy as np
 
-from hybrid.diagnosis.examine import Progress
+from acquisition.progress import Progress
 from hybrid.diagnosis.planning.information import TOLD_APART, Design, Information, noncentrality, told_apart
 from hybrid.vessel.compiling import Floats
 

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.stats import norm
 
 from acquisition.errors import ModelRangeError
-from hybrid.diagnosis.examine import Examination, Progress, examined
+from acquisition.progress import Progress
+from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.name import CLOSE
 from hybrid.diagnosis.planning.information import Design, Information, design_of, separation

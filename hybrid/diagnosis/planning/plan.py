@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from acquisition.errors import ConfigurationError
-from acquisition.progress import part_of
-from hybrid.diagnosis.examine import Progress, examined
+from acquisition.progress import Progress, part_of
+from hybrid.diagnosis.examine import examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.noise import Noise

@@ -13,12 +13,12 @@ import pytest
 
 from acquisition.errors import StorageError
 from analysis.page import Page
-from hybrid.plots import title_of
 from hybrid.reporting import ground_sections as ground
 from hybrid.reporting import prediction_sections as prediction
 from hybrid.reporting import trial_sections as trial
 from hybrid.reporting.case import Case, load_case
 from hybrid.reporting.show import links, shown_in
+from hybrid.words import plain
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
 UNIT = re.compile(r"\[[^\]]+\]|UTC")
@@ -96,9 +96,9 @@ def test_every_axis_of_every_figure_has_a_unit(page: Page) -> None:
 def test_the_table_has_every_method_and_the_best_in_bold(html: str, case: Case) -> None:
     scores = case.validation.scores
     best = min(scores, key=lambda name: scores[name].mean_distance_m)
-    assert f"<tr class=best><td>{title_of(best)}</td>" in html
+    assert f"<tr class=best><td>{plain(best)}</td>" in html
     for name, score in scores.items():
-        assert f"<td>{title_of(name)}</td><td>{score.mean_distance_m:.3f}</td>" in html
+        assert f"<td>{plain(name)}</td><td>{score.mean_distance_m:.3f}</td>" in html
 
 
 def test_the_headline_is_that_of_the_validation(html: str, case: Case) -> None:

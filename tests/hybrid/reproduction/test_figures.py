@@ -15,6 +15,7 @@ from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.plots import start_frame
 from hybrid.reproduction import comparison, figures, page, plots
 from hybrid.reproduction.comparison import Job
 from hybrid.reproduction.figures import FIGURES, Shown, shown_of, write_drawn
@@ -60,7 +61,7 @@ def test_predictions_are_the_errors_put_back_on_the_measured_tracks(shown: Shown
 
 def test_the_start_frame_has_the_bow_up_and_keeps_distances() -> None:
     windows = random_windows(20, 10, seed=4)
-    seen = plots.start_frame(windows.track, windows.start)
+    seen = start_frame(windows.track, windows.start)
     assert np.allclose(seen[:, 0], 0.0)
     moved = np.linalg.norm(windows.track[:, :, :2] - windows.start[:, None, :2], axis=2)
     assert np.allclose(np.linalg.norm(seen, axis=2), moved)
@@ -69,7 +70,7 @@ def test_the_start_frame_has_the_bow_up_and_keeps_distances() -> None:
     straight = (
         ahead.start[:, None, :2] + np.stack([np.cos(ahead.start[:, 2]), np.sin(ahead.start[:, 2])], -1)[:, None]
     )
-    assert np.allclose(plots.start_frame(straight, ahead.start), [0.0, 1.0])
+    assert np.allclose(start_frame(straight, ahead.start), [0.0, 1.0])
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -1,0 +1,41 @@
+"""Names and numbers as people say them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+_UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": "rpm", "deg": "deg", "m": "m",
+          "cos": "cosine", "sin": "sine"}  # fmt: skip
+
+
+def plain(name: str) -> str:
+    """A method's, an effect's or a channel's name for people.
+
+    >>> plain("ocean_current")
+    'ocean current'
+    """
+    return name.replace("_", " ")
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Words as a sentence lists them.
+
+    >>> listed(["trim", "skeg", "loading"])
+    'trim, skeg and loading'
+    """
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
+
+
+def unbroken(text: str) -> str:
+    """A text that is not broken over two lines."""
+    return text.replace(" ", "\u00a0").replace("-", "\u2011")
+
+
+def quantity_title(name: str) -> str:
+    """A quantity's name with its unit in brackets.
+
+    >>> quantity_title("yaw_rate_radps"), quantity_title("port_angle_cos"), quantity_title("second")
+    ('yaw rate [rad/s]', 'port angle [cosine]', 'second')
+    """
+    what, _, suffix = name.rpartition("_")
+    return f"{what.replace('_', ' ')} [{_UNITS[suffix]}]" if suffix in _UNITS and what else name.replace("_", " ")
