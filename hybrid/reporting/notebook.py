@@ -59,13 +59,18 @@ def executed_notebook(
     logging.getLogger("papermill").setLevel(logging.ERROR)
     with tempfile.TemporaryDirectory() as place:
         unrun = Path(place) / f"{source.stem}.ipynb"
-        jupytext.write(jupytext.read(source), unrun)
+        source_cells = jupytext.read(source)
+        jupytext.write(source_cells, unrun)
+
+        def ran(cell_index: int, **_: Any) -> None:
+            progress(cell_index / (len(source_cells.cells) + 1))
+
         try:
             with _Importing():
                 notebook = papermill.execute_notebook(
                     unrun, executed, dict(parameters), kernel_name="python3", progress_bar=False,
                     cwd=executed.parent, execution_timeout=_TIMEOUT_S, autosave_cell_every=0,
-                    extra_arguments=["--log-level=ERROR"],
+                    extra_arguments=["--log-level=ERROR"], on_cell_executed=ran,
                 )  # fmt: skip
         except PapermillExecutionError as error:
             raise SeatrialError(
