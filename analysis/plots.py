@@ -24,6 +24,7 @@ PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F
 INK, FAINT, HELD = "#333333", "#B8B8B8", "#56B4E9"
 
 STYLE: dict[str, object] = {
+    "axes.axisbelow": True,
     "axes.edgecolor": INK,
     "axes.grid": True,
     "axes.labelcolor": INK,

@@ -28,7 +28,8 @@ def add_residual_maps(page: Page, case: Case) -> None:
             (10, 9.5),
             f"Measured less modelled acceleration in cells of two quantities, {len(residuals.missing):,} seconds; "
             "the "
-            "last row says how many seconds each cell rests on. Measured ones come from the smoother, without "
+            "last row says how many seconds each cell rests on. Grey: too few. Measured ones come from the "
+            "smoother, without "
             "waves.",
             "residual_maps" if len(case.paths) == 1 else f"residual_maps_{name}",
         )

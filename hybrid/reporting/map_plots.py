@@ -29,6 +29,7 @@ TITLES = {
 }
 LACKS = ("surge lacks\n[m/s\u00b2]", "sway lacks\n[m/s\u00b2]", "yaw lacks\n[deg/s\u00b2]")
 _LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
+_NOTHING = "#DFE4E8"  # of a cell of too few seconds
 _FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
 
 
@@ -36,7 +37,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
     """The acceleration that the model lacks over pairs of quantities, and below how many seconds each cell rests
     on.
 
-    One colour scale a row; cells of too few seconds are empty.
+    One colour scale a row; cells of too few seconds are grey.
     """
     cells = [cells_of(residuals, *plane) for plane in PLANES]
     grid = figure.subplots(len(ACCELERATIONS) + 1, len(PLANES), squeeze=False, sharex="col", sharey="col")
@@ -62,7 +63,7 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
 
 def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> Artist:
     axes.grid(visible=False)
-    axes.set_facecolor("#FAFAFA")
+    axes.set_facecolor(_NOTHING)
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import wrap_180
+from acquisition.angles import difference, wrap_180
 from acquisition.channels import NAMES
 from analysis.smoothing.smooth import Smoothed
 from hybrid.vessel.channels import controls_of, states_of, wind_of
@@ -73,10 +73,11 @@ def residuals_of(one_hz: pd.DataFrame, motion: Smoothed, plant: Plant) -> Residu
     states, controls = states_of(whole), controls_of(whole)
     model = modelled_acceleration(plant, states, controls, wind_of(whole)) * np.array([1.0, 1.0, np.rad2deg(1.0)])
     measured = whole[list(ACCELERATIONS)].to_numpy(dtype=float)
-    azimuth = 0.5 * (whole["port_angle_deg"] + whole["starboard_angle_deg"])
+    port, starboard = (whole[f"{side}_angle_deg"].to_numpy(dtype=float) for side in ("port", "starboard"))
+    azimuth = wrap_180(port + 0.5 * difference(starboard, port))  # the mean the short way round
     relative = wrap_180(whole["wind_direction_deg"].to_numpy() - whole["heading_deg"].to_numpy())
     quantities = {name: whole[name].to_numpy(dtype=float) for name in ("surge_mps", "sway_mps", "yaw_rate_dps")}
-    quantities |= {"azimuth_deg": azimuth.to_numpy(dtype=float), "relative_wind_deg": np.asarray(relative)}
+    quantities |= {"azimuth_deg": np.asarray(azimuth), "relative_wind_deg": np.asarray(relative)}
     return Residuals(measured - model, quantities)
 
 

@@ -10,8 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from analysis.resample import resample
+from analysis.smoothing.smooth import smooth
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.reporting.residuals import LEAST_S, PLANES, Residuals, cells_of, edges_of, modelled_acceleration
+from hybrid.reporting.residuals import (
+    LEAST_S,
+    PLANES,
+    Residuals,
+    cells_of,
+    edges_of,
+    modelled_acceleration,
+    residuals_of,
+)
 from hybrid.truth.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.files import load_vessel
@@ -67,3 +77,28 @@ def test_edges_hold_all_values_and_are_not_many(values: list[float]) -> None:
     assert edges[-1] >= max(values) - 1e-9 * max(1.0, abs(max(values)))
     assert 2 <= len(edges) <= 13
     np.testing.assert_allclose(np.diff(edges), step)
+
+
+def test_the_right_model_lacks_nothing_and_a_wrong_one_does() -> None:
+    """In a calm, from noisy measurements: mean residuals of the true ship are a tenth of those of the shorter one."""
+    table = simulate_trial("gunnerus_long", "calm", "paper", 400.0, 5.0, 8)[0]
+    one_hz, motion = resample(table), smooth(table)
+    true, wrong = (
+        residuals_of(one_hz, motion, vessel_plant(load_vessel(name)))
+        for name in ("gunnerus_long", "gunnerus_short")
+    )
+    assert len(true.missing) > 300
+    turning = np.abs(true.quantities["yaw_rate_dps"]) > 1.0
+    side = np.sign(true.quantities["yaw_rate_dps"])[turning]
+    lacks = [float(np.mean(side * each.missing[turning, 2])) for each in (true, wrong)]
+    assert abs(lacks[0]) < 0.1 * abs(lacks[1])
+    assert abs(lacks[1]) > 0.05
+
+
+def test_azimuths_about_astern_have_their_mean_astern() -> None:
+    """179 and -179 deg are both astern; their mean is not ahead."""
+    table = simulate_trial("gunnerus_short", "calm", "paper", 120.0, 5.0, 8)[0]
+    motion = smooth(table)
+    turned = resample(table).assign(port_angle_deg=179.0, starboard_angle_deg=-179.0)
+    found = residuals_of(turned, motion, vessel_plant(load_vessel("gunnerus_short")))
+    np.testing.assert_allclose(np.abs(found.quantities["azimuth_deg"]), 180.0, atol=1e-9)
