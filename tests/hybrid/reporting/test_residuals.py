@@ -80,7 +80,8 @@ def test_edges_hold_all_values_and_are_not_many(values: list[float]) -> None:
 
 
 def test_the_right_model_lacks_nothing_and_a_wrong_one_does() -> None:
-    """In a calm, from noisy measurements: mean residuals of the true ship are a tenth of those of the shorter one."""
+    """In a calm, from noisy measurements: mean residuals of the true ship are a tenth of those of the shorter
+    one."""
     table = simulate_trial("gunnerus_long", "calm", "paper", 400.0, 5.0, 8)[0]
     one_hz, motion = resample(table), smooth(table)
     true, wrong = (
