@@ -13,8 +13,9 @@ from pydantic.dataclasses import dataclass
 
 from acquisition.channels import BY_NAME
 from acquisition.errors import ConfigurationError
-from acquisition.sections import ChannelName, RunSheet
+from acquisition.sections import ChannelName
 from acquisition.toml_file import line_of, load_toml, read_text
+from acquisition.trial_section import RunSheet
 from acquisition.units import scale_to
 
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)

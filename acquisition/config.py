@@ -24,11 +24,11 @@ from acquisition.sections import (
     MavlinkSource,
     RecordingSection,
     SerialSource,
-    TrialSection,
     UdpSource,
 )
 from acquisition.toml_file import line_of, parse_toml, read_text
 from acquisition.trial import Trial
+from acquisition.trial_section import TrialSection
 from acquisition.units import scale_to
 
 CONFIGURATION = "configuration.toml"

@@ -16,9 +16,8 @@ from pydantic import AfterValidator, ConfigDict, Field, PositiveFloat, PositiveI
 from pydantic.dataclasses import dataclass
 
 from acquisition.channels import BY_NAME, NAMES
-from acquisition.trial import Trial
 
-_STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
+STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
 
 def _known_channel(name: str) -> str:
@@ -37,7 +36,7 @@ Angle = Annotated[float, Field(ge=-180, le=360)]
 IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lower=True)]
 
 
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class Signal:
     """One signal of a DBC file that carries a channel; the unit is that of the file's physical value."""
 
@@ -46,7 +45,7 @@ class Signal:
     unit: str
 
 
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class NamedValue:
     """One MAVLink NAMED_VALUE_FLOAT that carries a channel; MAVLink has room for ten letters."""
 
@@ -54,7 +53,7 @@ class NamedValue:
     unit: str
 
 
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class Thrusters:
     """The numbers that TRD and TRC sentences give the thrusters: odd at the bow, even at the stern.
 
@@ -72,7 +71,7 @@ class Thrusters:
             raise ValueError("two thrusters have the same number")
 
 
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class Mounting:
     """How a source's sensors are mounted; every angle is added to what the sensor says.
 
@@ -86,7 +85,7 @@ class Mounting:
     starboard_m: FiniteFloat = 0.0
 
 
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class Device:
     """One device on an NMEA 2000 bus, known by its 64-bit NAME (16 hexadecimal digits) or by its address.
 
@@ -103,7 +102,7 @@ class Device:
             raise ValueError("a device is known by its iso_name or by its address: give one of the two")
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Source:
     """What every source says: its name, the channels it provides, whose clock stamps them, how it is mounted.
 
@@ -117,7 +116,7 @@ class _Source:
     rates_hz: dict[ChannelName, FinitePositive] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class _CanFrames(_Source):
     """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file."""
 
@@ -126,7 +125,7 @@ class _CanFrames(_Source):
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class CanSource(_CanFrames):
     """A CAN bus by python-can: NMEA 2000, and with a DBC file the vessel's own frames.
 
@@ -139,7 +138,7 @@ class CanSource(_CanFrames):
     options: dict[str, str | int | float | bool] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class CanFileSource(_CanFrames):
     """CAN frames from a log file: candump, BLF, ASC, TRC or canboat's text, told apart by what is in it."""
 
@@ -147,7 +146,7 @@ class CanFileSource(_CanFrames):
     path: Path
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Sentences(_Source):
     """What every line of NMEA 0183 says.
 
@@ -159,7 +158,7 @@ class _Sentences(_Source):
     theoretical_wind: Literal["ground", "water"] = "ground"
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class SerialSource(_Sentences):
     """NMEA 0183 on a serial line."""
 
@@ -168,7 +167,7 @@ class SerialSource(_Sentences):
     baud_rate: PositiveInt = 4800
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class UdpSource(_Sentences):
     """NMEA 0183 in UDP datagrams that are sent to this address and port."""
 
@@ -177,7 +176,7 @@ class UdpSource(_Sentences):
     address: str = "127.0.0.1"
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class TcpSource(_Sentences):
     """NMEA 0183 from a TCP server, a multiplexer or gateway, that we connect to."""
 
@@ -186,7 +185,7 @@ class TcpSource(_Sentences):
     address: str = "127.0.0.1"
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class FileSource(_Sentences):
     """NMEA 0183 sentences from a text file, read once from beginning to end."""
 
@@ -202,7 +201,7 @@ def _usual_named_values() -> dict[str, NamedValue]:
     }
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Mavlink(_Source):
     """What every MAVLink link says: whom we listen to. ``messages`` narrows the messages that are decoded."""
 
@@ -212,7 +211,7 @@ class _Mavlink(_Source):
     named_values: dict[ChannelName, NamedValue] = field(default_factory=_usual_named_values)
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class MavlinkSource(_Mavlink):
     """MAVLink in UDP datagrams that are sent to this address and port, from one system."""
 
@@ -221,7 +220,7 @@ class MavlinkSource(_Mavlink):
     address: str = "127.0.0.1"
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class MavlinkTcpSource(_Mavlink):
     """MAVLink from a TCP server that we connect to."""
 
@@ -230,7 +229,7 @@ class MavlinkTcpSource(_Mavlink):
     address: str = "127.0.0.1"
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class MavlinkSerialSource(_Mavlink):
     """MAVLink on a serial line."""
 
@@ -239,7 +238,7 @@ class MavlinkSerialSource(_Mavlink):
     baud_rate: PositiveInt = 57_600
 
 
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class MavlinkFileSource(_Mavlink):
     """MAVLink from a telemetry log (.tlog): packets, each after its time."""
 
@@ -254,58 +253,7 @@ AnySource = CanFrames | LineSource | MavlinkLinks
 FILE_SOURCES = (CanFileSource, FileSource, MavlinkFileSource)
 
 
-@dataclass(frozen=True, config=_STRICT)
-class Origin:
-    """The origin of the trial's tangent plane, WGS 84."""
-
-    latitude_deg: Annotated[float, Field(ge=-90, le=90)]
-    longitude_deg: Annotated[float, Field(ge=-180, le=180)]
-
-
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
-class RunSheet:
-    """What a person says of a trial, in a configuration or in a column map."""
-
-    name: str = ""
-    vessel: str = ""
-    place: str = ""
-    origin: Origin | None = None
-    water_depth_m: FiniteFloat | None = None
-    draught_m: FiniteFloat | None = None
-    trim_m: FiniteFloat | None = None
-    loading: str = ""
-    sea_state: str = ""
-    crew_notes: str = ""
-
-    def as_trial(self) -> Trial:
-        """The run sheet as a recording carries it."""
-        return Trial(
-            name=self.name,
-            vessel=self.vessel,
-            place=self.place,
-            origin_latitude_deg=self.origin.latitude_deg if self.origin else None,
-            origin_longitude_deg=self.origin.longitude_deg if self.origin else None,
-            water_depth_m=self.water_depth_m,
-            draught_m=self.draught_m,
-            trim_m=self.trim_m,
-            loading=self.loading,
-            sea_state=self.sea_state,
-            crew_notes=self.crew_notes,
-        )
-
-
-@dataclass(frozen=True, config=_STRICT, kw_only=True)
-class TrialSection(RunSheet):
-    """The run sheet of a trial to record, which needs a name. Without an origin the first fix becomes it.
-
-    ``magnetic_variation_deg`` (east positive) serves a magnetic compass until a device tells the variation.
-    """
-
-    name: Annotated[str, Field(min_length=1, max_length=100)]
-    magnetic_variation_deg: Annotated[float, Field(ge=-180, le=180)] | None = None
-
-
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class RecordingSection:
     """How often what was received is handed to the system (flush) and forced onto the disk (sync).
 
@@ -322,7 +270,7 @@ class RecordingSection:
     reserve_mb: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = None
 
 
-@dataclass(frozen=True, config=_STRICT)
+@dataclass(frozen=True, config=STRICT)
 class LiveSection:
     """The live view for Foxglove and Lichtblick: where it can be connected to, this machine only by default."""
 

@@ -26,11 +26,11 @@ from hybrid.diagnosis.planning.information import limits
 from hybrid.diagnosis.planning.next_manoeuvre import Pair, next_manoeuvre
 from hybrid.diagnosis.reading import read_as_fits
 from hybrid.diagnosis.remainder import Remainder, remainders
-from hybrid.diagnosis.result import Correlation, Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
+from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
 from hybrid.diagnosis.sentences import sentence
 from hybrid.diagnosis.settle import settled
 from hybrid.diagnosis.siblings import perhaps_one
-from hybrid.diagnosis.verdict import WEAK, close_rivals, estimates, groups, unexplained, verdict_of
+from hybrid.diagnosis.verdict import WEAK, close_rivals, correlation_of, estimates, groups, unexplained, verdict_of
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import Map, map_of, notable
 from hybrid.effects import CATALOGUE, Catalogue
@@ -130,21 +130,6 @@ def _diagnosed(
 
 def _extras(naming: Naming, maps: tuple[Map, Map], sensors: Naming | None) -> Extras:
     return Extras(*maps, stated(sensors) if sensors else (), correlation=correlation_of(naming))
-
-
-def correlation_of(naming: Naming) -> Correlation:
-    """How the estimates of what was named are correlated, in its free coordinates."""
-    fit = naming.view.fit(naming.names)
-    deviation = np.sqrt(np.diag(fit.covariance))
-    titles, order = list[str](), list[int]()
-    for name in naming.names:
-        places = naming.view.places(fit, name)
-        titles += [
-            f"{plain(name)}, {number}" if len(places) > 1 else plain(name) for number, _ in enumerate(places, 1)
-        ]
-        order += places
-    matrix = fit.covariance / np.outer(deviation, deviation)
-    return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
 
 
 def _part(progress: Progress, first: float, last: float) -> Progress:

@@ -10,7 +10,7 @@ import numpy as np
 from hybrid.diagnosis.beyond import AXES, FORMS, OPERATION
 from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.remainder import Remainder
-from hybrid.diagnosis.result import Estimate, Rival, Unexplained, Verdict
+from hybrid.diagnosis.result import Correlation, Estimate, Rival, Unexplained, Verdict
 from hybrid.diagnosis.words import DEPENDS
 from hybrid.effects import Effect
 from hybrid.vessel.compiling import Floats
@@ -129,3 +129,18 @@ def looks_like(remainder: Remainder) -> str:
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
     varies = f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
     return f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in FORMS else varies
+
+
+def correlation_of(naming: Naming) -> Correlation:
+    """How the estimates of what was named are correlated, in its free coordinates."""
+    fit = naming.view.fit(naming.names)
+    deviation = np.sqrt(np.diag(fit.covariance))
+    titles, order = list[str](), list[int]()
+    for name in naming.names:
+        places = naming.view.places(fit, name)
+        titles += [
+            f"{plain(name)}, {number}" if len(places) > 1 else plain(name) for number, _ in enumerate(places, 1)
+        ]
+        order += places
+    matrix = fit.covariance / np.outer(deviation, deviation)
+    return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
