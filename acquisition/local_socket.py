@@ -66,12 +66,16 @@ class LocalServer:
             if folder.stat().st_uid != os.getuid():
                 raise PermissionError(f"{folder} belongs to another user")
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-            self._socket.bind(str(self.path))
+            unheard = self.path.with_suffix(
+                ".new"
+            )  # a socket that does not listen yet is taken for one left behind
+            self._socket.bind(str(unheard))
+            self._socket.listen()
+            unheard.rename(self.path)
         except OSError as error:
             raise StorageError(
                 "marks cannot be heard", where=str(folder), why=str(error), fix="set SEATRIAL_RUNTIME to a folder"
             ) from error
-        self._socket.listen()
         self._socket.setblocking(False)
         self._thread = threading.Thread(target=self._serve, name="marks", daemon=True)
         self._thread.start()

@@ -35,7 +35,8 @@ class Ship:
     """Main dimensions [m], from a vessel file or a person."""
 
     name: str
-    length_m: float  # over all
+    over_all_m: float
+    between_perpendiculars_m: float
     beam_m: float
     draught_m: float
 
@@ -60,7 +61,7 @@ def run_sheet(
         ("wind", _wind(recording, one_hz)),
         ("sea state", trial.sea_state or UNKNOWN),
         ("current", _current(manoeuvres)),
-        *([] if ship is None else _form(ship, one_hz)),
+        *_form(ship, one_hz),
         ("crew's notes", trial.crew_notes or UNKNOWN),
         ("recording", f"{recording.path.name}, {recording.path.stat().st_size:,} bytes"),
         ("SHA-256", sha256_of(recording.path) or UNKNOWN),
@@ -133,16 +134,23 @@ def _current(manoeuvres: Iterable[Manoeuvre]) -> str:
     return f"{np.hypot(north, east):.2f} m/s towards {towards:.0f}\u00b0, from {turns}, wind drift included"
 
 
-def _form(ship: Ship, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
-    """The ratios that the IMO's form asks for; the speed is the median of what the ship made good."""
-    speed = float(np.nanmedian(np.hypot(one_hz["surge_mps"], one_hz["sway_mps"]))) if "surge_mps" in one_hz else 0.0
-    per_speed = f", L/V {ship.length_m / speed:.1f} s at the median speed of {speed:.2f} m/s" if speed > 0.1 else ""
+def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
+    """Dimensions and the ratios that the IMO's form asks for; the speed is the median of what the ship made
+    good."""
+    if ship is None:
+        return [("dimensions", "not known: the recording names none of the vessel files")]
+    both = one_hz.reindex(columns=["surge_mps", "sway_mps"]).dropna()
+    speed = float(np.median(np.hypot(both["surge_mps"], both["sway_mps"]))) if len(both) else 0.0
+    length_m = ship.between_perpendiculars_m
+    per_speed = f", L/V {length_m / speed:.1f} s at the median speed of {speed:.2f} m/s" if speed > 0.1 else ""
+    words = (
+        f"{ship.over_all_m:g} m over all, {length_m:g} m between perpendiculars (L), {ship.beam_m:g} m wide, "
+        "draught "
+        f"{ship.draught_m:g} m, by the vessel file {ship.name}"
+    )
     return [
-        (
-            "dimensions",
-            f"{ship.length_m:g} m long, {ship.beam_m:g} m wide, draught {ship.draught_m:g} m: {ship.name}",
-        ),
-        ("ratios", f"L/B {ship.length_m / ship.beam_m:.2f}, B/T {ship.beam_m / ship.draught_m:.2f}{per_speed}"),
+        ("dimensions", words),
+        ("ratios", f"L/B {length_m / ship.beam_m:.2f}, B/T {ship.beam_m / ship.draught_m:.2f}{per_speed}"),
     ]
 
 

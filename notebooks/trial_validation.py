@@ -23,10 +23,11 @@ calibrator: str | None = None  # the folder that `seatrial train` wrote
 vessel: str | None = None  # a vessel of trials/vessels or a vessel file; without it the calibrator's
 horizon_s: int | None = None  # how far is predicted; without it what the calibrator does, or 15 s
 part = "0..100"  # of each recording's time in percent, where predictions are judged
-repair = False  # put right before what is certainly wrong
+repair = True  # put right before what is certainly wrong
 allow_seen = False  # also recordings that the calibrator was trained on
 diagnosis: str | None = None  # what `seatrial diagnose` wrote of these recordings
 story: str | None = None  # the report on it, to link to
+remark = ""  # something to say at the top
 interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
@@ -40,7 +41,7 @@ from hybrid.reporting.show import links, shown_in
 
 case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
 show = shown_in(figures_folder)
-show(prediction.add_headline, case)
+show(prediction.add_headline, case, remark)
 
 # %%
 show(story_sections.add_in_short, diagnosis)
@@ -58,8 +59,8 @@ show(trial.add_sheet, case)
 # %% [markdown]
 # ## Data quality
 #
-# Flags follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. Nothing is dropped silently: what is
-# flagged bad stays out of what follows, and is counted.
+# Flags follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. What is certainly wrong is put right,
+# or left out, before all that follows, and what was done is listed; the recording itself stays as it is.
 
 # %%
 show(trial.add_data_quality, case)

@@ -281,3 +281,11 @@ def read_recording(path: Path | str) -> Recording:
         health=health,
         predictions=predictions,
     )
+
+
+def read_trial(path: Path | str) -> Trial:
+    """The run sheet of a recording, its last word; errors as :func:`read_recording`."""
+    stream = MessageStream(Path(path))
+    for _ in stream.batches():
+        pass
+    return stream.trial

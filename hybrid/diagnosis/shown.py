@@ -64,7 +64,7 @@ def read_shown(folder: Path | str) -> tuple[Diagnosis, Extras]:
     Raises :class:`InputError` for a folder that holds none, or one of another version.
     """
     folder = Path(folder)
-    said, shown = _read_json(folder / DIAGNOSIS), _read_json(folder / SHOWN)
+    said, shown = read_json(folder / DIAGNOSIS), read_json(folder / SHOWN)
     try:
         tracks = _tracks_of(read_parquet(folder / TRACKS)[0]) if (folder / TRACKS).is_file() else None
         return _diagnosis_of(said, shown, tracks), _extras_of(folder, shown)
@@ -92,12 +92,12 @@ def _plain(diagnosis: Diagnosis, extras: Extras) -> dict[str, Any]:
 
 
 def _diagnosis_of(said: Mapping[str, Any], shown: Mapping[str, Any], tracks: Tracks | None) -> Diagnosis:
-    gap, unknown, after = said["gap"], said["unknown"], said["next_manoeuvre"]
+    gap, unknown, after = _with_nan(said["gap"]), said["unknown"], said["next_manoeuvre"]
     return Diagnosis(
         verdict=said["verdict"],
         tolerance=said["tolerance"],
         effects=tuple(_effect_of(each, shown["evidence"]) for each in said["effects"]),
-        rivals=tuple(Rival(**each) for each in said["rivals"]),
+        rivals=tuple(Rival(**_with_nan(each)) for each in said["rivals"]),
         indistinguishable=tuple(map(tuple, said["indistinguishable"])),
         unknown=None if unknown is None else Unexplained(unknown["share_of_gap"], tuple(unknown["where"]),
                                                          unknown["looks_like"]),
@@ -113,7 +113,7 @@ def _diagnosis_of(said: Mapping[str, Any], shown: Mapping[str, Any], tracks: Tra
 
 
 def _effect_of(said: Mapping[str, Any], evidence: Mapping[str, float]) -> NamedEffect:
-    parameters = {name: Estimate(**each) for name, each in said["parameters"].items()}
+    parameters = {name: Estimate(**_with_nan(each)) for name, each in said["parameters"].items()}
     return NamedEffect(
         said["name"], said["family"], said["kind"], parameters, said["share_of_gap"], said["p_value"],
         evidence[said["name"]], said["sentence"],
@@ -124,7 +124,7 @@ def _extras_of(folder: Path, shown: Mapping[str, Any]) -> Extras:
     maps = _maps_of(folder, shown["cells"])
     found, correlation = shown["consistency"], shown["correlation"]
     consistency = None if found is None else [_consistency_of(each) for each in found]
-    ladder = _ladder_of(_read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
+    ladder = _ladder_of(read_json(folder / LADDER)) if (folder / LADDER).is_file() else None
     hang = None if correlation is None else Correlation(
         tuple(correlation["names"]), np.array(correlation["matrix"]).reshape(2 * (len(correlation["names"]),))
     )  # fmt: skip
@@ -223,7 +223,8 @@ def _write_json(values: Mapping[str, Any], path: Path) -> Path:
     return path
 
 
-def _read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object. Raises :class:`InputError` for anything else."""
     try:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError as error:

@@ -6,14 +6,16 @@ Read once, each part made when it is first asked for, so that a notebook that sh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
-from acquisition.errors import ConfigurationError, DataShortageError, InputError
-from acquisition.recording.reader import read_recording
+from acquisition.channels import NAMES
+from acquisition.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
+from acquisition.recording.reader import read_trial
 from analysis.recordings import trial_names
 from analysis.run_sheet import Ship
 from analysis.season.products import Options, Products, analysed
@@ -51,51 +53,74 @@ class Case:
     horizon_s: int = HORIZON_S
     part_percent: tuple[float, float] = (0.0, 100.0)
     stride_s: int = 5
-    repair: bool = False
+    repair: bool = True
     allow_seen: bool = False
 
     @cached_property
-    def products(self) -> dict[str, Products]:
-        """What the analysis makes of each recording, by the name of its trial."""
-        options = Options(
-            repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
-            length_m=None if self.ship is None else self.ship.length_m,
-        )  # fmt: skip
-        return {name: analysed(path, options, name) for name, path in self.named_paths.items()}
-
-    @property
     def named_paths(self) -> dict[str, Path]:
         """The recordings by the names of their trials."""
         return dict(zip(trial_names(self.paths), self.paths, strict=True))
 
     @cached_property
-    def ship(self) -> Ship | None:
-        """The main dimensions of the ship that the first recording names, of the model where it names none we know.
+    def _analysed(self) -> tuple[dict[str, Products], dict[str, str]]:
+        """What the analysis makes of each recording, and why it can make nothing of some."""
+        made, left_out = dict[str, Products](), dict[str, str]()
+        for name, path in self.named_paths.items():
+            try:
+                made[name] = self._products_of(path, name)
+            except SeatrialError as error:
+                left_out[name] = str(error)
+        if not made:
+            raise DataShortageError("no recording can be read", why="; ".join(left_out.values()))
+        return made, left_out
 
-        None where that is a calibrator's whose vessel file is not there any more.
-        """
-        name = read_recording(self.paths[0]).trial.vessel
-        vessel = load_vessel(name) if name in vessel_names() else self.vessel
-        if vessel is None:
-            return None
-        size, added = vessel.dimensions, vessel.effects.get("hull_lengthening", {})
-        return Ship(vessel.name, size.length_overall_m + added.get("length_m", 0.0), size.beam_m, size.draught_m)
+    def _products_of(self, path: Path, name: str) -> Products:
+        """The analysis of one recording; channels that it lacks are there, and empty."""
+        ship = ship_of(read_trial(path).vessel)
+        length_m = None if ship is None else ship.between_perpendiculars_m
+        options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
+                          length_m=length_m)  # fmt: skip
+        products = analysed(path, options, name)
+        lacking = [each for each in NAMES if each not in products.one_hz]
+        return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 
     @property
-    def seen(self) -> bool:
-        """Whether the calibrator was trained on some of what it is judged on, which is only so if it is allowed."""
-        others = () if self.trained is None else self.trained.sources
-        return any(each.overlaps(other) for each in self.gathered.sources for other in others)
+    def products(self) -> dict[str, Products]:
+        """What the analysis makes of each recording that can be read, by the name of its trial."""
+        return self._analysed[0]
 
-    @cached_property
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Why recordings are not in the report, by the name of their trial."""
+        return self._analysed[1]
+
+    def ship(self, name: str) -> Ship | None:
+        """The main dimensions of the ship that a recording names, None where it names none that is known."""
+        return ship_of(self.products[name].recording.trial.vessel)
+
+    @property
     def plant(self) -> Plant:
         """The reference model: the calibrator's where there is one."""
         return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
 
     @cached_property
     def gathered(self) -> Gathered:
-        """The held windows of all recordings. Raises :class:`DataShortageError` where there is none."""
-        return gather(self.paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
+        """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
+        none."""
+        held = [name for name, each in self.products.items() if each.windows is not None and each.windows.kept]
+        paths = [self.named_paths[name] for name in held or self.products]
+        gathered = gather(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
+        return _renamed(gathered, dict(zip(trial_names(paths), held or self.products, strict=True)))
+
+    @property
+    def seen(self) -> str:
+        """What the calibrator has seen of what it is judged on: ``some`` of it, ``another part`` of its recordings,
+        or ``nothing``."""
+        others = () if self.trained is None else self.trained.sources
+        pairs = [(each, other) for each in self.gathered.sources for other in others]
+        if any(each.overlaps(other) for each, other in pairs):
+            return "some"
+        return "another part" if any(each.sha256 == other.sha256 for each, other in pairs) else "nothing"
 
     @cached_property
     def validation(self) -> Validation:
@@ -137,6 +162,8 @@ class Case:
         horizons, tracks = self.validation.horizons, self.validation.tracks
         chosen = one_after_another(horizons)
         chosen = chosen[horizons.trial[chosen] == name]
+        if not len(chosen):
+            return {}
         return {each: predicted_motion(horizons, tracks[each], chosen) for each in SHOWN if each in tracks}
 
     @cached_property
@@ -162,6 +189,27 @@ class Case:
         return parameters_of(calibrator) if isinstance(calibrator, Adaptive) else None
 
 
+def ship_of(name: str) -> Ship | None:
+    """The main dimensions of a vessel by name, with what lengthens her; None for a name that is not one of ours."""
+    if name not in vessel_names():
+        return None
+    vessel = load_vessel(name)
+    size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
+    return Ship(
+        vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
+        size.draught_m,
+    )  # fmt: skip
+
+
+def _renamed(gathered: Gathered, names: dict[str, str]) -> Gathered:
+    """Trials and their legs under other names."""
+    horizons = gathered.horizons
+    trial = np.array([names[each] for each in horizons.trial.tolist()])
+    leg = np.array([f"{new}{one.removeprefix(old)}" for one, old, new in zip(
+        horizons.leg.tolist(), horizons.trial.tolist(), trial.tolist(), strict=True)])  # fmt: skip
+    return replace(gathered, horizons=replace(horizons, trial=trial, leg=leg))
+
+
 def load_case(
     recordings: Sequence[Path | str],
     calibrator: Path | str | None = None,
@@ -169,7 +217,7 @@ def load_case(
     horizon_s: int | None = None,
     *,
     part: str = "0..100",
-    repair: bool = False,
+    repair: bool = True,
     allow_seen: bool = False,
 ) -> Case:
     """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of

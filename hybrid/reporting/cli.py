@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
-from hybrid.options import PartOption, RepairOption, VesselOption
+from hybrid.options import PartOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
@@ -32,7 +32,7 @@ def report(
         int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
     ] = None,
     part: PartOption = "0..100",
-    repair: RepairOption = False,
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
     allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
     recordings: Annotated[
         Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
@@ -46,8 +46,9 @@ def report(
     from acquisition.progress import bar
     from hybrid.reporting.folder import Choices
     from hybrid.reporting.folder import report as run
+    from hybrid.reporting.show import FAILED
 
-    choices = Choices(calibrator, vessel, horizon, part, repair, allow_seen, interactive)
+    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive)
     with bar("report") as progress:
         pages = run(folder, choices, recordings, progress)
     if as_json:
@@ -55,3 +56,5 @@ def report(
         return
     for page in pages:
         typer.echo(page)
+        if FAILED in page.read_text(encoding="utf-8"):
+            typer.echo(f"warning: a section of {page} failed; its place in the page says why", err=True)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hybrid.bootstrap import LegBootstrap
 from hybrid.horizon import Horizons, difference_rad
 from hybrid.reporting.motion import speeds_of
 from hybrid.scores import distances
@@ -20,20 +21,22 @@ Floats = NDArray[np.float64]
 
 QUANTITIES = {
     "distance": "distance [m]",
-    "along": "along the track [m]",
-    "across": "across the track [m]",
+    "along": "along the heading [m]",
+    "across": "across the heading [m]",
     "heading": "heading [deg]",
     "speed": "speed over ground [m/s]",
 }
 """What a prediction may be off in, for people; the names are the attributes of :class:`Errors`."""
 
+_LEAST_WAY_M = 0.1
 _LOG_OUTSIDE = -np.log(0.05)  # a Rayleigh law leaves this outside of its 95 % radius
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
     """Errors of one method [N, H]: ``distance``, ``along`` and ``across`` the measured heading [m] (ahead and to
-    starboard positive), ``heading`` [deg], ``speed`` over ground [m/s].
+    starboard positive), ``heading`` [deg], ``speed`` over ground [m/s], which is a difference of the track over two
+    seconds; that of the last second is that of the one before.
     """
 
     distance: Floats
@@ -60,8 +63,10 @@ def errors_of(predicted: Floats, horizons: Horizons) -> Errors:
     along = gap[..., 0] * np.cos(heading) + gap[..., 1] * np.sin(heading)
     across = gap[..., 1] * np.cos(heading) - gap[..., 0] * np.sin(heading)
     turned = np.rad2deg(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
-    speed = speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3]
-    return Errors(distances(predicted, measured), along, across, turned, speed[:, 1:])
+    speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
+    if speed.shape[1] > 1:
+        speed[:, -1] = speed[:, -2]  # a difference over one second has twice the noise of one over two
+    return Errors(distances(predicted, measured), along, across, turned, speed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,35 +85,20 @@ class Calibration:
     low: Floats
     high: Floats
     pit: Floats
+    legs: int
 
 
-def calibration_of(distance: Floats, radius_m: Floats, horizons: Horizons, draws: int = 500) -> Calibration:
+def calibration_of(distance: Floats, radius_m: Floats, horizons: Horizons) -> Calibration:
     """How regions of ``radius_m`` [N, H] about predicted positions that are off by ``distance`` [N, H] stand up."""
-    inside = distance <= radius_m
-    way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1))
-    spread = np.maximum(np.ptp(way, axis=0), 1e-9)
-    legs = _by_leg(inside, horizons.leg)
-    low, high = _interval(legs, draws)
+    inside = (distance <= radius_m).astype(float)
+    way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1)).mean(axis=0)
+    legs = LegBootstrap.of(horizons.leg, seed=0)
+    shares = legs.mean_of_each(inside)
     with np.errstate(divide="ignore", invalid="ignore"):
         pit = 1.0 - np.exp(-_LOG_OUTSIDE * (distance / radius_m) ** 2)
-    return Calibration(inside.mean(axis=0), 2.0 * radius_m.mean(axis=0) / spread, low, high, pit.ravel())
-
-
-def _by_leg(inside: NDArray[np.bool_], leg: NDArray[np.str_]) -> tuple[Floats, Floats]:
-    """How many of a leg's positions are inside [L, H], and its windows [L]."""
-    names, number = np.unique(leg, return_inverse=True)
-    counted = np.zeros((len(names), inside.shape[1]))
-    np.add.at(counted, number, inside.astype(float))
-    return counted, np.bincount(number).astype(float)
-
-
-def _interval(legs: tuple[Floats, Floats], draws: int) -> tuple[Floats, Floats]:
-    """The 95 % interval of the share inside [H], from drawing legs anew."""
-    counted, windows = legs
-    drawn = np.random.default_rng(0).integers(0, len(windows), (draws, len(windows)))
-    shares = counted[drawn].sum(axis=1) / windows[drawn].sum(axis=1)[:, None]
-    low, high = np.quantile(shares, [0.025, 0.975], axis=0)
-    return low, high
+        pinaw = np.where(way > _LEAST_WAY_M, 2.0 * radius_m.mean(axis=0) / way, np.nan)
+    low, high = (np.array([getattr(each, name) for each in shares]) for name in ("low", "high"))
+    return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
 
 
 def table_of(errors: Mapping[str, Errors], quantity: str, seconds: list[int]) -> list[list[str]]:

@@ -10,12 +10,14 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from acquisition.errors import ConfigurationError, InputError
+from acquisition.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from acquisition.progress import Progress, part_of
+from analysis.provenance import sha256_of
+from hybrid.diagnosis.shown import read_json
 from hybrid.reporting.notebook import run_notebook
 from hybrid.reproduction.figures import FIGURES
 
@@ -33,7 +35,7 @@ class Choices:
     vessel: str | None = None
     horizon_s: int | None = None
     part: str = "0..100"
-    repair: bool = False
+    repair: bool = True
     allow_seen: bool = False
     interactive: bool = True
 
@@ -74,13 +76,24 @@ def report(
     if not where.exists():
         raise InputError("does not exist", where=str(where), fix="give a recording or a folder")
     if where.is_file():
-        return [trial_report([where], where.with_suffix(""), choices, progress)]
+        return [trial_report([where], _folder_of(where), choices, progress)]
     kind = kind_of(where)
     if kind == "batch":
         return batch_reports(where, recordings, choices, progress)
     if kind == "trial_validation":
         return folder_report(where, choices, progress)
     return [_told(kind, where, progress)]
+
+
+def _folder_of(recording: Path) -> Path:
+    """Where the report of one recording goes: a folder of its name beside it."""
+    if recording.suffix != ".mcap":
+        raise InputError("is not a recording", where=str(recording), why="a report is of .mcap files",
+                         fix="turn a table into one with `seatrial import`")  # fmt: skip
+    folder = recording.with_suffix("")
+    if folder.exists() and not folder.is_dir():
+        raise StorageError("is a file, where the report's folder is to be", where=str(folder), fix="move it away")
+    return folder
 
 
 def _told(kind: Kind, folder: Path, progress: Progress) -> Path:
@@ -93,7 +106,7 @@ def _about(kind: Kind, folder: Path) -> str:
     """What a report is about, in a line below its title."""
     if kind != "missing_effect":
         return "Wang, Li et al. 2021, Table III and figures"
-    known = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8")).get("provenance", {})
+    known = read_json(folder / "diagnosis.json").get("provenance", {})
     return f"{known.get('recordings', folder.resolve().name)}, against {known.get('vessel', 'the model')}"
 
 
@@ -101,16 +114,29 @@ def _figures(folder: Path) -> Path:
     return folder.resolve() / "figures"
 
 
-def folder_report(folder: Path, choices: Choices, progress: Progress = lambda share: None) -> list[Path]:
-    """The report of a trial's folder, and of the diagnosis in it where there is one."""
-    within = folder / "diagnosis"
-    pages = []
-    if (within / "shown.json").is_file():
-        pages = [_told("missing_effect", within, part_of(progress, 0, 2))]
-        progress = part_of(progress, 1, 2)
+def folder_report(
+    folder: Path,
+    choices: Choices,
+    progress: Progress = lambda share: None,
+    recordings: Sequence[Path] | None = None,
+) -> list[Path]:
+    """The report of a trial's folder, of all or some of its recordings, and of the diagnosis of them in it."""
+    paths = list(recordings or recordings_in(folder))
     calibrator = choices.calibrator or (folder / "calibrator" if _is_calibrator(folder / "calibrator") else None)
-    own = Choices(**{**asdict(choices), "calibrator": calibrator})
-    return [trial_report(recordings_in(folder), folder, own, progress, pages[0] if pages else None), *pages]
+    own, within = replace(choices, calibrator=calibrator), folder / "diagnosis"
+    if not (within / "shown.json").is_file():
+        return [trial_report(paths, folder, own, progress)]
+    if not _is_of(within, paths):
+        remark = "The diagnosis in this folder is of other recordings and is left out."
+        return [trial_report(paths, folder, own, progress, remark=remark)]
+    story = _told("missing_effect", within, part_of(progress, 0, 2))
+    return [trial_report(paths, folder, own, part_of(progress, 1, 2), story), story]
+
+
+def _is_of(diagnosis: Path, recordings: Sequence[Path]) -> bool:
+    """Whether a diagnosis is of these recordings, or of some of them, by their hashes."""
+    hashes = str(read_json(diagnosis / "diagnosis.json").get("provenance", {}).get("recordings_sha256", ""))
+    return set(hashes.split(", ")) <= {sha256_of(path) for path in recordings}
 
 
 def _is_calibrator(folder: Path) -> bool:
@@ -122,9 +148,11 @@ def trial_report(
     folder: Path,
     choices: Choices,
     progress: Progress = lambda share: None,
-    diagnosis: Path | None = None,
+    story: Path | None = None,
+    remark: str = "",
 ) -> Path:
-    """``report.html`` in ``folder`` about recordings that belong together; ``diagnosis`` is a page to link to."""
+    """``report.html`` in ``folder`` about recordings that belong together; ``story`` is the page of their
+    diagnosis, ``remark`` something to say at the top."""
     folder.mkdir(parents=True, exist_ok=True)
     parameters: dict[str, Any] = {
         "recordings": [str(path.resolve()) for path in recordings],
@@ -135,8 +163,9 @@ def trial_report(
         "repair": choices.repair,
         "allow_seen": choices.allow_seen,
         "figures_folder": str(_figures(folder)),
-        "diagnosis": None if diagnosis is None else str(diagnosis.parent.resolve()),
-        "story": None if diagnosis is None else os.path.relpath(diagnosis, folder),
+        "diagnosis": None if story is None else str(story.parent.resolve()),
+        "story": None if story is None else os.path.relpath(story, folder),
+        "remark": remark,
         "interactive": str(folder.resolve()) if choices.interactive else None,
     }
     subtitle = ", ".join(path.name for path in recordings)
@@ -156,13 +185,21 @@ def batch_reports(
     if recordings is None:
         raise InputError("holds the results of a batch, which do not know where the recordings are", where=str(out),
                          fix="say it with --recordings FOLDER")  # fmt: skip
-    summary = run_batch(recordings, out, options=batch_options(out))
-    done = [row for row in summary.rows if row["status"] == "done" and row["windows_kept"]]
-    pages = []
+    options = batch_options(out)
+    summary = run_batch(recordings, out, options=options)
+    own, pages, failed = replace(choices, repair=choices.repair and options.repair), list[Path](), dict[str, str]()
+    done = [row for row in summary.rows if row["status"] == "done"]
     for number, row in enumerate(done):
         share = part_of(progress, number, len(done))
-        pages.append(trial_report([recordings / row["path"]], out / row["name"], choices, share))
-    return [write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name), *pages]
+        try:
+            pages.append(trial_report([recordings / row["path"]], out / row["name"], own, share))
+        except SeatrialError as error:
+            failed[row["name"]] = str(error)
+    index = write_index([*summary.rows, *summary.gone_rows], out, recordings.resolve().name)
+    if failed:
+        raise SeatrialError(f"{len(failed)} of {len(done)} reports failed: {', '.join(failed)}", where=str(index),
+                            why=next(iter(failed.values())))  # fmt: skip
+    return [index, *pages]
 
 
 def batch_options(out: Path) -> Any:

@@ -114,7 +114,7 @@ def _warn(page: Page, learned: Parameters) -> None:
         "model. "
         "Several values may do the same together: a prediction is worth more than any of them alone."
     )
-    at_bound = [each.name for each in learned.identified if each.at_bound]
+    at_bound = [each.name for each in learned.every if each.at_bound]
     if at_bound:
         page.note(f"At the bound of what is allowed: {', '.join(at_bound)}.")
     pairs = learned.entangled()

@@ -67,9 +67,10 @@ def executed_notebook(
 
         try:
             with _Importing():
+                # in an empty folder: Python files beside a recording are nothing that a report may import
                 notebook = papermill.execute_notebook(
                     unrun, executed, dict(parameters), kernel_name="python3", progress_bar=False,
-                    cwd=executed.parent, execution_timeout=_TIMEOUT_S, autosave_cell_every=0,
+                    cwd=place, execution_timeout=_TIMEOUT_S, autosave_cell_every=0,
                     extra_arguments=["--log-level=ERROR"], on_cell_executed=ran,
                 )  # fmt: skip
         except PapermillExecutionError as error:

@@ -198,7 +198,8 @@ def coverage_by_second(axes: Axes, calibration: Calibration) -> list[Artist]:
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel("inside the 95 % region (PICP) [%]")
     axes.set_xlim(0, seconds[-1])
-    axes.set_ylim(min(80.0, 100 * float(calibration.low.min()) - 2.0), 100.5)
+    lowest = np.nanmin(np.append(calibration.low, calibration.picp))
+    axes.set_ylim(min(80.0, 100 * float(lowest) - 2.0), 100.5)
     return artists
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.page import Page
+from hybrid.bootstrap import FEW_LEGS
 from hybrid.reporting.case import Case
 from hybrid.reporting.errors import QUANTITIES, table_of
 from hybrid.reporting.motion import one_after_another
@@ -19,12 +20,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _FANS = 40  # on one track; more would lie on each other
+_SEEN = {
+    "nothing": "None has seen these recordings.",
+    "another part": "The calibrator was trained on another part of the same recordings.",
+    "some": "The calibrator has seen some of this.",
+}
 _CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest for the reference": 1.0}
 _SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
 
 
-def add_headline(page: Page, case: Case) -> None:
+def add_headline(page: Page, case: Case, remark: str = "") -> None:
     """What matters, large; and what a reader may not miss."""
+    if remark:
+        page.note(remark)
     if case.why_not:
         page.note(f"Nothing was predicted: {case.why_not}")
         return
@@ -40,7 +48,9 @@ def add_headline(page: Page, case: Case) -> None:
     page.headline(figures)
     if case.trained is None:
         page.note("No calibrator was given: constant velocity and the reference model are judged alone.")
-    if case.seen:
+    for name, why in case.left_out.items():
+        page.note(f"Left out: {name}: {why}")
+    if case.seen == "some":
         page.note("The calibrator was trained on some of what it is judged on here: its figures flatter it.")
     if case.part_percent != (0.0, 100.0):
         low, high = case.part_percent
@@ -67,8 +77,15 @@ def add_baselines(page: Page, case: Case) -> None:
         "every "
         f"{case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, data "
         "driven "
-        "the network without a model. None has seen these recordings."
+        f"the network without a model. {_SEEN[case.seen]} {_dropped(case)}"
     )
+
+
+def _dropped(case: Case) -> str:
+    """How many windows were tried, and why the others are not judged."""
+    gathered = case.gathered
+    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in gathered.dropped.items() if count)
+    return f"Of {gathered.candidates:,} windows tried others were left out: {reasons}." if reasons else ""
 
 
 def add_by_second(page: Page, case: Case) -> None:
@@ -77,7 +94,7 @@ def add_by_second(page: Page, case: Case) -> None:
         lambda figure: _draw_by_second(figure, case),
         (9.5, 6),
         "The size of the error that half of the windows stay below, and dashed nine in ten, against the time "
-        "predicted.",
+        "predicted. Speeds are differences of positions over two seconds, and what was measured brings its noise.",
         "errors_by_second",
     )
     horizon_s = case.validation.horizons.horizon_s
@@ -169,9 +186,8 @@ def add_distributions(page: Page, case: Case) -> None:
     page.figure(
         lambda figure: _draw_distributions(figure, case),
         (9.5, 6.5),
-        "Errors of all windows and seconds by channel, predicted less measured; and by trial, boxes from quarter "
-        "to "
-        "quarter.",
+        "Errors of all windows and seconds by channel, predicted less measured, the outermost 2 % of all methods "
+        "beyond the axes; and by trial, boxes from quarter to quarter.",
         "error_distributions",
     )
     if case.calibration is None:
@@ -180,17 +196,23 @@ def add_distributions(page: Page, case: Case) -> None:
     page.figure(
         lambda figure: _draw_calibration(figure, case),
         (9, 3.6),
-        "Whether the 95 % regions hold what they say: the share inside with its 95 % interval, from drawing legs "
-        "anew; "
-        "and how distances lie within the regions, which is even where errors are normal.",
+        "Whether the 95 % regions hold what they say: the share inside with its 95 % interval, from drawing "
+        "legs anew; and how distances lie within the regions, which is even where errors are normal.",
         "region_calibration",
     )
     seconds = [each for each in _SECONDS if each <= len(calibration.picp)]
     page.table(
         ["", *(f"{each} s" for each in seconds)],
         [["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
-         ["width over the way covered, PINAW [1]", *(f"{calibration.pinaw[each - 1]:.3f}" for each in seconds)]],
+         ["width over mean way covered, PINAW [1]", *(_share(calibration.pinaw[each - 1]) for each in seconds)]],
     )  # fmt: skip
+    if calibration.legs < FEW_LEGS:
+        legs = "one leg, which has no interval" if calibration.legs < 2 else f"{calibration.legs} legs: too few"
+        page.text(f"The interval of the share inside rests on {legs}, so it is too narrow at best.")
+
+
+def _share(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "\u2013"
 
 
 def _draw_distributions(figure: Figure, case: Case) -> None:

@@ -3,6 +3,7 @@ files."""
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
@@ -14,7 +15,7 @@ from acquisition.errors import SeatrialError
 from analysis.figures import write_figure
 from analysis.page import Page
 
-FIGURES = "figures"
+FAILED = "This section failed, which is a fault of Seatrial"
 _LEVEL = 3  # of headings inside a section: the notebook's own are above
 
 
@@ -41,6 +42,9 @@ def shown_in(folder: Path | str) -> Callable[..., Section]:
             add(page, *what)
         except SeatrialError as error:
             page.note(f"This could not be made: {error}")
+        except Exception as error:  # one section that fails must not take the others with it
+            traceback.print_exc()  # into the executed notebook
+            page.note(f"{FAILED}: {type(error).__name__} {error}. The executed notebook has the trace.")
         for name, figure in page.figures.items():
             write_figure(figure, Path(folder), name)
         return Section("".join(page.parts))
@@ -49,10 +53,11 @@ def shown_in(folder: Path | str) -> Callable[..., Section]:
 
 
 def links(pages: Mapping[str, str | None]) -> Section:
-    """Links to pages beside this one, by what they are; those that are None are left out."""
-    items = "".join(
-        f'<li><a href="{quote(where)}">{escape(what)}</a></li>'
+    """Links to pages beside this one, by what they are; those that are None are left out, empty ones are no
+    links."""
+    items = [
+        f'<li><a href="{quote(where)}">{escape(what)}</a></li>' if where else f"<li>{escape(what)}</li>"
         for what, where in pages.items()
         if where is not None
-    )
-    return Section(f"<ul>{items}</ul>" if items else "")
+    ]
+    return Section(f"<ul>{''.join(items)}</ul>" if items else "")

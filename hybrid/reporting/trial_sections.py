@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.errors import ConfigurationError
+from acquisition.errors import ConfigurationError, DataShortageError
 from analysis.manoeuvres.page import add_manoeuvres
 from analysis.page import Page
 from analysis.quality.page import add_quality
@@ -30,7 +30,7 @@ def add_sheet(page: Page, case: Case) -> None:
     """The run sheet of each recording, and what happened aboard."""
     for name, products in case.products.items():
         _name_recording(page, case, name)
-        add_run_sheet(page, run_sheet(products.recording, products.one_hz, products.manoeuvres, case.ship))
+        add_run_sheet(page, run_sheet(products.recording, products.one_hz, products.manoeuvres, case.ship(name)))
         events = events_of(products.recording)
         if events:
             with page.details(f"{len(events)} events: marks, warnings, changes"):
@@ -48,9 +48,22 @@ def add_data_quality(page: Page, case: Case) -> None:
         _name_recording(page, case, name)
         if not products.recording.closed:
             page.note("The recording was not closed and is read as far as it goes.")
+        for shortfall in products.shortfalls:
+            page.note(f"Please note: {shortfall}.")
         add_quality(page, products.quality)
+        _add_repairs(page, case, products)
         _add_times(page, products)
         _add_sources(page, products)
+
+
+def _add_repairs(page: Page, case: Case, products: Products) -> None:
+    """What was put right before anything else, or that nothing was."""
+    if not case.repair:
+        page.note("Nothing was put right: values that are flagged bad are used as they are (--no-repair).")
+    elif not products.repairs:
+        page.text("Nothing was certain enough to be put right before what follows.")
+    for each in products.repairs:
+        page.text(f"Put right before what follows: {each.channel}, {each.text}, {each.changed:,} values.")
 
 
 def _add_times(page: Page, products: Products) -> None:
@@ -105,7 +118,8 @@ def add_tracks(page: Page, case: Case) -> None:
         _name_recording(page, case, name)
         windows = None if products.windows is None else products.windows.rows
         executes = [each.start for each in products.manoeuvres]
-        length_m = None if case.ship is None else case.ship.length_m
+        ship = case.ship(name)
+        length_m = None if ship is None else ship.over_all_m
         add_track(page, products.one_hz, windows, length_m, executes, _figure_name(case, "track", name))
 
 
@@ -117,7 +131,7 @@ def add_time_series(page: Page, case: Case) -> None:
     """Measured, reference and hybrid against time, over thruster settings and wind; held windows shaded."""
     for name, products in case.products.items():
         _name_recording(page, case, name)
-        if products.windows is None or case.why_not:
+        if products.windows is None or case.why_not or not case.predicted(name):
             add_channels(page, products.one_hz, None, _figure_name(case, "time_series", name))
             continue
         page.figure(
@@ -149,10 +163,8 @@ def _draw_series(figure: Figure, case: Case, name: str) -> None:
 
 
 def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
-    """A page to zoom into for each recording, in ``folder``; what they are called and where, for links.
-
-    Nothing without plotly, which is an extra of the installation.
-    """
+    """A page to zoom into for each recording, in ``folder``; what they are called and where, for links, or why
+    not."""
     from analysis.interactive import write_interactive
 
     pages = {}
@@ -163,8 +175,9 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
         try:
             write_interactive(page, products.one_hz, windows, predicted, products.manoeuvres, trial,
                               products.recording.path.name)  # fmt: skip
-        except ConfigurationError:
-            return {}
+        except (ConfigurationError, DataShortageError) as error:
+            pages[f"no page to zoom into: {error}"] = ""
+            continue
         what = "track and channels to zoom into" + (f", {trial}" if len(case.paths) > 1 else "")
         pages[what] = page.name
     return pages
@@ -177,11 +190,16 @@ def add_indices(page: Page, case: Case) -> None:
         if not products.manoeuvres:
             page.text("No manoeuvre was found in this recording.")
             continue
-        length_m = None if case.ship is None else case.ship.length_m
+        ship = case.ship(name)
+        length_m = None if ship is None else ship.between_perpendiculars_m
         add_manoeuvres(page, products.table, products.manoeuvres, length_m)
-        if length_m is not None and length_m < 100.0:
+        if length_m is None:
             page.text(
-                f"The ship is {length_m:g} m long and steered by azimuth thrusters: the limits were made for "
-                "ships of "
-                "100 m and more with rudders, and stand here for comparison."
+                "The recording names none of the vessel files: no lengths, and no limits that follow from them."
+            )
+        elif length_m < 100.0:
+            page.text(
+                f"Lengths are between perpendiculars, {length_m:g} m. The limits were made for ships of 100 m and "
+                "more "
+                "with rudders, and stand here for comparison."
             )

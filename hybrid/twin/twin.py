@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 _MARGIN_S = 15.0  # more than the filters look back, and than judging waits
 _LEAST_APART_S = 0.55  # what the recorder takes is two a second
 _STALLED_S = 3.0
+_BACK_NS = 5_000_000_000  # a wrong stamp in the future must not silence the twin for good
 
 Tell = Callable[[str, str], None]
 
@@ -110,6 +111,11 @@ class Twin:
             return False
         recording = self._recent.recording(self.follower.trial, path)
         start_ns = newest_second_ns(recording)
+        if start_ns is not None and start_ns < self._start_ns - _BACK_NS:
+            back_s = (self._start_ns - start_ns) / NANO
+            self._say("warning", f"the sources' times went back by {back_s:.0f} s: begun anew")
+            self._start_ns = 0
+            self.errors.forget()
         if start_ns is None or start_ns <= self._start_ns:
             self._look_for_missing(recording)
             return False

@@ -29,7 +29,7 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
     trial = Trial(
         "docking", "gunnerus", "Trondheim", 63.5, -10.25, 20.0, 2.5, "<calm>", 0.1, "half fuel", "2, from the west"
     )
-    sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 9.6, 2.7))
+    sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 33.9, 9.6, 2.7))
     assert sheet["ship"] == "gunnerus"
     assert sheet["water depth"] == "20 m, 8.0 draughts"
     assert sheet["draught, trim by the stern"] == "2.5 m, 0.1 m"
@@ -39,7 +39,7 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
         "2, from the west",
         "<calm>",
     )
-    assert sheet["ratios"].startswith("L/B 3.78, B/T 3.56")
+    assert sheet["ratios"].startswith("L/B 3.53, B/T 3.56")
     assert len(sheet["SHA-256"]) == 64
     assert sheet["closed properly"] == "yes"
 

@@ -3,6 +3,7 @@ not."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,3 +91,19 @@ def test_the_ground_says_which_quantity_lies_beyond(calibrator: Adaptive, window
     assert ground.beyond.all(axis=0).tolist() == [name == "surge_mps" for name in START_NAMES]
     assert calibrator.outside(fast, fast.track).all()
     assert not calibrator.outside(windows, windows.track).any()
+
+
+def test_values_are_the_models_own_and_what_was_learned(calibrator: Adaptive) -> None:
+    """A model that has a current of 0.3 m/s and learned nothing has it still; a lag below none is at its bound."""
+    plant = replace(calibrator.plant, current_north_mps=0.3, thruster_lag_s=0.5)  # type: ignore[type-var]
+    told = Adaptive(0, plant)
+    told.vectors_, told.covariance_ = np.zeros((2, len(NAMES))), np.eye(len(NAMES))
+    every = {each.name: each for each in parameters_of(told).every}
+    assert every["current north"].value == pytest.approx(0.3)
+    assert every["thruster lag"].value == pytest.approx(0.5)
+    assert not any(each.at_bound for each in every.values())
+    told.vectors_[:, NAMES.index("thruster_lag")] = -0.6
+    told.vectors_[:, NAMES.index("thrust_nn")] = 3.95
+    every = {each.name: each for each in parameters_of(told).every}
+    assert every["thruster lag"].value == 0.0
+    assert {name for name, each in every.items() if each.at_bound} == {"thruster lag", "thrust_nn"}

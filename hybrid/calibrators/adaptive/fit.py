@@ -27,6 +27,7 @@ _LEAST = np.array([0.01, 0.01, 0.0005])  # nothing is predicted better [m, m, ra
 _DIFFERENCE = 1e-3
 _ENOUGH = 2e-3
 _GIVE_UP = 1e6
+_STEEPEST = 1e6
 
 
 def adapt(
@@ -65,6 +66,7 @@ def covariance_at(vector: Floats, plant: Plant, windows: Seen, track: Floats, ov
     off, known = _differences(plant, windows, track)
     now = off(vector)
     slope = _slope(off, vector, now, _whitening(now, known, overlap))
+    slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # a window at the edge of the model's range says nothing
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
 

@@ -27,6 +27,7 @@ from hybrid.calibrators.adaptive.adaptation import (
     WIND_MPS,
 )
 from hybrid.calibrators.adaptive.calibrator import Adaptive
+from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
 
@@ -34,11 +35,11 @@ UNKNOWN = 0.8
 """A standard error of so much of the prior's, and more, is none of the data's."""
 ENTANGLED = 0.95
 """Two parameters correlated by so much, either way, cannot be told apart."""
-_AXES = {
-    "constant_X_n": "steady force ahead",
-    "constant_Y_n": "steady force aside",
-    "constant_N_nm": "steady moment",
-}
+_NEARLY = 0.95  # of a bound: members that differ have a mean that does not quite reach it
+_TITLES = {
+    "constant_X_n": "steady force ahead", "constant_Y_n": "steady force aside", "constant_N_nm": "steady moment",
+    "wind_north": "wind added, north", "wind_east": "wind added, east",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +82,9 @@ class Parameters:
 
 def parameters_of(calibrator: Adaptive) -> Parameters:
     """What was learned of the ship and of what acts on her; how closely she is followed is left out."""
-    units = units_of(1.0 if calibrator.plant is None else calibrator.plant.mass_kg / STEADY_MASS_KG)
+    if calibrator.plant is None:
+        raise ValueError("the adaptive calibrator needs the reference model")
+    units = units_of(calibrator.plant)
     places = np.array([NAMES.index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))
@@ -95,31 +98,36 @@ def parameters_of(calibrator: Adaptive) -> Parameters:
 Natural = Callable[[float], float]
 
 
-def units_of(heavier: float) -> dict[str, tuple[str, float, Natural]]:
-    """Unit, neutral value and way from a departure to the value, for each parameter of the ship and her
-    surroundings; ``heavier`` is her mass over that of the ship for which steady forces are usual.
+def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
+    """Unit, the reference model's own value and the way from a departure to the value, for each parameter of the
+    ship and of what acts on her. Wind is what is added to the measured one.
     """
 
-    def times(usual: float) -> Natural:
-        return lambda z: usual * z
+    def added(own: float, usual: float) -> Natural:
+        return lambda z: own + usual * z
 
+    heavier = plant.mass_kg / STEADY_MASS_KG
     units: dict[str, tuple[str, float, Natural]] = {}
     units |= {name: ("times the model's", 1.0, lambda z: float(np.exp(USUAL_SHARE * z))) for name in POSITIVE}
     units |= {name: ("times the model's", 1.0, lambda z: 1.0 + USUAL_SHARE * z) for name in SIGNED}
-    units |= {
-        name: ("N m" if name.endswith("_nm") else "N", 0.0, times(heavier * usual))
-        for name, usual in STEADY.items()
-    }
-    for what, unit, usual in (("current", "m/s", CURRENT_MPS), ("drift", "N", heavier * DRIFT_N),
-                              ("wind", "m/s", WIND_MPS)):  # fmt: skip
-        units |= {f"{what}_{axis}": (unit, 0.0, times(usual)) for axis in ("north", "east")}
-    return units | {LAG: ("s", 0.0, times(LAG_S))}
+    for name, usual in STEADY.items():
+        own = float(getattr(plant, name))
+        units[name] = ("N m" if name.endswith("_nm") else "N", own, added(own, heavier * usual))
+    for axis in ("north", "east"):
+        current_mps = float(getattr(plant, f"current_{axis}_mps"))
+        drift_n = plant.drift_force_n * float(getattr(plant, f"drift_{axis}"))
+        units[f"current_{axis}"] = ("m/s", current_mps, added(current_mps, CURRENT_MPS))
+        units[f"drift_{axis}"] = ("N", drift_n, added(drift_n, heavier * DRIFT_N))
+        units[f"wind_{axis}"] = ("m/s", 0.0, added(0.0, WIND_MPS))
+    own = plant.thruster_lag_s
+    return units | {LAG: ("s", own, lambda z: max(0.0, own + LAG_S * z))}
 
 
 def _parameter(name: str, z: float, deviation: float, unit: str, neutral: float, natural: Natural) -> Parameter:
     low, high = sorted((natural(z - 1.96 * deviation), natural(z + 1.96 * deviation)))
-    at_bound = abs(USUAL_SHARE * z) >= LARGEST_FACTOR if name in POSITIVE else name == LAG and z <= 0.0
-    title = _AXES.get(name, name.replace("_", " ") if name not in POSITIVE + SIGNED else name)
+    clipped = name in POSITIVE and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
+    at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
+    title = _TITLES.get(name, name if name in POSITIVE + SIGNED else name.replace("_", " "))
     return Parameter(
         title, natural(z), low, high, (high - low) / 3.92, unit, neutral, bool(at_bound), deviation < UNKNOWN
     )

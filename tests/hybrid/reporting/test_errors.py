@@ -109,6 +109,28 @@ def test_regions_of_the_right_size_hold_95_percent_and_their_transform_is_even()
     assert counts / counts.sum() == pytest.approx(0.1, abs=0.006)
     wide = calibration_of(distance, 2.0 * radius, horizons_of(measured, legs))
     assert wide.pinaw == pytest.approx(2.0 * found.pinaw)
+    way_m = 3.0 * np.arange(1, 11)  # straight ahead with 3 m/s
+    assert found.pinaw == pytest.approx(2.0 * radius[0] / way_m)
+
+
+def test_of_a_ship_that_lies_still_and_of_one_leg_no_share_is_told() -> None:
+    """No way covered: no width over it. One leg: no interval."""
+    still = np.zeros((5, 11, 3))
+    found = calibration_of(np.zeros((5, 10)), np.ones((5, 10)), horizons_of(still))
+    assert np.isnan(found.pinaw).all()
+    assert found.legs == 1
+    assert np.isnan(found.low).all()
+    assert np.isnan(found.high).all()
+
+
+def test_the_last_second_of_the_speed_is_as_noisy_as_the_others() -> None:
+    """A perfect prediction of noisy positions: no second stands out."""
+    random = np.random.default_rng(1)
+    measured = np.repeat(straight(0.4), 2000, axis=0)
+    noisy = measured + np.array([0.5, 0.5, 0.0]) * random.normal(size=measured.shape)
+    speed = errors_of(measured, horizons_of(noisy)).speed
+    spread = speed.std(axis=0)
+    assert spread.max() < 1.15 * spread.min()
 
 
 def test_legs_and_not_windows_are_what_is_independent() -> None:

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition.errors import InputError, SeatrialError
+from acquisition.errors import InputError, SeatrialError, StorageError
 from hybrid.reporting.folder import Choices, batch_options, kind_of, recordings_in, report
 from hybrid.reporting.notebook import SOURCES, body_of, executed_notebook, title_of
 
@@ -55,6 +55,22 @@ def test_the_command_says_in_one_line_what_is_wrong(tmp_path: Path) -> None:
     result = CliRunner().invoke(seatrial.app, ["report", str(tmp_path)])
     assert isinstance(result.exception, InputError)
     assert "\n" not in str(result.exception)
+
+
+def test_a_file_that_is_no_recording_and_a_name_that_is_taken_are_clear_errors(tmp_path: Path) -> None:
+    (tmp_path / "trial.csv").write_text("time")
+    with pytest.raises(InputError, match=r"is not a recording.*seatrial import"):
+        report(tmp_path / "trial.csv", Choices())
+    (tmp_path / "trial.mcap").write_text("")
+    (tmp_path / "trial").write_text("")
+    with pytest.raises(StorageError, match="is a file"):
+        report(tmp_path / "trial.mcap", Choices())
+
+
+def test_a_diagnosis_that_is_damaged_is_one_clear_error(tmp_path: Path) -> None:
+    (tmp_path / "diagnosis.json").write_text("{")
+    with pytest.raises(InputError, match=r"diagnosis\.json"):
+        report(tmp_path, Choices())
 
 
 def test_options_of_a_batch_are_those_of_its_results(tmp_path: Path) -> None:
@@ -114,6 +130,16 @@ def test_what_a_notebook_prints_is_text_and_what_it_shows_is_markup(tmp_path: Pa
     assert "<em>stress</em>" in body
     assert "A title" not in body  # it is the page's
     assert json.loads((tmp_path / "small.ipynb").read_text())["cells"]
+
+
+@pytest.mark.pages
+def test_python_files_beside_a_recording_are_not_imported(tmp_path: Path) -> None:
+    """A folder that somebody sent may hold a pandas.py of its own."""
+    (tmp_path / "pandas.py").write_text("raise SystemExit('imported')")
+    source = tmp_path / "small.py"
+    source.write_text(SMALL.format(last="import pandas\nprint(pandas.__name__, hasattr(pandas, 'DataFrame'))"))
+    notebook = executed_notebook(source, {}, tmp_path / "small.ipynb")
+    assert "pandas True" in body_of(notebook)
 
 
 @pytest.mark.pages

@@ -12,12 +12,16 @@ import numpy as np
 import pytest
 
 from acquisition.errors import StorageError
+from acquisition.recording.reader import read_recording
+from acquisition.recording.tables import write_table
+from acquisition.trial import Trial
 from analysis.page import Page
+from analysis.table import table_of
 from hybrid.reporting import ground_sections as ground
 from hybrid.reporting import prediction_sections as prediction
 from hybrid.reporting import trial_sections as trial
 from hybrid.reporting.case import Case, load_case
-from hybrid.reporting.show import links, shown_in
+from hybrid.reporting.show import FAILED, links, shown_in
 from hybrid.words import plain
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
@@ -135,15 +139,83 @@ def test_a_calibrator_that_saw_the_trial_is_not_judged_on_it(earlier: list[Path]
     assert load_case(earlier[:1], small_folder, allow_seen=True).why_not == ""
 
 
-def test_several_recordings_are_told_apart(unseen: Path, earlier: list[Path], small_folder: Path) -> None:
-    """Each has its own track and series, under its name; errors by trial have all."""
-    case = load_case([unseen, earlier[0]], small_folder, allow_seen=True)
-    page = Page()
-    trial.add_tracks(page, case)
-    prediction.add_distributions(page, case)
-    assert {f"track_{name}" for name in case.products} <= set(page.figures)
-    labels = [text.get_text() for text in page.figures["error_distributions"].axes[-1].get_xticklabels()]
-    assert [text.split("\n")[0] for text in labels] == list(case.products)
+def test_several_recordings_are_told_apart(
+    unseen: Path, earlier: list[Path], small_folder: Path, simulated: Callable[..., Path], tmp_path: Path
+) -> None:
+    """Each has its own track and series, under its name; errors by trial have all. One that is too short for a
+    window and one that cannot be read keep none of the others from being shown, and are named."""
+    damaged, short = tmp_path / "damaged.mcap", simulated("calm", 3, 12.0)
+    damaged.write_bytes(unseen.read_bytes()[:200])
+    case = load_case([damaged, unseen, short, earlier[0]], small_folder, allow_seen=True)
+    show = shown_in(tmp_path / "figures")
+    said = "".join(show(add, case).html for add in SECTIONS)
+    assert FAILED not in said
+    assert "could not be made" not in said
+    assert list(case.products) == [unseen.stem, short.stem, earlier[0].stem]
+    assert "Left out: damaged" in said
+    figures = {path.stem for path in (tmp_path / "figures").glob("*.svg")}
+    assert {f"{what}_{name}" for what in ("track", "time_series") for name in case.products} <= figures
+    by_trial = {name: each.by_trial(case.validation.horizons.trial) for name, each in case.errors.items()}
+    assert set(by_trial["hybrid"]) == {unseen.stem, earlier[0].stem}
+
+
+@pytest.mark.parametrize("lacking", [["sway_mps"], ["north_m", "east_m"], ["wind_speed_mps"], ["heading_deg"]])
+def test_a_recording_that_lacks_channels_has_a_report_that_says_so(
+    lacking: list[str], unseen: Path, tmp_path: Path
+) -> None:
+    table = table_of(read_recording(unseen)).drop(columns=lacking)
+    path = tmp_path / "lacking.mcap"
+    write_table(table, path, Trial(name="lacking"), source="test")
+    show = shown_in(tmp_path / "figures")
+    case = load_case([path])
+    said = "".join(show(add, case).html for add in SECTIONS)
+    assert FAILED not in said, re.findall(f"{FAILED}[^<]*", said)
+    assert "Nothing was predicted" in said
+    assert lacking[0] in said
+    assert "the recording names none of the vessel files" in said
+
+
+def test_values_that_are_flagged_bad_do_not_count_unless_one_says_so(unseen: Path, tmp_path: Path) -> None:
+    """Spikes of 300 m: left out before predictions are judged, kept with a warning where nothing is put right."""
+    table = table_of(read_recording(unseen))
+    rows = table.index[[300, 500, 700]]
+    path = tmp_path / "spiky.mcap"
+    write_table(table.assign(north_m=table["north_m"].where(~table.index.isin(rows), table["north_m"] + 300.0)),
+                path, Trial(name="spiky"), source="test")  # fmt: skip
+    clean, mended, kept = (
+        load_case([each], repair=repair) for each, repair in ((unseen, True), (path, True), (path, False))
+    )
+    errors = [each.validation.scores["reference"].mean_distance_m for each in (clean, mended, kept)]
+    assert errors[1] == pytest.approx(errors[0], rel=0.1)
+    assert errors[2] > 1.5 * errors[0]
+    assert "Nothing was put right" in shown_in(tmp_path)(trial.add_data_quality, kept).html
+    assert "Put right before what follows: north_m" in shown_in(tmp_path)(trial.add_data_quality, mended).html
+
+
+def test_limits_are_by_the_length_between_perpendiculars_of_the_ship_that_sailed(
+    simulated: Callable[..., Path],
+) -> None:
+    """The lengthened ship: 33.9 m, not her 36.25 m over all, nor the 28.9 m of the model."""
+    path = simulated("gentle", 100, 1200.0)
+    case = load_case([path])
+    ship = case.ship(path.stem)
+    assert ship is not None
+    assert (ship.over_all_m, ship.between_perpendiculars_m) == pytest.approx((36.25, 33.9))
+    limits = [
+        index.limit / index.limit_lengths
+        for each in case.products[path.stem].manoeuvres for index in each.indices.values()
+        if index.limit is not None and index.limit_lengths is not None
+    ]  # fmt: skip
+    assert limits == pytest.approx([33.9] * len(limits))
+
+
+def test_what_was_seen_is_said(earlier: list[Path], unseen: Path, small_folder: Path) -> None:
+    said = [
+        "".join(shown_in("unused")(prediction.add_baselines, case).html.split("<figure>")[:1])
+        for case in (load_case([unseen], small_folder), load_case(earlier[:1], small_folder, allow_seen=True))
+    ]
+    assert "None has seen" in said[0]
+    assert "has seen some of this" in said[1]
 
 
 def test_a_section_writes_its_figures_and_their_numbers(case: Case, tmp_path: Path) -> None:
@@ -162,10 +234,17 @@ def test_a_page_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> Non
         Page("a", "b").write(tmp_path / "file" / "page.html")
 
 
-def test_names_from_files_are_text(case: Case) -> None:
-    page = Page()
-    page.table(["", ""], [["crew's notes", "<b>calm</b> & clear"]])
-    assert "&lt;b&gt;calm&lt;/b&gt; &amp; clear" in page.parts[-1]
+def test_what_a_recording_says_of_itself_is_text(unseen: Path, tmp_path: Path) -> None:
+    """Names, notes and the file's own name are no markup, wherever they come."""
+    evil = "<script>alert(1)</script>\"'&"
+    path = tmp_path / "t<b>x'&.mcap"
+    write_table(table_of(read_recording(unseen)), path, Trial(name=evil, vessel=evil, crew_notes=evil), source=evil)
+    show = shown_in(tmp_path / "figures")
+    case = load_case([path])
+    said = "".join(show(add, case).html for add in (trial.add_sheet, trial.add_data_quality, trial.add_tracks))
+    assert "<script" not in said
+    assert "&lt;script&gt;" in said
+    assert "t<b>x" not in said
 
 
 def test_predicted_lines_are_lifted_between_windows(case: Case) -> None:
