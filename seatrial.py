@@ -33,9 +33,28 @@ def _app() -> typer.Typer:
         add_completion=False,
         pretty_exceptions_enable=False,
     )
+
+    @app.callback()
+    def _main(
+        version: bool = typer.Option(
+            False, "--version", help="Say the version.", is_eager=True, callback=_say_version
+        ),
+    ) -> None:
+        """What stands before every command."""
+
     for package_cli in (acquisition_cli, analysis_cli, hybrid_cli):
         package_cli.mount(app)
     return app
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        import typer
+
+        from acquisition.trial import software_version
+
+        typer.echo(software_version())
+        raise typer.Exit
 
 
 def __getattr__(name: str) -> Any:

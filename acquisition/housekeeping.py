@@ -68,11 +68,18 @@ class Housekeeping:
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
+    def last_word(self) -> None:
+        """Say the state of each source once more, when nothing more comes."""
+        self._tell_health(time.monotonic_ns())
+
     def _report(self, now_s: float) -> None:
         now = time.monotonic_ns()
         self._listen(now)
         self._watch_the_disk(now_s - self._reported_s)
         self._reported_s = now_s
+        self._tell_health(now)
+
+    def _tell_health(self, now: int) -> None:
         if self._parts.paused:
             return
         for source in self._health.sources.values():

@@ -151,6 +151,7 @@ class Recorder:
             self._chores_s = time.monotonic()
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
+                chores.last_word()
                 return
             if self._parts.paused or not len(self._inbox):
                 time.sleep(_COME_BY_S)

@@ -105,7 +105,7 @@ def _artist_numbers(artist: Artist, axes: Axes) -> Iterator[dict[str, Any]]:
     if artist in (axes.patch, *axes.spines.values()) or not artist.get_visible():
         return
     label = str(artist.get_label())
-    named = {} if label.startswith("_") or not label else {"label": label}
+    named = {} if re.match(r"_child\d|_nolegend_|$", label) else {"label": label.lstrip("_")}
     for values in _values(artist, axes):
         yield {**values, **named}
 

@@ -71,6 +71,7 @@ def track(
         for number, (_, leg) in enumerate(windows.groupby("leg", sort=False)):
             colour = PALETTE[number % len(PALETTE)]
             artists.append(_leg(axes, leg, colour))
+            artists[-1].set_label(f"_leg {number + 1}")
     ticks = _ticks(table, tick_every_s)
     if length_m is not None and "heading_deg" in table:
         artists += _ships(axes, table, ticks, length_m)

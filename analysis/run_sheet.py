@@ -6,6 +6,7 @@ times from its channels.
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from analysis.manoeuvres import Manoeuvre
     from analysis.page import Page
 
+_NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
 UNKNOWN = "not recorded"
 ASSUMED = "assumed"
 """The source of a channel that a column map gave a value to."""
@@ -56,7 +58,8 @@ def run_sheet(
         ("place", trial.place or UNKNOWN),
         ("origin of north and east", _origin(trial.origin)),
         ("loading", trial.loading or UNKNOWN),
-        ("draught, trim by the stern", f"{_metres(trial.draught_m)}, {_metres(trial.trim_m)}"),
+        ("draught", _metres(trial.draught_m)),
+        ("trim by the stern", _metres(trial.trim_m)),
         ("water depth", _depth(trial.water_depth_m, trial.draught_m or (ship.draught_m if ship else None))),
         ("wind", _wind(recording, one_hz)),
         ("sea state", trial.sea_state or UNKNOWN),
@@ -160,5 +163,17 @@ def add_run_sheet(page: Page, rows: Sequence[tuple[str, str]]) -> None:
 
 
 def events_of(recording: Recording) -> list[list[str]]:
-    """Marks, warnings and changes of configuration in the order of time: UTC and text."""
-    return [[f"{pd.Timestamp(time_ns, unit='ns', tz='UTC'):%H:%M:%S}", text] for time_ns, text in recording.events]
+    """Marks, warnings and changes of configuration in the order of time: when they were heard, UTC, and the text.
+
+    Events that differ in their numbers only stand once, with how often they came.
+    """
+    rows: list[list[str]] = []
+    alike: dict[str, int] = {}
+    for time_ns, text in recording.events:
+        pattern = _NUMBERS.sub("N", text)
+        alike[pattern] = alike.get(pattern, 0) + 1
+        if alike[pattern] == 1:
+            rows.append([f"{pd.Timestamp(time_ns, unit='ns', tz='UTC'):%Y-%m-%d %H:%M:%S}", text])
+    counts = [alike[_NUMBERS.sub("N", text)] for _, text in rows]
+    return [[time, f"{text} ({count} times the like)" if count > 1 else text]
+            for (time, text), count in zip(rows, counts, strict=True)]  # fmt: skip

@@ -47,6 +47,10 @@ def add_track(
     """The track of a 1 Hz table; arguments as those of :func:`analysis.plots.track`."""
     from analysis import plots
 
+    if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
+        page.text("No positions were recorded.")
+        return
+
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         plots.track(axes, table, windows, tick_every_s(table), length_m, executes)
@@ -67,9 +71,21 @@ def add_channels(
     """The channels of a 1 Hz table against time, held windows shaded."""
     from analysis import plots
 
+    groups = known_groups(table, _GROUPS)
+    if not groups:
+        return
+
     def draw(figure: Figure) -> None:
-        for axes, names in zip(figure.subplots(len(_GROUPS), 1, sharex=True), _GROUPS, strict=True):
-            plots.series(axes, table, [each for each in names if each in table], windows)
+        for axes, names in zip(
+            figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0], groups, strict=True
+        ):
+            plots.series(axes, table, names, windows)
             axes.label_outer()
 
-    page.figure(draw, (9, 11.5), "The channels at 1 Hz; shaded where a window is held.", name)
+    page.figure(draw, (9, 1.2 + 1.5 * len(groups)), "The channels at 1 Hz; shaded where a window is held.", name)
+
+
+def known_groups(table: pd.DataFrame, groups: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Groups of channels without those that a table has no value of."""
+    known = [[name for name in names if name in table and table[name].notna().any()] for names in groups]
+    return [names for names in known if names]

@@ -192,6 +192,7 @@ def validate(
     if trained is not None and not allow_seen:
         refuse_seen(gathered.sources, trained)
     validation = run(gathered, plant, trained)
+    typer.echo(f"reference: the model {trained.vessel if trained else vessel or DEFAULT}", err=True)
     if as_json:
         typer.echo(json.dumps(validation.as_dict()))
         return

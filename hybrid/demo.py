@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,6 +41,7 @@ from hybrid.train import train
 from hybrid.truth.trial import simulate_trial
 from hybrid.validate import Validation, refuse_seen, validate
 from hybrid.vessel.files import load_vessel
+from hybrid.words import plain
 
 Say = Callable[[str], None]
 
@@ -81,7 +82,7 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     say("4  bring it to 1 Hz and cut the windows in which the thrusters were held")
     tables = tables_of_recordings([recording_path])
     windows = windows_of_tables(tables, HORIZON_S, STRIDE_S)
-    say(f"   {windows.kept} of {windows.candidates} windows held, dropped: {windows.dropped}")
+    say(f"   {windows.kept} of {windows.candidates} windows held, dropped: {dropped_words(windows.dropped)}")
     say(f"5  train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
     trained = train_on_earlier(folder, seed, progress("training"))
     say("6  validate it on the recorded voyage, which it has not seen")
@@ -104,6 +105,11 @@ def diagnose_recording(recording: Path, folder: Path, progress: Progress) -> Dia
     examined = diagnose_files([recording], vessel, TOLERANCE, CATALOGUE, progress=progress)
     write_diagnosis(examined, vessel, out)
     return examined.diagnosis
+
+
+def dropped_words(dropped: Mapping[str, int]) -> str:
+    """Why windows were dropped, in words."""
+    return ", ".join(f"{count} {plain(reason)}" for reason, count in dropped.items()) or "none"
 
 
 def found_in(quality: DataQuality) -> str:

@@ -20,15 +20,19 @@
 
 # %% tags=["parameters"]
 folder = "diagnosis"  # what `seatrial diagnose -o` wrote
+beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
 from hybrid.reporting import story_sections as story
-from hybrid.reporting.show import shown_in
+from hybrid.reporting.show import links, shown_in
 
 told = story.load_story(folder)
 show = shown_in(figures_folder)
 show(story.add_question, told)
+
+# %%
+links(beside)
 
 # %% [markdown]
 # ## Found

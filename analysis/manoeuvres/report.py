@@ -83,7 +83,7 @@ def _digits(value: float, significant: int) -> int:
     return int(np.clip(significant - 1 - np.floor(np.log10(abs(value))), 0, 4)) if value else 0
 
 
-HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit, for information")
+HEADER = ("index", "value", "95 % interval", "lengths", "IMO limit")
 
 
 _SECONDARY = re.compile(
@@ -135,7 +135,7 @@ def screen(found: Found, *, every: bool = False) -> Group:
         columns = list(zip(HEADER, *rows_of(each, every=every), strict=True))
         filled = [column for column in columns if any(column[1:])]
         for title, *_ in filled:
-            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=title != HEADER[-1])
+            table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
         for row in zip(*(column[1:] for column in filled), strict=True):
             table.add_row(*(Text(cell) for cell in row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]

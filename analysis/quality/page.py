@@ -82,10 +82,11 @@ def add_quality(page: Page, quality: DataQuality) -> None:
         (9.4, height),
         "One line a channel: its flags in time, white where it has no samples. What a finding is about has a "
         "line below it, in the colour of its code, from beginning to end.",
+        "data_quality",
     )
     page.heading("By channel")
     header = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
-              "steps back", "good"]  # fmt: skip
+              "steps back", "flagged good"]  # fmt: skip
     page.table(header, [[name, each.grade, *counts_of(each), _good_share(quality, name)]
                         for name, each in quality.channels.items()])  # fmt: skip
     if missing := missing_text(quality):
@@ -107,9 +108,10 @@ def _paragraph(finding: Finding) -> str:
 
 
 def _good_share(quality: DataQuality, name: str) -> str:
-    channel = quality.channels[name]
-    due = sum(channel.flagged.values()) + channel.missing
-    return f"{channel.flagged.get(Quality.GOOD, 0) / due:.1%}" if due else ""
+    """The share of the samples that were due whose flag is good, as the strip shows them."""
+    flags = quality.flags[name].to_numpy()
+    due = int((flags != Quality.MISSING).sum()) + quality.channels[name].missing
+    return f"{(flags == Quality.GOOD).sum() / due:.1%}" if due else ""
 
 
 def draw_flags(figure: Figure, quality: DataQuality) -> None:

@@ -145,7 +145,13 @@ def _add_origin(page: Page, provenance: dict[str, Any]) -> None:
             ["recording", f"{provenance['recording']}, {provenance['bytes']:,} bytes"],
             ["SHA-256", provenance["sha256"]],
             ["options", ", ".join(f"{key} {value}" for key, value in provenance["options"].items())],
-            ["software", ", ".join(f"{key} {value}" for key, value in provenance["software"].items())],
+            [
+                "software",
+                ", ".join(
+                    value if value.startswith(key) else f"{key} {value}"
+                    for key, value in provenance["software"].items()
+                ),
+            ],
         ],
         words=True,
     )

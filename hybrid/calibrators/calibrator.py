@@ -38,6 +38,13 @@ class Ground:
     margin: Floats
 
     @property
+    def past(self) -> Flags:
+        """Which windows leave the range of the training itself in which quantity [N, C], by a thousandth of it."""
+        little = 1e-3 * (self.high - self.low) + 1e-9
+        outside: Flags = np.any((self.values < self.low - little) | (self.values > self.high + little), axis=1)
+        return outside
+
+    @property
     def beyond(self) -> Flags:
         """Which windows lie beyond the training in which quantity [N, C]."""
         outside = (self.values < self.low - self.margin) | (self.values > self.high + self.margin)

@@ -45,6 +45,7 @@ def add_gap(page: Page, diagnosis: Diagnosis) -> None:
         lambda figure: plots.gap(figure.subplots(), diagnosis),
         (8, 1.0 + 0.34 * (3 + len(diagnosis.effects))),
         f"What each named effect takes off the error on held-out windows. The floor is {floor}.",
+        "gap",
     )
     tracks = None if diagnosis.tracks is None else plots.whole_windows(diagnosis.tracks)
     if tracks is None or not len(tracks.measured):
@@ -53,11 +54,13 @@ def add_gap(page: Page, diagnosis: Diagnosis) -> None:
         lambda figure: plots.error_by_second(figure.subplots(), tracks, known),
         (8, 3.4),
         f"How the error grows with the time predicted, mean over all held-out windows.{_FLOOR if known else ''}",
+        "errors_by_second",
     )
     page.figure(
         lambda figure: plots.window_tracks(figure, tracks),
         (9.5, 3.6),
         "Some held-out windows, bow up at their start and to scale; each with its mean distance before and after.",
+        "windows",
     )
 
 

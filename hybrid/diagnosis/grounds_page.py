@@ -27,8 +27,10 @@ def add_map(page: Page, places: Sequence[Place], before: Map | None, after: Map 
             page,
             before,
             "The steady force that the model lacks in each cell of the trial. The colour says how sure it is, in "
-            "standard errors that hold what model and sensors are granted: red to starboard, ahead or clockwise, "
+            "standard errors that hold what model and sensors are granted: orange to starboard, ahead or "
+            "clockwise, "
             "blue the other way; grey numbers do not stand out.",
+            "force_map",
         )
         _draw_residual(page, before)
     if places:
@@ -36,10 +38,12 @@ def add_map(page: Page, places: Sequence[Place], before: Map | None, after: Map 
             page.table(["channel", "cell", "seconds", "error", "z"], [_cell_row(each) for each in places])
     if after is not None and after.places:
         with page.details("The same map with the named effects in the model"):
-            _draw_map(page, after, "What the model still lacks when the named effects are in it.")
+            _draw_map(
+                page, after, "What the model still lacks when the named effects are in it.", "force_map_after"
+            )
 
 
-def _draw_map(page: Page, made: Map, caption: str) -> None:
+def _draw_map(page: Page, made: Map, caption: str, name: str) -> None:
     from hybrid.diagnosis import map_plots
 
     if made.places:
@@ -47,6 +51,7 @@ def _draw_map(page: Page, made: Map, caption: str) -> None:
             lambda figure: map_plots.force_map(figure, made.places),
             (9.5, map_plots.map_height_inch(made.places)),
             caption,
+            name,
         )
 
 
@@ -59,6 +64,7 @@ def _draw_residual(page: Page, made: Map) -> None:
             lambda figure: map_plots.residual_force(figure.subplots(), made, *most),
             (8, 3.2),
             "The force that differs most between cells, against what it differs with.",
+            "force_that_differs_most",
         )
 
 
@@ -92,6 +98,7 @@ def add_suspects(page: Page, diagnosis: Diagnosis) -> None:
         (8, 1.0 + 0.27 * min(len(suspects), 15)),
         "Each effect of the catalogue alone in the model; what was named has a dark edge. Effects that look alike "
         "share their evidence here: what counts is what is left when the named ones are in the model.",
+        "suspects",
     )
     with page.details(f"All {len(suspects)} effects, and how large each must be to be found in such a trial"):
         page.table(["effect", "family", "log evidence alone", "chance", "found from"], _suspect_rows(suspects))

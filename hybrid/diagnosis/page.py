@@ -107,7 +107,7 @@ def _headline(diagnosis: Diagnosis) -> dict[str, str]:
     }
     if diagnosis.effects:
         figures["of what could be closed is closed"] = f"{percent(gap.closed)}"
-    figures["of the force range granted to the model"] = f"{percent(diagnosis.tolerance)}"
+    figures["of the force range: error granted to the model"] = f"{percent(diagnosis.tolerance)}"
     return figures
 
 
@@ -214,6 +214,7 @@ def add_rivals(page: Page, diagnosis: Diagnosis) -> None:
             (8, 0.9 + 0.36 * count),
             "How much log evidence each rival lacks against what was named in its place. Left of the line the "
             "trial cannot tell the two apart.",
+            "rivals",
         )
     after = diagnosis.next_manoeuvre
     if after is not None:

@@ -117,7 +117,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
-        axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.3g} m", va="center", fontsize=8, color=INK)
+        axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlim(0.0, 1.18 * max(whole.before_m, whole.after_m, 1e-6))

@@ -22,7 +22,7 @@ from analysis.season.products import Options, Products, analysed
 from analysis.smoothing.smooth import smooth
 from analysis.table import percent_of
 from analysis.twins import refuse_twins
-from hybrid.artefact import Trained, load, plant_for
+from hybrid.artefact import Trained, load, plant_for, refuse_horizon
 from hybrid.baselines import reference
 from hybrid.calibrators.adaptive.calibrator import Adaptive
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
@@ -97,6 +97,11 @@ class Case:
     def ship(self, name: str) -> Ship | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known."""
         return ship_of(self.products[name].recording.trial.vessel)
+
+    @property
+    def model_name(self) -> str:
+        """What the reference model is called."""
+        return self.vessel.name if self.vessel is not None else self.trained.vessel if self.trained else DEFAULT
 
     @property
     def plant(self) -> Plant:
@@ -231,6 +236,7 @@ def load_case(
     trained = load(Path(calibrator)) if calibrator else None
     if trained is not None:
         plant_for(trained, vessel)
+        refuse_horizon(horizon_s or trained.horizon_s, trained)
     seconds = horizon_s or (trained.horizon_s if trained else HORIZON_S)
     return Case(
         paths, _vessel(vessel, trained), trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen

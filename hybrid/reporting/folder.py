@@ -16,8 +16,10 @@ from typing import Any, Literal
 
 from acquisition.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from acquisition.progress import Progress, part_of
+from analysis.files import make_folder
 from analysis.provenance import sha256_of
 from hybrid.diagnosis.shown import read_json
+from hybrid.reporting.case import load_case
 from hybrid.reporting.notebook import run_notebook
 from hybrid.reproduction.figures import FIGURES
 
@@ -25,6 +27,8 @@ Kind = Literal["missing_effect", "paper_reproduction", "trial_validation", "batc
 
 PAGES = {"missing_effect": "missing_effect.html", "paper_reproduction": "paper_reproduction.html",
          "trial_validation": "report.html"}  # fmt: skip
+
+_NOWHERE: dict[str, str] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +100,11 @@ def _folder_of(recording: Path) -> Path:
     return folder
 
 
-def _told(kind: Kind, folder: Path, progress: Progress) -> Path:
-    """The report of a diagnosis or of the paper's results."""
-    parameters = {"folder": str(folder.resolve()), "figures_folder": str(_figures(folder))}
+def _told(kind: Kind, folder: Path, progress: Progress, back: dict[str, str] = _NOWHERE) -> Path:
+    """The report of a diagnosis or of the paper's results; ``back`` are links to where it is told from."""
+    parameters: dict[str, Any] = {"folder": str(folder.resolve()), "figures_folder": str(_figures(folder))}
+    if kind == "missing_effect":
+        parameters["beside"] = {"in short: the page of the diagnosis": "report.html"} | back
     return run_notebook(kind, parameters, folder / PAGES[kind], _about(kind, folder), progress)
 
 
@@ -129,7 +135,8 @@ def folder_report(
     if not _is_of(within, paths):
         remark = "The diagnosis in this folder is of other recordings and is left out."
         return [trial_report(paths, folder, own, progress, remark=remark)]
-    story = _told("missing_effect", within, part_of(progress, 0, 2))
+    back = {"the report of the trial": f"../{PAGES['trial_validation']}"}
+    story = _told("missing_effect", within, part_of(progress, 0, 2), back)
     return [trial_report(paths, folder, own, part_of(progress, 1, 2), story), story]
 
 
@@ -153,7 +160,8 @@ def trial_report(
 ) -> Path:
     """``report.html`` in ``folder`` about recordings that belong together; ``story`` is the page of their
     diagnosis, ``remark`` something to say at the top."""
-    folder.mkdir(parents=True, exist_ok=True)
+    load_case(recordings, choices.calibrator, choices.vessel, choices.horizon_s)  # what is wrong is said at once
+    make_folder(folder)
     parameters: dict[str, Any] = {
         "recordings": [str(path.resolve()) for path in recordings],
         "calibrator": None if choices.calibrator is None else str(choices.calibrator.resolve()),
@@ -185,6 +193,7 @@ def batch_reports(
     if recordings is None:
         raise InputError("holds the results of a batch, which do not know where the recordings are", where=str(out),
                          fix="say it with --recordings FOLDER")  # fmt: skip
+    _refuse_elsewhere(out, recordings)
     options = batch_options(out)
     summary = run_batch(recordings, out, options=options)
     own, pages, failed = replace(choices, repair=choices.repair and options.repair), list[Path](), dict[str, str]()
@@ -200,6 +209,17 @@ def batch_reports(
         raise SeatrialError(f"{len(failed)} of {len(done)} reports failed: {', '.join(failed)}", where=str(index),
                             why=next(iter(failed.values())))  # fmt: skip
     return [index, *pages]
+
+
+def _refuse_elsewhere(out: Path, recordings: Path) -> None:
+    """Raise :class:`InputError` where none of a batch's recordings lies in the folder that is given for them."""
+    from analysis.season.index import read_index
+
+    paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
+    if paths and not any((recordings / path).is_file() for path in paths):
+        raise InputError("holds none of the recordings of the batch", where=str(recordings),
+                         why=f"it went through {', '.join(paths[:3])}{' and more' if len(paths) > 3 else ''}",
+                         fix="name the folder that `seatrial batch` was given")  # fmt: skip
 
 
 def batch_options(out: Path) -> Any:

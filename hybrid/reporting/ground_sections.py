@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from analysis.page import Page
 from hybrid.reporting.case import Case
-from hybrid.words import plain, quantity_title
+from hybrid.reporting.residuals import ENOUGH_S
+from hybrid.words import listed, plain, quantity_title
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 def add_residual_maps(page: Page, case: Case) -> None:
     """Where the model's acceleration is off, and on how many seconds that rests."""
     for name, residuals in case.residuals.items():
+        if len(residuals.missing) < ENOUGH_S:
+            page.text(f"{name}: {len(residuals.missing)} seconds with all channels are too few for a map.")
+            continue
 
         def draw(figure: Figure, residuals=residuals) -> None:  # type: ignore[no-untyped-def]
             from hybrid.reporting.map_plots import residual_maps
@@ -47,12 +51,19 @@ def add_coverage(page: Page, case: Case) -> None:
     names = [name for name, column in zip(ground.names, ground.beyond.T, strict=True) if column.any()]
     if beyond:
         spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
+        where = f", in {listed([quantity_title(name) for name in names])}" if names else ""
         page.note(
-            f"{beyond} of {len(judged.horizons)} windows start beyond what the calibrator was trained on, in "
-            f"{', '.join(quantity_title(name) for name in names)}; there a baseline speaks: {spoke}."
+            f"{beyond} of {len(judged.horizons)} windows start too far beyond what the calibrator was trained "
+            f"on{where}; "
+            f"there a baseline speaks: {spoke}."
         )
-    else:
-        page.text(f"All {len(judged.horizons)} windows start within what the calibrator was trained on.")
+    past = [name for name, column in zip(ground.names, ground.past.T, strict=True) if column.any()]
+    count = int(ground.past.any(axis=1).sum())
+    page.text(
+        f"{count} of {len(judged.horizons)} windows lie outside the range of the training itself"
+        + (f", in {listed([quantity_title(name) for name in past])}" if past else "")
+        + "; up to the dashes that is allowed, for a model goes on where a table ends."
+    )
 
     def draw(figure: Figure) -> None:
         from hybrid.reporting.map_plots import training_range

@@ -10,17 +10,21 @@ import html
 import logging
 import os
 import re
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from acquisition import errors
 from acquisition.errors import ConfigurationError, SeatrialError
 from acquisition.progress import Progress
+from analysis.files import in_place_of, make_folder
 from analysis.page import write_document
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
+    from papermill.exceptions import PapermillExecutionError
 
 
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks"
@@ -40,7 +44,7 @@ def run_notebook(
     Raises :class:`SeatrialError` with the cell's own error where a cell fails, :class:`StorageError` where nothing
     can be written.
     """
-    page.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(page.parent)
     executed = page.with_suffix(".ipynb")
     notebook = executed_notebook(SOURCES / f"{name}.py", parameters, executed, progress)
     return write_document(title_of(notebook), subtitle, body_of(notebook), page)
@@ -58,28 +62,43 @@ def executed_notebook(
         raise ConfigurationError("the notebooks are not installed", where=str(source), fix="run from a checkout")
     logging.getLogger("papermill").setLevel(logging.ERROR)
     with tempfile.TemporaryDirectory() as place:
-        unrun = Path(place) / f"{source.stem}.ipynb"
-        source_cells = jupytext.read(source)
-        jupytext.write(source_cells, unrun)
+        unrun, running = Path(place) / f"{source.stem}.ipynb", Path(place) / "running.ipynb"
+        cells = jupytext.read(source)
+        jupytext.write(cells, unrun)
 
         def ran(cell_index: int, **_: Any) -> None:
-            progress(cell_index / (len(source_cells.cells) + 1))
+            progress(cell_index / (len(cells.cells) + 1))
 
         try:
             with _Importing():
                 # in an empty folder: Python files beside a recording are nothing that a report may import
                 notebook = papermill.execute_notebook(
-                    unrun, executed, dict(parameters), kernel_name="python3", progress_bar=False,
+                    unrun, running, dict(parameters), kernel_name="python3", progress_bar=False,
                     cwd=place, execution_timeout=_TIMEOUT_S, autosave_cell_every=0,
-                    extra_arguments=["--log-level=ERROR"], on_cell_executed=ran,
+                    extra_arguments=["--log-level=CRITICAL"], on_cell_executed=ran,
                 )  # fmt: skip
         except PapermillExecutionError as error:
-            raise SeatrialError(
-                f"cell {error.exec_count} of the notebook failed", where=str(executed),
-                why=f"{error.ename}: {error.evalue}", fix="open the notebook: the cell is marked in it",
-            ) from error  # fmt: skip
+            _keep(running, executed)
+            raise _error_of(error, executed) from error
+        _keep(running, executed)
     progress(1.0)
     return cast("NotebookNode", notebook)
+
+
+def _keep(running: Path, executed: Path) -> None:
+    """Put the notebook in its place; one that was interrupted is not kept, and the older stays."""
+    with in_place_of(executed) as partial:
+        shutil.copyfile(running, partial)
+
+
+def _error_of(error: PapermillExecutionError, executed: Path) -> SeatrialError:
+    """What went wrong in a cell: our own errors say it themselves."""
+    if hasattr(errors, error.ename):
+        return SeatrialError(str(error.evalue))
+    return SeatrialError(
+        f"cell {error.exec_count} of the notebook failed", where=str(executed),
+        why=f"{error.ename}: {error.evalue}", fix="open the notebook: the cell is marked in it",
+    )  # fmt: skip
 
 
 class _Importing:

@@ -136,7 +136,9 @@ def errors_by_second(axes: Axes, errors: Mapping[str, Errors], quantity: str) ->
     for method, each in errors.items():
         for share, style in ((0.5, "-"), (0.9, "--")):
             line = each.by_second(quantity, share)
-            words = plain(method) if share == 0.5 else "_"
+            words = (
+                plain(method) if share == 0.5 else f"_{plain(method)}, 90 %"
+            )  # in the numbers, not in the legend
             artists += axes.plot(np.arange(1, len(line) + 1), line, style, color=COLOUR[method], label=words)
     axes.set_xlabel("prediction time [s]")
     axes.set_ylabel(QUANTITIES[quantity])

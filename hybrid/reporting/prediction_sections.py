@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.page import Page
+from analysis.season.products import Products
 from hybrid.bootstrap import FEW_LEGS
 from hybrid.reporting.case import Case
 from hybrid.reporting.errors import QUANTITIES, table_of
 from hybrid.reporting.motion import one_after_another
 from hybrid.scores import distances
-from hybrid.words import plain
+from hybrid.words import listed, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,8 +47,12 @@ def add_headline(page: Page, case: Case, remark: str = "") -> None:
         figures["less error than the reference"] = f"{judged.reduction:.0%}"
         figures["of positions inside the 95 % regions"] = f"{judged.coverage_95:.0%}"
     page.headline(figures)
+    page.text(model_words(case))
     if case.trained is None:
         page.note("No calibrator was given: constant velocity and the reference model are judged alone.")
+    for name, products in case.products.items():
+        if (words := doubts_of(products)) is not None:
+            page.note(f"{name}: {words}")
     for name, why in case.left_out.items():
         page.note(f"Left out: {name}: {why}")
     if case.seen == "some":
@@ -57,6 +62,35 @@ def add_headline(page: Page, case: Case, remark: str = "") -> None:
         page.text(f"Predictions are judged from {low:g} to {high:g} % of each recording's time.")
     if judged.outside:
         page.note(f"{judged.outside} windows are left out: the reference model leaves its range in them.")
+
+
+def model_words(case: Case) -> str:
+    """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
+    model = case.model_name
+    ships = listed(list(dict.fromkeys(each.recording.trial.vessel or "no ship" for each in case.products.values())))
+    words = f"The reference is the model {model}; the recordings name {ships}."
+    if case.trained is None:
+        return words
+    trained = case.trained
+    recordings = listed([each.path.name for each in trained.sources])
+    return (
+        f"{words} The hybrid is the calibrator {trained.calibrator.method}, trained on {recordings} "
+        f"({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, {trained.trained_at:%Y-%m-%d})."
+    )
+
+
+def doubts_of(products: Products) -> str | None:
+    """What of the data is in doubt, in a line; None where nothing is."""
+    channels = products.quality.channels
+    doubtful = [name for name in channels if channels[name].grade != "good"]
+    if not doubtful:
+        return None
+    codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
+    return (
+        f"{len(doubtful)} of {len(channels)} channels are not good ({listed(list(codes))}): part of every error "
+        "below "
+        "may be the data's. The section on data quality says more."
+    )
 
 
 def add_baselines(page: Page, case: Case) -> None:
@@ -77,7 +111,9 @@ def add_baselines(page: Page, case: Case) -> None:
         "every "
         f"{case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, data "
         "driven "
-        f"the network without a model. {_SEEN[case.seen]} {_dropped(case)}"
+        "the network without a model. Networks learn no heading: it is the reference's, for data driven the "
+        "present "
+        f"turn held. {_SEEN[case.seen]} {_dropped(case)}"
     )
 
 

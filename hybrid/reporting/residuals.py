@@ -32,6 +32,9 @@ PLANES = (
 LEAST_S = 5
 """A cell of fewer seconds says nothing."""
 
+ENOUGH_S = 60
+"""A map of fewer seconds shows nothing."""
+
 _STEP_S = 0.01
 _EDGES = {"relative_wind_deg": np.linspace(-180.0, 180.0, 9)}
 _CELLS = 9

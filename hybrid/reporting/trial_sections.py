@@ -13,7 +13,7 @@ from analysis.page import Page
 from analysis.quality.page import add_quality
 from analysis.run_sheet import add_run_sheet, events_of, run_sheet
 from analysis.season.products import Products
-from analysis.trial_figures import add_channels, add_track
+from analysis.trial_figures import add_channels, add_track, known_groups
 from hybrid.reporting.case import Case
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 _COMMANDS = (("port_rpm", "starboard_rpm", "tunnel_rpm"), ("port_angle_deg", "starboard_angle_deg"),
              ("wind_speed_mps",), ("wind_direction_deg",))  # fmt: skip
 INTERACTIVE = "interactive"
+_A_DAY_S = 86_400.0  # received so long after: the source's clock is of another day
 _ORDERS = ("port_order_rpm", "starboard_order_rpm", "port_order_angle_deg", "starboard_order_angle_deg")
 
 
@@ -74,9 +75,11 @@ def _add_times(page: Page, products: Products) -> None:
             continue
         steps = np.diff(np.sort(series.measured_ns)) / 1e9
         late = (series.received_ns - series.measured_ns) / 1e9
+        other = abs(float(np.median(late))) > _A_DAY_S
         rows.append(
             [name, f"{np.median(steps):.3f}", f"{np.quantile(steps, 0.95):.3f}", f"{steps.max():.2f}",
-             f"{np.median(late):.3f}", f"{np.quantile(np.abs(late - np.median(late)), 0.95):.3f}",
+             "another clock" if other else f"{np.median(late):.3f}",
+             "" if other else f"{np.quantile(np.abs(late - np.median(late)), 0.95):.3f}",
              ", ".join(series.sources)]
         )  # fmt: skip
     page.text(
@@ -150,13 +153,14 @@ def _draw_series(figure: Figure, case: Case, name: str) -> None:
     products = case.products[name]
     table = products.one_hz.assign(speed_mps=np.hypot(products.one_hz["surge_mps"], products.one_hz["sway_mps"]))
     windows = None if products.windows is None else products.windows.rows
-    grid = figure.subplots(len(_SERIES) + len(_COMMANDS), 1, sharex=True)
+    commands = known_groups(table, _COMMANDS)
+    grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
     for axes, channel in zip(grid, _SERIES, strict=False):
         plots.compared(axes, table, channel, case.predicted(name), windows)
         axes.label_outer()
-    for axes, names in zip(grid[len(_SERIES) :], _COMMANDS, strict=True):
+    for axes, names in zip(grid[len(_SERIES) :], commands, strict=True):
         orders = [each for each in _ORDERS if each in table and each.replace("_order", "") in names]
-        trial_plots.series(axes, table, [*(each for each in names if each in table), *orders], windows)
+        trial_plots.series(axes, table, [*names, *orders], windows)
         axes.label_outer()
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     figure.align_ylabels()

@@ -32,7 +32,7 @@ def test_what_was_written_down_is_there(tmp_path: Path) -> None:
     sheet = sheet_of(tmp_path, trial, (), Ship("long", 36.25, 33.9, 9.6, 2.7))
     assert sheet["ship"] == "gunnerus"
     assert sheet["water depth"] == "20 m, 8.0 draughts"
-    assert sheet["draught, trim by the stern"] == "2.5 m, 0.1 m"
+    assert (sheet["draught"], sheet["trim by the stern"]) == ("2.5 m", "0.1 m")
     assert sheet["origin of north and east"] == "63.50000\u00b0 N, 10.25000\u00b0 W"
     assert (sheet["loading"], sheet["sea state"], sheet["crew's notes"]) == (
         "half fuel",
@@ -77,4 +77,6 @@ def test_events_are_listed_with_their_time(tmp_path: Path) -> None:
     write_table(steady_table(5), path, Trial(), source="test")
     recording = read_recording(path)
     recording.events.append((1_700_000_000_000_000_000, "start zigzag"))
-    assert events_of(recording)[-1] == ["22:13:20", "start zigzag"]
+    assert events_of(recording)[-1] == ["2023-11-14 22:13:20", "start zigzag"]
+    recording.events.extend((1_700_000_001_000_000_000 + k, f"clock set by +{k}.5 s") for k in range(9))
+    assert events_of(recording)[-1] == ["2023-11-14 22:13:21", "clock set by +0.5 s (9 times the like)"]
