@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from acquisition.errors import InputError, storage_error
+from acquisition.errors import InputError, StorageError, storage_error
 
 
 def expect_suffix(path: Path | str, *suffixes: str) -> str:
@@ -28,6 +28,8 @@ def expect_suffix(path: Path | str, *suffixes: str) -> str:
 
 def make_folder(folder: Path) -> None:
     """Make the folder of what is to come, before the long work rather than after. Raises :class:`StorageError`."""
+    if folder.is_file():
+        raise StorageError("is a file, not a folder", where=str(folder), fix="name another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -166,9 +166,7 @@ def bounds_ns(times: Iterable[Times], part_percent: tuple[float, float]) -> tupl
 
     Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
     """
-    low, high = part_percent
-    if not 0.0 <= low < high <= 100.0:
-        raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
+    _, high = _checked_part(*part_percent)
     ends = [(int(each.min()), int(each.max())) for each in times if each.size]
     start = min((first for first, _ in ends), default=0)
     span = max((last for _, last in ends), default=0) - start
@@ -177,8 +175,17 @@ def bounds_ns(times: Iterable[Times], part_percent: tuple[float, float]) -> tupl
 
 
 def percent_of(part: str) -> tuple[float, float]:
+    """Where a part like ``0..70`` begins and ends, in percent. Raises :class:`InputError` for what is none."""
     try:
         low, high = (float(end) for end in part.split(".."))
     except ValueError as error:
         raise InputError(f"{part!r} is no part of a recording", fix="write it like 0..70") from error
+    return _checked_part(low, high)
+
+
+def _checked_part(low: float, high: float) -> tuple[float, float]:
+    if 0.0 <= high <= low <= 100.0:
+        raise InputError(f"part {low:g}..{high:g} begins where it has ended", fix="write it like 0..70")
+    if not 0.0 <= low < high <= 100.0:
+        raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
     return low, high

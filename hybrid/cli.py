@@ -126,11 +126,13 @@ def train(
     from analysis.files import make_folder
     from analysis.table import percent_of
     from hybrid.artefact import save
+    from hybrid.calibrators import refuse_unknown
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.gather import gather
     from hybrid.train import train as run
     from hybrid.vessel.files import DEFAULT, load_vessel, located
 
+    refuse_unknown(method)
     name = located(vessel or DEFAULT)
     plant = vessel_plant(load_vessel(name))
     make_folder(output)

@@ -21,10 +21,15 @@ _METHODS = {
 METHODS: tuple[str, ...] = tuple(_METHODS)
 
 
-def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
-    """An untrained calibrator by its method's name. Raises :class:`ConfigurationError`."""
+def refuse_unknown(method: str) -> None:
+    """Raise :class:`ConfigurationError` for the name of no calibrator."""
     if method not in _METHODS:
         raise ConfigurationError(f"no calibrator is called {method!r}", fix=f"use one of {', '.join(METHODS)}")
+
+
+def make_calibrator(method: str, seed: int = 0, plant: Plant | None = None) -> Calibrator:
+    """An untrained calibrator by its method's name. Raises :class:`ConfigurationError`."""
+    refuse_unknown(method)
     module, name = _METHODS[method]
     calibrator: Calibrator = getattr(import_module(module), name)(seed, plant)
     return calibrator
