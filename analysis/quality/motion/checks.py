@@ -163,15 +163,21 @@ def _rival(cause: str, size: float) -> str:
     return f"{_WHAT[cause]} by {size:.1f} m"
 
 
+_SIDES = {"forward": ("forward", "aft"), "starboard": ("to starboard", "to port")}
+"""Where something is measured whose size is above zero, and below."""
+
+
 def _arm(explanation: Explanation, fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     sizes = {cause: explanation.size(cause) for cause in ("forward", "starboard") if cause in explanation.causes}
     if not any(abs(size) > max(_SMALLEST_ARM_M, 4.0 * error) for size, error in sizes.values()):
         return None
     main = max(sizes, key=lambda cause: abs(sizes[cause][0]))
-    (size, error), words = sizes[main], {"forward": "forward", "starboard": "to starboard"}
+    size, error = sizes[main]
     half = _half(fit, main, error)
-    where = " and ".join(f"{metres:+.2f} m {words[cause]}" for cause, (metres, _) in sizes.items())
-    metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in words}
+    where = " and ".join(
+        f"{abs(metres):.2f} m {_SIDES[cause][metres < 0.0]}" for cause, (metres, _) in sizes.items()
+    )
+    metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in _SIDES}
     return Finding(
         "position_offset", "north_m", start, end, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},

@@ -68,7 +68,7 @@ def speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Find
     return Finding(
         "speed_scale", "surge_mps", start, end,
         f"Surge and sway {how} the rate of the positions {_factor(fit, 'speed_factor', unit)}",
-        f"Multiply surge and sway by {factor:.4f}." if unit is None or unit.sure else "Find out which it is.",
+        _advice("surge and sway", factor, low, high) if unit is None or unit.sure else "Find out which it is.",
         {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
     )  # fmt: skip
 
@@ -86,9 +86,16 @@ def yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> F
     )
     return Finding(
         "yaw_rate_scale", "yaw_rate_dps", start, end,
-        f"The yaw rate {how} {_factor(fit, 'yaw_rate_factor', unit)}", f"Multiply the yaw rate by {factor:.4f}.",
+        f"The yaw rate {how} {_factor(fit, 'yaw_rate_factor', unit)}", _advice("the yaw rate", factor, low, high),
         {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
     )  # fmt: skip
+
+
+def _advice(what: str, factor: float, low: float, high: float) -> str:
+    """What to do about a factor; one whose interval holds that nothing is wrong is not applied."""
+    if low <= 1.0 <= high:
+        return f"Look at {what} part by part: over the whole recording no one factor is right."
+    return f"Multiply {what} by {factor:.4f}."
 
 
 def _factor(fit: Kinematics, name: str, unit: Unit | None) -> str:
