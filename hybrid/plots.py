@@ -12,7 +12,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from analysis.plots import PALETTE
+from analysis.plots import INK, PALETTE
 from hybrid.bootstrap import Interval
 
 Floats = NDArray[np.float64]
@@ -25,6 +25,10 @@ COLOUR = {
     "reference": PALETTE[4],
     "data_driven": PALETTE[2],
     "hybrid": PALETTE[0],
+    "adaptive": PALETTE[0],  # the hybrid is one, unless another is trained
+    "paper": PALETTE[5],
+    "additive": PALETTE[1],
+    "floor": INK,
 }
 """One colour a method, in every figure."""
 

@@ -13,21 +13,20 @@ from numpy.typing import NDArray
 from analysis.plots import FAINT, INK, PALETTE
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import SplitSummary, Summary, counts_of
-from hybrid.plots import interval_bar, logarithmic, reach
+from hybrid.plots import COLOUR, interval_bar, logarithmic, reach
 from hybrid.words import plain
 
 Floats = NDArray[np.float64]
 
-_BASELINE_COLOURS = (INK, PALETTE[4])
 _LABELS, _SHORTEST = 84, 10  # characters that fit below an axis side by side, and of one label at the least
-_METHOD_COLOURS = tuple(colour for colour in PALETTE if colour != PALETTE[4])
 
 
 def colours_of(methods: Sequence[str]) -> dict[str, str]:
-    """One colour a method, the baselines' always the same."""
-    learned = [method for method in methods if method not in BASELINES]
-    colours = dict(zip(BASELINES, _BASELINE_COLOURS, strict=True))
-    return colours | {each: _METHOD_COLOURS[number % len(_METHOD_COLOURS)] for number, each in enumerate(learned)}
+    """One colour a method, the same in every figure; methods that are not known take what is left."""
+    known = {method: COLOUR[method] for method in (*BASELINES, *methods) if method in COLOUR}
+    left = [colour for colour in (*PALETTE, INK) if colour not in known.values()]
+    others = [method for method in methods if method not in known]
+    return known | {method: left[number % len(left)] for number, method in enumerate(others)}
 
 
 def error_by_second(axes: Axes, summary: Summary) -> list[Artist]:

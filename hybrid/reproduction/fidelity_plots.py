@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from analysis.figures import filled, write_figure
 from analysis.files import in_place_of
 from analysis.plots import INK
-from hybrid.plots import plain_numbers
+from hybrid.plots import COLOUR, plain_numbers
 from hybrid.reproduction.degradation import OVERALL
 from hybrid.reproduction.fidelity_map import LEAST_M, FidelityMap, useful_up_to_m
 from hybrid.reproduction.fidelity_reading import with_reading
-from hybrid.reproduction.plots import COLOUR
 
 Floats = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from acquisition.progress import Progress
 from analysis.figures import ENDINGS, filled, write_figure
 from analysis.plots import FAINT, INK
 from hybrid.horizon import PAST_S
-from hybrid.plots import start_frame
+from hybrid.plots import COLOUR, start_frame
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
 from hybrid.reproduction.comparison import Job
@@ -168,7 +168,7 @@ def draw_predictions(figure: Figure, shown: Shown) -> None:
             _one_prediction(axes, sea, int(numbers[0]))
             axes.set_title(f"{sea.campaign.sea_state}, {angle:g}°", loc="left")
     handles = grid[0, 0].get_legend_handles_labels()[0]
-    band = Patch(facecolor=plots.COLOUR["hybrid"], alpha=0.25, label="95 % region at the end")
+    band = Patch(facecolor=COLOUR["hybrid"], alpha=0.25, label="95 % region at the end")
     figure.legend(handles=[*handles, band], loc="outside lower center", ncols=4)
 
 

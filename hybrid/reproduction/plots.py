@@ -12,15 +12,12 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from analysis.plots import FAINT, INK, PALETTE
-from hybrid import plots
 from hybrid.horizon import Horizons
-from hybrid.plots import plain_numbers, start_frame
+from hybrid.plots import COLOUR, plain_numbers, start_frame
 from hybrid.words import plain
 
 Floats = NDArray[np.float64]
 
-COLOUR: dict[str, str] = plots.COLOUR | {"paper": PALETTE[5], "additive": PALETTE[1], "floor": INK}
-"""One colour a method, in every figure."""
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 
 
