@@ -349,7 +349,7 @@ FAULTS: dict[str, tuple[str, str]] = {
     "a calibrator below a file": ("train {seen} -o {d}/file/c", r"file/c.*is a file, not"),
     "a recording in a file": ("record {d}/bus.toml -o {d}/file", r"is a file, not"),
     "an unknown method": ("train {seen} -o {d}/c --method magic", r"no calibrator is called 'magic'; use one of"),
-    "a part that is none": ("train {seen} -o {d}/c --part 70..10", r"part 70\.\.10 is no part"),
+    "a part that is none": ("train {seen} -o {d}/c --part 70..10", r"part 70\.\.10 begins where"),
     "no held windows": (
         "windows {seen} -o {d}/w.parquet --horizon 500", r"none of \d+ candidates of 500 s.*lower --horizon",
     ),
