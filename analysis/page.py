@@ -27,6 +27,7 @@ td:first-child,th:first-child,.words td,.words th{text-align:left} tr.best{font-
 details{margin:.4em 0} summary{cursor:pointer;padding:.2em 0} details>*:not(summary){margin-left:1em}
 .said{margin:.7em 0;padding-left:.8em;border-left:3px solid #c5ced6}.mended{color:#00664c}
 .note{background:#fdf0d3;color:#7a5200;padding:.6em 1em;border-radius:6px}
+nav{margin:1.2em 0;line-height:1.9}
 img{max-width:100%} figure{margin:1em 0} figcaption{color:#555;font-size:.92em} .sub{color:#666}
 .headline{display:flex;flex-wrap:wrap;gap:1em;margin:1em 0}
 .headline div{background:#f3f6f8;border-radius:6px;padding:.6em 1em}

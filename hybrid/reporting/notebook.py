@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks"
 NAMES = ("trial_validation", "paper_reproduction", "missing_effect")
 _TIMEOUT_S = 1800
+_SECTION = re.compile(r'<h2 id="([^"]+)">(.*?)</h2>')
 
 
 def run_notebook(
@@ -128,8 +129,10 @@ def title_of(notebook: NotebookNode) -> str:
 
 
 def body_of(notebook: NotebookNode) -> str:
-    """What the cells say and show, without their code, as HTML; the first heading is the page's title and left
-    out."""
+    """What the cells say and show, without their code, as HTML, its sections listed before the first of them.
+
+    The first heading is the page's title and left out.
+    """
     from nbconvert.filters import markdown2html
 
     parts, first = [], True
@@ -140,7 +143,14 @@ def body_of(notebook: NotebookNode) -> str:
             parts.append(_without_anchors(markdown2html(text)))
         elif cell.cell_type == "code":
             parts += [_shown(output) for output in cell.get("outputs", [])]
-    return "\n".join(parts)
+    return _with_contents("\n".join(parts))
+
+
+def _with_contents(body: str) -> str:
+    """``body`` with links to its sections before the first of them."""
+    found = _SECTION.findall(body)
+    links = " · ".join(f'<a href="#{where}">{what}</a>' for where, what in found)
+    return _SECTION.sub(lambda first: f"<nav>{links}</nav>{first[0]}", body, count=1) if len(found) > 2 else body
 
 
 def _without_anchors(markup: str) -> str:

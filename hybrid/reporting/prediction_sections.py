@@ -26,7 +26,7 @@ _SEEN = {
     "another part": "The calibrator was trained on another part of the same recordings.",
     "some": "The calibrator has seen some of this.",
 }
-_CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest for the reference": 1.0}
+_CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest": 1.0}
 _SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
 
 

@@ -40,6 +40,9 @@ def looked_at(browser: Browser, page: Path, least_pictures: int) -> str:
     widths = browser.evaluate("[...document.images].map(image => image.naturalWidth)")
     assert len(widths) >= least_pictures
     assert min(widths) > 100
+    lost = "[...document.querySelectorAll('nav a')].filter(a => !document.getElementById(a.hash.slice(1)))"
+    assert browser.evaluate(f"{lost}.length") == 0
+    assert browser.evaluate("document.querySelectorAll('nav a').length") >= 3
     wide = browser.evaluate("document.documentElement.scrollWidth <= window.innerWidth + 1")
     assert wide, "the page is wider than the window"
     return str(browser.evaluate("document.body.innerText"))
