@@ -46,7 +46,7 @@ show(paper.add_table, made)
 # %% [markdown]
 # ## The figures
 #
-# Drawn from the same campaigns as the table, seed by seed. What each shows stands below it.
+# Drawn from the campaigns of the table's first seed. What each shows stands below it.
 
 # %%
 show(paper.add_figures, made)
