@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import socket
 import struct
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,17 +13,14 @@ from typing import Any
 
 import pytest
 
-from acquisition.config import load_config
-from acquisition.encoders.nmea0183 import sentence
 from acquisition.errors import ConfigurationError, SourceError
 from acquisition.hearing import recorders, say_prediction
 from acquisition.live.foxglove import LiveView
-from acquisition.record import record
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import schema_of
 from acquisition.sections import LiveSection
-from tests.acquisition.conftest import config_text, free_port, wait_for
-from tests.acquisition.test_predictions import BODY, GEOJSON
+from tests.acquisition.conftest import free_port, wait_for
+from tests.acquisition.test_predictions import BODY, GEOJSON, Recording
 
 websockets = pytest.importorskip("websockets.sync.client")
 LAYOUT = Path(__file__).parents[2] / "trials" / "foxglove_layout.json"
@@ -35,24 +31,12 @@ def wanted(channel: dict[str, Any]) -> dict[str, int]:
     return {"id": channel["id"], "channelId": channel["id"]}
 
 
-class Recording:
+class Watched(Recording):
     """A recorder in a thread with a live view, fed by datagrams."""
 
     def __init__(self, folder: Path) -> None:
-        self.port, self.live_port = free_port(), free_port(socket.SOCK_STREAM)
-        text = config_text(f'type = "udp"\nport = {self.port}\n', ("heading_deg",), clock="receiver")
-        (folder / "trial.toml").write_text(f"{text}[live]\nport = {self.live_port}\n")
-        self.folder, self.stop, self.paths = folder, threading.Event(), list[Path]()
-        self.thread = threading.Thread(target=self.run)
-
-    def run(self) -> None:
-        paths, _ = record(load_config(self.folder / "trial.toml"), self.folder / "out", 60.0, self.stop)
-        self.paths.extend(paths)
-
-    def say(self, count: int) -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            for number in range(count):
-                sender.sendto(sentence(f"HEHDT,{number % 360},T"), ("127.0.0.1", self.port))
+        self.live_port = free_port(socket.SOCK_STREAM)
+        super().__init__(folder, f"[live]\nport = {self.live_port}\n")
 
     def viewer(self) -> Any:
         until_s = time.monotonic() + 10
@@ -65,15 +49,15 @@ class Recording:
 
 
 @pytest.fixture
-def recording(tmp_path: Path) -> Iterator[Recording]:
-    running = Recording(tmp_path)
+def recording(tmp_path: Path) -> Iterator[Watched]:
+    running = Watched(tmp_path)
     running.thread.start()
     yield running
     running.stop.set()
     running.thread.join()
 
 
-def test_a_viewer_sees_channels_with_schemas_and_values(recording: Recording) -> None:
+def test_a_viewer_sees_channels_with_schemas_and_values(recording: Watched) -> None:
     with recording.viewer() as viewer:
         topics: dict[int, str] = {}
         values: list[float] = []
@@ -106,7 +90,7 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path / "run"))
-    running = Recording(tmp_path)
+    running = Watched(tmp_path)
     running.thread.start()
     try:
         with running.viewer() as viewer:
@@ -137,7 +121,7 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
         running.thread.join()
 
 
-def test_a_viewer_that_reads_nothing_costs_the_recording_nothing(recording: Recording) -> None:
+def test_a_viewer_that_reads_nothing_costs_the_recording_nothing(recording: Watched) -> None:
     with recording.viewer():
         for _ in range(50):
             recording.say(100)

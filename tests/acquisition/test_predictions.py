@@ -216,10 +216,10 @@ def test_every_viewer_can_read_the_schema() -> None:
 class Recording:
     """A recorder in a thread, fed by datagrams."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, more: str = "") -> None:
         self.port, self.folder = free_port(), folder
         text = config_text(f'type = "udp"\nport = {self.port}\n', ("heading_deg",), clock="receiver")
-        (folder / "trial.toml").write_text(text)
+        (folder / "trial.toml").write_text(text + more)
         self.stop, self.paths = threading.Event(), list[Path]()
         self.thread = threading.Thread(target=self.run)
 
