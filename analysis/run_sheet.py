@@ -148,8 +148,7 @@ def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
     per_speed = f", L/V {length_m / speed:.1f} s at the median speed of {speed:.2f} m/s" if speed > 0.1 else ""
     words = (
         f"{ship.over_all_m:g} m over all, {length_m:g} m between perpendiculars (L), {ship.beam_m:g} m wide, "
-        "draught "
-        f"{ship.draught_m:g} m, by the vessel file {ship.name}"
+        f"draught {ship.draught_m:g} m, by the vessel file {ship.name}"
     )
     return [
         ("dimensions", words),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.plots import INK, PALETTE
 from hybrid.bootstrap import Interval
+from hybrid.horizon import in_ship_axes
 
 Floats = NDArray[np.float64]
 
@@ -37,8 +38,8 @@ def start_frame(track: Floats, start: Floats) -> Floats:
     """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
     north = track[..., 0] - start[..., 0, None]
     east = track[..., 1] - start[..., 1, None]
-    sine, cosine = np.sin(start[..., 2, None]), np.cos(start[..., 2, None])
-    return np.stack([east * cosine - north * sine, north * cosine + east * sine], axis=-1)
+    ahead, starboard = in_ship_axes(north, east, start[..., 2, None])
+    return np.stack([starboard, ahead], axis=-1)
 
 
 def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:

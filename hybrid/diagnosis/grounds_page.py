@@ -28,8 +28,7 @@ def add_map(page: Page, places: Sequence[Place], before: Map | None, after: Map 
             before,
             "The steady force that the model lacks in each cell of the trial. The colour says how sure it is, in "
             "standard errors that hold what model and sensors are granted: orange to starboard, ahead or "
-            "clockwise, "
-            "blue the other way; grey numbers do not stand out.",
+            "clockwise, blue the other way; grey numbers do not stand out.",
             "force_map",
         )
         _draw_residual(page, before)

@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid.bootstrap import Interval
+from hybrid.entangled import entangled_pairs
 from hybrid.vessel.compiling import Floats
 
 Ints = NDArray[np.int64]
-
-ENTANGLED = 0.95
-"""Two estimates correlated by so much, either way, are one in all but name."""
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 
@@ -181,11 +179,7 @@ class Correlation:
 
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs that these data cannot tell apart in size, and their correlation."""
-        return [
-            (self.names[one], self.names[other], float(self.matrix[one, other]))
-            for one in range(len(self.names)) for other in range(one)
-            if abs(self.matrix[one, other]) > ENTANGLED
-        ]  # fmt: skip
+        return entangled_pairs(self.names, self.matrix)
 
 
 @dataclass(frozen=True, slots=True)

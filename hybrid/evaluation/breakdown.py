@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.horizon import Horizons
+from hybrid.horizon import Horizons, in_ship_axes
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -70,8 +70,7 @@ def winds(horizons: Horizons) -> NDArray[np.str_]:
 def _drift_deg(horizons: Horizons, steps: Floats) -> Floats:
     """The mean angle between course and heading over each window [N]."""
     heading = 0.5 * (horizons.track[:, 1:, 2] + horizons.track[:, :-1, 2])
-    ahead = steps[..., 0] * np.cos(heading) + steps[..., 1] * np.sin(heading)
-    starboard = steps[..., 1] * np.cos(heading) - steps[..., 0] * np.sin(heading)
+    ahead, starboard = in_ship_axes(steps[..., 0], steps[..., 1], heading)
     return np.asarray(np.rad2deg(np.abs(np.arctan2(starboard.sum(axis=1), ahead.sum(axis=1)))))
 
 

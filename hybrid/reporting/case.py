@@ -23,7 +23,6 @@ from analysis.smoothing.smooth import smooth
 from analysis.table import percent_of
 from analysis.twins import refuse_twins
 from hybrid.artefact import Trained, load, plant_for, refuse_horizon
-from hybrid.baselines import reference
 from hybrid.calibrators.adaptive.calibrator import Adaptive
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.calibrator import Ground
@@ -32,7 +31,6 @@ from hybrid.gather import Gathered, gather
 from hybrid.reporting.errors import Calibration, Errors, calibration_of, errors_of
 from hybrid.reporting.motion import one_after_another, predicted_motion
 from hybrid.reporting.residuals import Residuals, residuals_of
-from hybrid.scores import distances
 from hybrid.validate import Validation, refuse_seen, validate
 from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
 from hybrid.vessel.parameters import Vessel
@@ -103,7 +101,7 @@ class Case:
         """What the reference model is called."""
         return self.vessel.name if self.vessel is not None else self.trained.vessel if self.trained else DEFAULT
 
-    @property
+    @cached_property
     def plant(self) -> Plant:
         """The reference model: the calibrator's where there is one."""
         return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
@@ -159,8 +157,7 @@ class Case:
         judged = self.validation
         if judged.radius_m is None:
             return None
-        distance = distances(judged.tracks["hybrid"], judged.horizons.track)
-        return calibration_of(distance, judged.radius_m, judged.horizons)
+        return calibration_of(self.errors["hybrid"].distance, judged.radius_m, judged.horizons)
 
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
@@ -184,8 +181,8 @@ class Case:
         """What the trial has of what the calibrator was trained on."""
         if self.trained is None:
             return None
-        horizons = self.validation.horizons
-        return self.trained.calibrator.ground(horizons, reference(horizons, self.plant))
+        judged = self.validation
+        return self.trained.calibrator.ground(judged.horizons, judged.tracks["reference"])
 
     @cached_property
     def parameters(self) -> Parameters | None:

@@ -1,4 +1,4 @@
-"""How predictions are off, second by second: along and across the track, in heading, in speed; and whether the
+"""How predictions are off, second by second: along and across the heading, in heading, in speed; and whether the
 regions that come with them hold what they say.
 
 Windows are [N], seconds 1 to H. Errors are predicted less measured.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hybrid.bootstrap import LegBootstrap
-from hybrid.horizon import Horizons, difference_rad
+from hybrid.horizon import Horizons, difference_rad, in_ship_axes
 from hybrid.reporting.motion import speeds_of
 from hybrid.scores import distances
 
@@ -59,9 +59,7 @@ def errors_of(predicted: Floats, horizons: Horizons) -> Errors:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
-    heading = measured[:, 1:, 2]
-    along = gap[..., 0] * np.cos(heading) + gap[..., 1] * np.sin(heading)
-    across = gap[..., 1] * np.cos(heading) - gap[..., 0] * np.sin(heading)
+    along, across = in_ship_axes(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
     turned = np.rad2deg(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
     speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
     if speed.shape[1] > 1:
@@ -74,8 +72,9 @@ class Calibration:
     """Whether 95 % regions hold what they say, by second [H].
 
     ``picp`` is the share of positions inside (prediction interval coverage probability), ``pinaw`` the mean width
-    of the regions over the range of what was predicted, the way covered (prediction interval normalised average
-    width), ``low`` and ``high`` the 95 % interval of ``picp`` if legs, and not windows, are what is independent.
+    of the regions over the mean way covered by then (prediction interval normalised average width), NaN while the
+    ship lies still. ``low`` and ``high`` are the 95 % interval of ``picp`` from drawing legs, and not windows,
+    anew; NaN with one leg.
     ``pit`` [N H] is the probability integral transform of the distances: even from 0 to 1 where errors are normal
     and of the size that the regions say.
     """

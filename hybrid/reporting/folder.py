@@ -21,7 +21,7 @@ from analysis.provenance import sha256_of
 from hybrid.diagnosis.shown import read_json
 from hybrid.reporting.case import load_case
 from hybrid.reporting.notebook import run_notebook
-from hybrid.reproduction.figures import FIGURES
+from hybrid.reporting.paper_sections import is_reproduced
 
 Kind = Literal["missing_effect", "paper_reproduction", "trial_validation", "batch"]
 
@@ -48,7 +48,7 @@ def kind_of(folder: Path) -> Kind:
     """What a folder holds. Raises :class:`InputError` where no notebook tells of it."""
     if (folder / "diagnosis.json").is_file():
         return "missing_effect"
-    if (folder / "table3.json").is_file() or any((folder / f"{name}.png").is_file() for name in FIGURES):
+    if is_reproduced(folder):
         return "paper_reproduction"
     if (folder / "index.parquet").is_file():
         return "batch"

@@ -31,10 +31,8 @@ def add_residual_maps(page: Page, case: Case) -> None:
             draw,
             (10, 9.5),
             f"Measured less modelled acceleration in cells of two quantities, {len(residuals.missing):,} seconds; "
-            "the "
-            "last row says how many seconds each cell rests on. Grey: too few. Measured ones come from the "
-            "smoother, without "
-            "waves.",
+            "the last row says how many seconds each cell rests on. Grey: too few. Measured ones come from the "
+            "smoother, without waves.",
             "residual_maps" if len(case.paths) == 1 else f"residual_maps_{name}",
         )
     if not case.residuals:
@@ -54,8 +52,7 @@ def add_coverage(page: Page, case: Case) -> None:
         where = f", in {listed([quantity_title(name) for name in names])}" if names else ""
         page.note(
             f"{beyond} of {len(judged.horizons)} windows start too far beyond what the calibrator was trained "
-            f"on{where}; "
-            f"there a baseline speaks: {spoke}."
+            f"on{where}; there a baseline speaks: {spoke}."
         )
     past = [name for name, column in zip(ground.names, ground.past.T, strict=True) if column.any()]
     count = int(ground.past.any(axis=1).sum())
@@ -73,9 +70,8 @@ def add_coverage(page: Page, case: Case) -> None:
     page.figure(
         draw,
         (8.5, 0.9 + 0.3 * len(ground.names)),
-        "The trial's starts against the training: the bar is the range of the training, the line all of the "
-        "trial, its "
-        "thick part the middle 90 %, orange where some start lies beyond the dashes.",
+        "The trial's starts against the training: the bar is the range of the training, the line all of the trial, "
+        "its thick part the middle 90 %, orange where some start lies beyond the dashes.",
         "training_range",
     )
 
@@ -106,9 +102,8 @@ def add_parameters(page: Page, case: Case) -> None:
     page.figure(
         draw,
         (10.5, 5.6),
-        "The best known parameters as factors of the model's numbers with 95 % intervals, orange where one lies "
-        "at the "
-        "bound of what is allowed; and how their estimates are correlated.",
+        "The best known parameters as factors of the model's numbers with 95 % intervals, orange where one lies at "
+        "the bound of what is allowed; and how their estimates are correlated.",
         "parameters",
     )
     header = ["parameter", "value", "standard error", "95 % interval", "unit", "remark"]
@@ -122,8 +117,7 @@ def _warn(page: Page, learned: Parameters) -> None:
     known, every = len(learned.identified), len(learned.every)
     page.text(
         f"The data know {known} of {every} parameters better than was known before; the others stay near the "
-        "model. "
-        "Several values may do the same together: a prediction is worth more than any of them alone."
+        "model. Several values may do the same together: a prediction is worth more than any of them alone."
     )
     at_bound = [each.name for each in learned.every if each.at_bound]
     if at_bound:

@@ -8,8 +8,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.angles import wrap_360
-from analysis.time_index import NANO
-from hybrid.horizon import Horizons
+from analysis.time_index import NANO, index_of
+from hybrid.horizon import Horizons, in_ship_axes
 
 Floats = NDArray[np.float64]
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
@@ -21,10 +21,9 @@ def speeds_of(track: Floats) -> Floats:
     Central differences over two seconds, one-sided ones at the ends.
     """
     slope = np.gradient(track, axis=1)
-    north, east, rate = np.moveaxis(slope, -1, 0)
-    cosine, sine = np.cos(track[..., 2]), np.sin(track[..., 2])
-    surge, sway = north * cosine + east * sine, east * cosine - north * sine
-    return np.stack([surge, sway, rate, np.hypot(north, east)], axis=-1)
+    north, east = slope[..., 0], slope[..., 1]
+    surge, sway = in_ship_axes(north, east, track[..., 2])
+    return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
 def one_after_another(horizons: Horizons) -> NDArray[np.int64]:
@@ -52,6 +51,5 @@ def predicted_motion(horizons: Horizons, tracks: Floats, chosen: NDArray[np.int6
     values = np.concatenate([some, speeds], axis=-1).reshape(-1, 7)
     values[:, 2] = wrap_360(np.rad2deg(values[:, 2]))
     values[:, 5] = np.rad2deg(values[:, 5])
-    index = pd.DatetimeIndex(times.ravel().astype("datetime64[ns]"), name="time").tz_localize("UTC")
-    table = pd.DataFrame(values, index=index, columns=list(COLUMNS))
+    table = pd.DataFrame(values, index=index_of(times.ravel()), columns=list(COLUMNS))
     return table.assign(window=np.repeat(chosen, some.shape[1]))

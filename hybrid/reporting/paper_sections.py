@@ -23,11 +23,16 @@ class Reproduced:
     table: Table3 | None
 
 
+def is_reproduced(folder: Path) -> bool:
+    """Whether a folder holds any of it."""
+    return (folder / TABLE).is_file() or any((folder / f"{name}.png").is_file() for name in FIGURES)
+
+
 def load_reproduced(folder: Path | str) -> Reproduced:
     """What a folder holds. Raises :class:`InputError` where it is nothing of the reproduction."""
     folder = Path(folder)
     path = folder / TABLE
-    if not path.is_file() and not any((folder / f"{name}.png").is_file() for name in FIGURES):
+    if not is_reproduced(folder):
         raise InputError("holds neither Table III nor its figures", where=str(folder),
                          fix="run `seatrial reproduce table3 -o` that folder")  # fmt: skip
     if not path.is_file():

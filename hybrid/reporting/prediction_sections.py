@@ -88,8 +88,7 @@ def doubts_of(products: Products) -> str | None:
     codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
     return (
         f"{len(doubtful)} of {len(channels)} channels are not good ({listed(list(codes))}): part of every error "
-        "below "
-        "may be the data's. The section on data quality says more."
+        "below may be the data's. The section on data quality says more."
     )
 
 
@@ -108,12 +107,9 @@ def add_baselines(page: Page, case: Case) -> None:
     legs = len(np.unique(judged.horizons.leg))
     page.text(
         f"Means over {len(judged.horizons)} held windows of {judged.horizons.horizon_s} s in {legs} legs, one "
-        "every "
-        f"{case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, data "
-        "driven "
-        "the network without a model. Networks learn no heading: it is the reference's, for data driven the "
-        "present "
-        f"turn held. {_SEEN[case.seen]} {_dropped(case)}"
+        f"every {case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, "
+        "data driven the network without a model. Networks learn no heading: it is the reference's, for data "
+        f"driven the present turn held. {_SEEN[case.seen]} {_dropped(case)}"
     )
 
 

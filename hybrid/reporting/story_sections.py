@@ -50,8 +50,7 @@ def add_in_short(page: Page, folder: Path | str | None) -> None:
     gap = diagnosis.gap
     page.note(
         f"Diagnosis: {verdict_page.verdict_sentence(diagnosis)}. Mean distance over {gap.horizon_s} s on windows "
-        "that "
-        f"took no part: {gap.before_m:.2f} m before, {gap.after_m:.2f} m after."
+        f"that took no part: {gap.before_m:.2f} m before, {gap.after_m:.2f} m after."
     )
     for effect in diagnosis.effects:
         page.text(effect.sentence)
@@ -81,8 +80,7 @@ def add_added(page: Page, story: Story) -> None:
     base = str(story.diagnosis.provenance.get("vessel", "the model"))
     page.text(
         f"{listed([plain(each.name) for each in effects]).capitalize()} stand in {story.vessel_file.name}, on top "
-        "of "
-        f"{base}. Every command takes that file: seatrial validate RECORDING --vessel {story.vessel_file.name}."
+        f"of {base}. Every command takes that file: seatrial validate RECORDING --vessel {story.vessel_file.name}."
     )
     lines = [[f"[effects.{each.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
              for each in effects for name, estimate in each.parameters.items()]  # fmt: skip
@@ -91,8 +89,7 @@ def add_added(page: Page, story: Story) -> None:
     if sensors:
         page.text(
             f"{listed([plain(each) for each in sensors]).capitalize()}: that is no fault of the model but of what "
-            "was "
-            "measured. In the file it tells what the sensors would report."
+            "was measured. In the file it tells what the sensors would report."
         )
 
 

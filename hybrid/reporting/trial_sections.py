@@ -153,10 +153,11 @@ def _draw_series(figure: Figure, case: Case, name: str) -> None:
     products = case.products[name]
     table = products.one_hz.assign(speed_mps=np.hypot(products.one_hz["surge_mps"], products.one_hz["sway_mps"]))
     windows = None if products.windows is None else products.windows.rows
+    predicted = case.predicted(name)
     commands = known_groups(table, _COMMANDS)
     grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
     for axes, channel in zip(grid, _SERIES, strict=False):
-        plots.compared(axes, table, channel, case.predicted(name), windows)
+        plots.compared(axes, table, channel, predicted, windows)
         axes.label_outer()
     for axes, names in zip(grid[len(_SERIES) :], commands, strict=True):
         orders = [each for each in _ORDERS if each in table and each.replace("_order", "") in names]
@@ -204,6 +205,5 @@ def add_indices(page: Page, case: Case) -> None:
         elif length_m < 100.0:
             page.text(
                 f"Lengths are between perpendiculars, {length_m:g} m. The limits were made for ships of 100 m and "
-                "more "
-                "with rudders, and stand here for comparison."
+                "more with rudders, and stand here for comparison."
             )

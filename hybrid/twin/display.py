@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.angles import wrap_360
+from hybrid.horizon import in_ship_axes
 from hybrid.predict import Prediction
 from hybrid.twin.running_error import Judged, Mean
 from hybrid.twin.twin import Twin
@@ -62,8 +63,7 @@ def track_table(prediction: Prediction) -> Table:
     north, east, heading = prediction.track[0]
     for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
         away_north, away_east = prediction.track[second, :2] - (north, east)
-        ahead = away_north * np.cos(heading) + away_east * np.sin(heading)
-        starboard = away_east * np.cos(heading) - away_north * np.sin(heading)
+        ahead, starboard = in_ship_axes(away_north, away_east, heading)
         band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
         there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
         table.add_row(str(second), f"{ahead:.1f}", f"{starboard:.1f}", f"{there_deg:.1f}", band)

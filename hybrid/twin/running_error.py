@@ -20,7 +20,7 @@ from acquisition.channels import COMMAND
 from analysis.holding import Tolerances, held
 from analysis.resample import MOTION_FILTER
 from analysis.time_index import NANO, times_ns
-from hybrid.horizon import difference_rad
+from hybrid.horizon import difference_rad, in_ship_axes
 from hybrid.predict import Prediction
 
 Floats = NDArray[np.float64]
@@ -76,8 +76,7 @@ def judged(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> J
     """The error of a prediction against the measured track [H+1, 3] of north, east [m] and heading [rad]."""
     gap = prediction.track[1:, :2] - measured[1:, :2]
     distance = np.hypot(gap[:, 0], gap[:, 1])
-    sine, cosine = np.sin(measured[-1, 2]), np.cos(measured[-1, 2])
-    north, east = gap[-1]
+    along_m, across_m = in_ship_axes(gap[-1, 0], gap[-1, 1], measured[-1, 2])
     turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
     inside = None if prediction.band_m is None else float(np.mean(distance <= prediction.band_m[1:]))
     return Judged(
@@ -86,8 +85,8 @@ def judged(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> J
         thrusters_moved=thrusters_moved,
         mean_distance_m=float(distance.mean()),
         end_distance_m=float(distance[-1]),
-        along_m=float(north * cosine + east * sine),
-        across_m=float(east * cosine - north * sine),
+        along_m=float(along_m),
+        across_m=float(across_m),
         heading_deg=float(np.rad2deg(np.abs(turn)).mean()),
         inside_band=inside,
     )

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from acquisition.progress import Progress
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed
+from hybrid.horizon import in_ship_axes
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
@@ -99,9 +100,7 @@ def _median_where(known: Flags, squares: Floats) -> Floats:
 
 def _ahead_aside(gap: Floats, heading: Floats) -> Floats:
     """Differences of north, east and heading [N, H, 3] as ahead, aside and heading."""
-    cosine, sine = np.cos(heading), np.sin(heading)
-    north, east = gap[..., 0], gap[..., 1]
-    return np.stack([north * cosine + east * sine, east * cosine - north * sine, gap[..., 2]], axis=-1)
+    return np.stack([*in_ship_axes(gap[..., 0], gap[..., 1], heading), gap[..., 2]], axis=-1)
 
 
 def _weights(whitened: Floats, overlap: float) -> Floats:

@@ -27,14 +27,13 @@ from hybrid.calibrators.adaptive.adaptation import (
     WIND_MPS,
 )
 from hybrid.calibrators.adaptive.calibrator import Adaptive
+from hybrid.entangled import entangled_pairs
 from hybrid.vessel.plant import Plant
 
 Floats = NDArray[np.float64]
 
 UNKNOWN = 0.8
 """A standard error of so much of the prior's, and more, is none of the data's."""
-ENTANGLED = 0.95
-"""Two parameters correlated by so much, either way, cannot be told apart."""
 _NEARLY = 0.95  # of a bound: members that differ have a mean that does not quite reach it
 _TITLES = {
     "constant_X_n": "steady force ahead", "constant_Y_n": "steady force aside", "constant_N_nm": "steady moment",
@@ -73,11 +72,7 @@ class Parameters:
 
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs of identified parameters that cannot be told apart, and their correlation."""
-        known = len(self.identified)
-        return [
-            (self.every[i].name, self.every[j].name, float(self.correlation[i, j]))
-            for i in range(known) for j in range(i) if abs(self.correlation[i, j]) > ENTANGLED
-        ]  # fmt: skip
+        return entangled_pairs([each.name for each in self.identified], self.correlation)
 
 
 def parameters_of(calibrator: Adaptive) -> Parameters:
