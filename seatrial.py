@@ -7,9 +7,9 @@ from contextlib import nullcontext
 from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from acquisition.errors import SeatrialError
-from acquisition.signals import stopped_by_signals
-from acquisition.streams import guard_streams
+from acquisition.core.errors import SeatrialError
+from acquisition.core.signals import stopped_by_signals
+from acquisition.core.stdio import guard_streams
 
 if TYPE_CHECKING:
     import typer
@@ -51,7 +51,7 @@ def _say_version(wanted: bool) -> None:
     if wanted:
         import typer
 
-        from acquisition.trial import software_version
+        from acquisition.recording.trial import software_version
 
         typer.echo(software_version())
         raise typer.Exit

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acquisition.signals import stopped_by_signals
+from acquisition.core.signals import stopped_by_signals
 
 if TYPE_CHECKING:
     import threading
 
     from rich.table import Table
 
-    from acquisition.config import TrialConfig
-    from acquisition.health import Health
+    from acquisition.config.configuration import TrialConfig
+    from acquisition.logger.health import Health
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
@@ -56,8 +56,8 @@ def record(
     if output is None and not check:
         raise typer.BadParameter("is missing: the folder that the recording goes into", param_hint="-o")
     with stopped_by_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
-        from acquisition.config import load_config
-        from acquisition.record import record as run
+        from acquisition.config.configuration import load_config
+        from acquisition.logger.record import record as run
 
         trial = load_config(config)
         if check or output is None:
@@ -84,7 +84,7 @@ def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from acquisition.live.terminal import missing, summary
+    from acquisition.logger.live.terminal import missing, summary
 
     typer.echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
@@ -100,8 +100,8 @@ def _check_departure(
 ) -> None:
     from rich.console import Console
 
-    from acquisition.departure import check_departure
-    from acquisition.live.check_table import departure_table
+    from acquisition.logger.live.check_table import departure_table
+    from acquisition.logger.preflight import check_departure
 
     typer.echo(f"listening for {duration_s:g} s", err=True)
     found = check_departure(trial, duration_s, folder, stop)
@@ -119,7 +119,7 @@ def mark(
     text: Annotated[str, typer.Argument(help='What happens now: "start 20/20".')],
 ) -> None:
     """Set an event mark in the recordings that run on this computer."""
-    from acquisition.marks import send_mark
+    from acquisition.logger.marks import send_mark
 
     count = send_mark(text)
     typer.echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
@@ -133,10 +133,10 @@ def redecode(
     ] = None,
 ) -> None:
     """Rebuild the channels from the raw input."""
-    from acquisition.config import load_config
-    from acquisition.live.terminal import summary
-    from acquisition.progress import bar
-    from acquisition.redecode import redecode as run
+    from acquisition.config.configuration import load_config
+    from acquisition.core.progress import bar
+    from acquisition.logger.live.terminal import summary
+    from acquisition.logger.redecode import redecode as run
 
     with bar("decoding") as progress:
         result = run(recording, output, None if config is None else load_config(config), progress)
@@ -153,9 +153,9 @@ def emulate(
     speed: Annotated[float, typer.Option(min=0.01, help="So many times as fast as it was.")] = 1.0,
 ) -> None:
     """Play a recording onto buses and lines."""
-    from acquisition.config import load_config
-    from acquisition.emulate import emulate as run
-    from acquisition.progress import bar
+    from acquisition.config.configuration import load_config
+    from acquisition.core.progress import bar
+    from acquisition.emulator.emulate import emulate as run
 
     with bar("playing") as progress:
         played = run(recording, load_config(config), speed, progress)
@@ -178,7 +178,7 @@ def import_(
     ignore_unknown: Annotated[bool, typer.Option(help="Pass over columns that are no channels.")] = False,
 ) -> None:
     """Turn a table into a recording."""
-    from acquisition.tabular import import_table
+    from acquisition.tables.import_table import import_table
 
     summary = import_table(table, output, columns, allow_missing=allow_missing, ignore_unknown=ignore_unknown)
     typer.echo(str(summary), err=True)
@@ -190,7 +190,7 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a recording."""
-    from acquisition.info import describe_recording
+    from acquisition.recording.info import describe_recording
     from acquisition.recording.reader import read_recording
 
     recording = read_recording(file)
@@ -225,7 +225,7 @@ def recover(
     as_json: AsJson = False,
 ) -> None:
     """Save what is intact of a damaged recording."""
-    from acquisition.progress import bar
+    from acquisition.core.progress import bar
     from acquisition.recording.recover import recover as run
 
     with bar("recovering") as progress:
@@ -240,7 +240,7 @@ def recover(
 def _channel_table(channels: dict[str, Any]) -> Table:
     from rich.table import Table
 
-    from acquisition.channels import BY_NAME
+    from acquisition.core.channels import BY_NAME
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),

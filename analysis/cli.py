@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson, Output
-from analysis.files import expect_suffix
+from analysis.tables.files import expect_suffix
 
 RebuildPositions = Annotated[
     bool,
@@ -45,7 +45,7 @@ def check(
     """Say what is wrong with a recording."""
     from acquisition.recording.reader import read_recording
     from analysis.quality.check import check_recording
-    from analysis.table import table_of
+    from analysis.tables.table import table_of
 
     if repair is not None:
         expect_suffix(repair, ".mcap")
@@ -55,8 +55,8 @@ def check(
     table = table_of(recording)
     quality = check_recording(recording, table)
     if output is not None:
-        from analysis.provenance import provenance_of
-        from analysis.quality.page import write_quality
+        from analysis.report.quality_page import write_quality
+        from analysis.tables.provenance import provenance_of
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
             typer.echo(path, err=True)
@@ -99,9 +99,9 @@ def export(
     from dataclasses import asdict
 
     from acquisition.recording.reader import read_recording
-    from analysis.export import export_table
-    from analysis.history import history_of
     from analysis.prepare import Preparation, prepared
+    from analysis.tables.export import export_table
+    from analysis.tables.history import history_of
 
     expect_suffix(output, ".parquet", ".csv", ".mat")
     how = Preparation(rate, repair, remove_delays, smooth, flags)
@@ -135,9 +135,9 @@ def windows(
     as_json: AsJson = False,
 ) -> None:
     """Cut held windows out of recordings."""
-    from acquisition.progress import bar
-    from analysis.window_files import write_windows
-    from analysis.window_starts import Cutting, windows_of_recordings
+    from acquisition.core.progress import bar
+    from analysis.windows.files import write_windows
+    from analysis.windows.starts import Cutting, windows_of_recordings
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
@@ -179,7 +179,7 @@ def manoeuvres(
     """Find the manoeuvres of recordings and their indices."""
     from rich.console import Console
 
-    from acquisition.progress import bar
+    from acquisition.core.progress import bar
     from analysis.manoeuvres.report import manoeuvres_of, screen, summary, write_report
 
     with bar("manoeuvres") as progress:
@@ -204,9 +204,9 @@ def smooth(
     as_json: AsJson = False,
 ) -> None:
     """Smooth a recording's motion."""
-    from analysis.smoothing.smooth import smooth as smooth_table
-    from analysis.smoothing.smooth import summary_of, write_smoothed
-    from analysis.table import read_table
+    from analysis.estimation.smooth import smooth as smooth_table
+    from analysis.estimation.smooth import summary_of, write_smoothed
+    from analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")
     smoothed = smooth_table(read_table(file), rate)
@@ -248,10 +248,10 @@ def batch(
     """Process a season of recordings."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
-    from acquisition.progress import bar
-    from analysis.season.batch import run_batch
-    from analysis.season.interrupts import Terminated
-    from analysis.season.products import Options
+    from acquisition.core.progress import bar
+    from analysis.batch.batch import run_batch
+    from analysis.batch.interrupts import Terminated
+    from analysis.batch.products import Options
 
     if rebuild_positions and no_repair:
         raise typer.BadParameter("--rebuild-positions needs the repairs")

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import pandas as pd
 
 from acquisition.recording.reader import Recording
-from analysis.export import SIGMA_SUFFIX, with_flags
-from analysis.history import with_step
-from analysis.resample import resample, resample_recording
-from analysis.table import table_of, without_delays
+from analysis.tables.export import SIGMA_SUFFIX, with_flags
+from analysis.tables.history import with_step
+from analysis.tables.resample import resample, resample_recording
+from analysis.tables.table import table_of, without_delays
 
 SMOOTHED_RATE_HZ = 1.0
 """The rate of a smoothed table for which none is given."""
@@ -41,8 +41,8 @@ def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool 
 
     ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
     (:func:`analysis.quality.repairs.rebuilding_positions`).
-    Raises :class:`acquisition.errors.DataShortageError` for a recording without samples,
-    :class:`acquisition.errors.InputError` where smoothing lacks position or heading.
+    Raises :class:`acquisition.core.errors.DataShortageError` for a recording without samples,
+    :class:`acquisition.core.errors.InputError` where smoothing lacks position or heading.
     """
     if how == Preparation(rate_hz=how.rate_hz) and how.rate_hz is not None:
         return resample_recording(recording, how.rate_hz)  # needs no joined table
@@ -74,10 +74,10 @@ def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float])
 def smoothed(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
     """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
 
-    The motion channels and their rates of change come from :func:`analysis.smoothing.smooth.smooth`, a column
+    The motion channels and their rates of change come from :func:`analysis.estimation.smooth.smooth`, a column
     ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
     """
-    from analysis.smoothing.smooth import smooth
+    from analysis.estimation.smooth import smooth
 
     motion = smooth(without_delays(table, delays) if delays else table, rate_hz)
     result = resample(table, rate_hz, delays=delays)

@@ -11,7 +11,6 @@ import typer
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
 from hybrid.diagnosis import cli as diagnosis
-from hybrid.diagnosis.planning import cli as planning
 from hybrid.evaluation import cli as evaluation
 from hybrid.options import (
     CalibratorOption,
@@ -23,9 +22,10 @@ from hybrid.options import (
     StrideOption,
     VesselOption,
 )
-from hybrid.reporting import cli as reporting
+from hybrid.planning import cli as planning
+from hybrid.report import cli as reporting
 from hybrid.reproduction import cli as reproduction
-from hybrid.truth import cli as truth_commands
+from hybrid.simulation import cli as truth_commands
 from hybrid.twin import cli as twin
 
 HORIZON_S = 15
@@ -67,9 +67,9 @@ def simulate(
 ) -> None:
     """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
     from acquisition.recording.tables import write_table
-    from acquisition.trial import Trial
+    from acquisition.recording.trial import Trial
     from hybrid.effects.catalogue import catalogue_with, parse_effects
-    from hybrid.truth.trial import simulate_trial, write_truth
+    from hybrid.simulation.trial import simulate_trial, write_truth
 
     catalogue = catalogue_with(effects_file or ())
     hidden = parse_effects(hide or (), catalogue)
@@ -122,15 +122,15 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a calibrator on held windows."""
-    from acquisition.progress import bar
-    from analysis.files import make_folder
-    from analysis.table import percent_of
-    from hybrid.artefact import save
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
+    from analysis.tables.table import percent_of
     from hybrid.calibrators import refuse_unknown
+    from hybrid.calibrators.artefact import save
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.gather import gather
-    from hybrid.train import train as run
+    from hybrid.prediction.dataset import gather
     from hybrid.vessel.files import DEFAULT, load_vessel, located
+    from hybrid.workflows.train import train as run
 
     refuse_unknown(method)
     name = located(vessel or DEFAULT)
@@ -174,14 +174,14 @@ def validate(
     as_json: AsJson = False,
 ) -> None:
     """Score every baseline, and the calibrator if one is given."""
-    from acquisition.progress import bar
-    from analysis.table import percent_of
-    from hybrid.artefact import load, plant_for
+    from acquisition.core.progress import bar
+    from analysis.tables.table import percent_of
+    from hybrid.calibrators.artefact import load, plant_for
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.gather import gather
-    from hybrid.validate import refuse_seen
-    from hybrid.validate import validate as run
+    from hybrid.prediction.dataset import gather
     from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.workflows.validate import refuse_seen
+    from hybrid.workflows.validate import validate as run
 
     trained = load(calibrator) if calibrator else None
     plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
@@ -200,7 +200,7 @@ def validate(
         return
     from rich.console import Console
 
-    from hybrid.tables import validation_table
+    from hybrid.report.terminal_tables import validation_table
 
     Console().print(validation_table(validation))
 
@@ -216,13 +216,13 @@ def predict(
     as_json: AsJson = False,
 ) -> None:
     """Predict one track with its band."""
-    from analysis.resample import resample
-    from analysis.table import read_table, require
-    from hybrid.artefact import load, plant_for
+    from analysis.tables.resample import resample
+    from analysis.tables.table import read_table, require
+    from hybrid.calibrators.artefact import load, plant_for
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.predict import parse_time
-    from hybrid.predict import predict as run
     from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.workflows.predict import parse_time
+    from hybrid.workflows.predict import predict as run
 
     trained = load(calibrator) if calibrator else None
     plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
@@ -236,7 +236,7 @@ def predict(
         return
     from rich.console import Console
 
-    from hybrid.tables import prediction_table
+    from hybrid.report.terminal_tables import prediction_table
 
     Console().print(prediction_table(prediction))
 
@@ -250,9 +250,9 @@ def demo(
     """Show the whole of Seatrial at work, without hardware."""
     from contextlib import ExitStack
 
-    from acquisition.progress import bar
-    from hybrid.demo import demonstrate
-    from hybrid.tables import validation_table
+    from acquisition.core.progress import bar
+    from hybrid.report.terminal_tables import validation_table
+    from hybrid.workflows.demo import demonstrate
 
     with ExitStack() as stack:
         done = demonstrate(

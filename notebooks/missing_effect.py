@@ -24,8 +24,8 @@ beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
-from hybrid.reporting import story_sections as story
-from hybrid.reporting.show import links, shown_in
+from hybrid.report import story_sections as story
+from hybrid.report.show import links, shown_in
 
 told = story.load_story(folder)
 show = shown_in(figures_folder)

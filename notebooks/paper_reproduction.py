@@ -22,8 +22,8 @@ folder = "reproduction"  # what `seatrial reproduce table3 -o` wrote
 figures_folder = "figures"
 
 # %%
-from hybrid.reporting import paper_sections as paper
-from hybrid.reporting.show import shown_in
+from hybrid.report import paper_sections as paper
+from hybrid.report.show import shown_in
 
 made = paper.load_reproduced(folder)
 show = shown_in(figures_folder)

@@ -32,12 +32,12 @@ interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
-from hybrid.reporting import ground_sections as ground
-from hybrid.reporting import prediction_sections as prediction
-from hybrid.reporting import story_sections
-from hybrid.reporting import trial_sections as trial
-from hybrid.reporting.case import load_case
-from hybrid.reporting.show import links, shown_in
+from hybrid.report import ground_sections as ground
+from hybrid.report import prediction_sections as prediction
+from hybrid.report import story_sections
+from hybrid.report import trial_sections as trial
+from hybrid.report.case import load_case
+from hybrid.report.show import links, shown_in
 
 case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
 show = shown_in(figures_folder)
@@ -59,7 +59,7 @@ show(trial.add_sheet, case)
 # %% [markdown]
 # ## Data quality
 #
-# Flags follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. What is certainly wrong is put right,
+# Bools follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. What is certainly wrong is put right,
 # or left out, before all that follows, and what was done is listed; the recording itself stays as it is.
 
 # %%

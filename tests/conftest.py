@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from hybrid.artefact import Trained
+    from hybrid.calibrators.artefact import Trained
     from hybrid.calibrators.network import NetworkCalibrator
     from hybrid.vessel.plant import Plant
 
@@ -32,8 +32,8 @@ def shared_data() -> Path:
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """Recordings of the lengthened ship in the paper's manoeuvre; one that was asked for before is given again."""
     from acquisition.recording.tables import write_table
-    from acquisition.trial import Trial
-    from hybrid.truth.trial import simulate_trial
+    from acquisition.recording.trial import Trial
+    from hybrid.simulation.trial import simulate_trial
 
     folder = tmp_path_factory.mktemp("simulated")
 
@@ -74,12 +74,12 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 def small(earlier: list[Path]) -> Trained:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.gather import gather
-    from hybrid.train import train
+    from hybrid.prediction.dataset import gather
     from hybrid.vessel.files import load_vessel
+    from hybrid.workflows.train import train
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.train.make_calibrator", few_epochs)
+        patch.setattr("hybrid.workflows.train.make_calibrator", few_epochs)
         gathered = gather(earlier, SMALL_HORIZON_S, 5)
         return train(gathered, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 
@@ -87,6 +87,6 @@ def small(earlier: list[Path]) -> Trained:
 @pytest.fixture(scope="session")
 def small_folder(small: Trained, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small calibrator on disk."""
-    from hybrid.artefact import save
+    from hybrid.calibrators.artefact import save
 
     return save(small, tmp_path_factory.mktemp("calibrator") / "small").parent

@@ -17,7 +17,7 @@ import pytest
 from mcap.reader import make_reader
 
 import seatrial
-from acquisition.channels import NAMES
+from acquisition.core.channels import NAMES
 from acquisition.recording.reader import read_recording
 from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
 
@@ -201,7 +201,7 @@ def test_train_validate_predict(
 ) -> None:
     """The three in a row, each with one JSON object; the horizon of the calibrator is taken up unasked."""
     monkeypatch.setattr(
-        "hybrid.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 2)
+        "hybrid.workflows.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 2)
     )
     folder = tmp_path / "calibrator"
     trained = command("train", *earlier[:2], "-o", folder, "--horizon", 20, "--method", "paper", "--json")
@@ -259,8 +259,8 @@ def scene(
     tmp_path_factory: pytest.TempPathFactory, simulated: Simulated, earlier: list[Path], small_folder: Path
 ) -> Scene:
     """A good table and its damaged likes, and what else a user may give by mistake."""
-    from analysis.export import export_table
-    from analysis.table import read_table
+    from analysis.tables.export import export_table
+    from analysis.tables.table import read_table
 
     folder, good = tmp_path_factory.mktemp("faults"), simulated("calm", 1, 60.0)
     export_table(read_table(good), folder / "good.csv")
@@ -455,8 +455,8 @@ def test_a_recording_without_a_channel(name: str, channel: str, without: Callabl
 def without(simulated: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """A recording that lacks one channel."""
     from acquisition.recording.tables import write_table
-    from acquisition.trial import Trial
-    from analysis.table import read_table
+    from acquisition.recording.trial import Trial
+    from analysis.tables.table import read_table
 
     folder = tmp_path_factory.mktemp("without")
 

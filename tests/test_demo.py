@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.channels import NAMES
+from acquisition.core.channels import NAMES
 from acquisition.recording.reader import read_recording
 
 
@@ -14,7 +14,7 @@ from acquisition.recording.reader import read_recording
 @pytest.mark.timeout(600)
 def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     """Every played value is recorded, and the calibrator is better than its reference on the unseen voyage."""
-    from hybrid.demo import demonstrate
+    from hybrid.workflows.demo import demonstrate
 
     said: list[str] = []
     done = demonstrate(tmp_path, seed=7, say=said.append, progress=lambda what: lambda share: None)

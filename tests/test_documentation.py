@@ -220,7 +220,7 @@ def test_the_sentence_and_the_group_of_the_page_are_read() -> None:
 
 
 def test_the_channel_of_the_page_is_one() -> None:
-    from acquisition.channels import Channel
+    from acquisition.core.channels import Channel
 
     channel = eval(block_of("howto/add_a_channel.md", "Add a channel", "python").strip(), {"Channel": Channel})
     assert channel.holds(30.0)
@@ -244,7 +244,7 @@ def test_the_drogue_of_the_page_is_the_file() -> None:
 
 def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
     """Each stands in a configuration of its own, beside the DBC file that it names."""
-    from acquisition.config import load_config
+    from acquisition.config.configuration import load_config
 
     (tmp_path / "vessels").mkdir()
     dbc = "vessels/thrusters.dbc"
@@ -259,8 +259,8 @@ def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
 
 def test_the_column_map_of_the_page_imports(tmp_path: Path) -> None:
     """A table with its columns becomes a recording, in the channels' units and with their signs."""
-    from acquisition.tabular import import_table
-    from analysis.table import read_table
+    from acquisition.tables.import_table import import_table
+    from analysis.tables.table import read_table
 
     path, table = tmp_path / "map.toml", tmp_path / "table.csv"
     path.write_text(block_of("howto/import.md", "A column map", "toml"), encoding="utf-8")

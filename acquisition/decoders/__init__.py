@@ -23,8 +23,8 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import Protocol
 
-from acquisition.frames import Frame, Group
-from acquisition.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.config.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.core.frames import Frame, Group
 
 Notices = deque[tuple[str, str]]
 """What people should know, as (level, text): an address that changed, a clock that stepped."""

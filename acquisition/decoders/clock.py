@@ -6,9 +6,9 @@ import datetime as dt
 from collections import deque
 from collections.abc import Iterable
 
+from acquisition.config.sections import Clock
+from acquisition.core.frames import Frame, Group, Quality, Sample
 from acquisition.decoders import Notices
-from acquisition.frames import Frame, Group, Quality, Sample
-from acquisition.sections import Clock
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
 _SET_NS = 2_000_000_000  # times in whole seconds, and lines that lag, differ by a second from one to the next

@@ -17,16 +17,16 @@ import cantools
 from cantools.database.can import Message as DbcMessage
 from cantools.database.can import Signal as DbcSignal
 
-from acquisition.channels import BY_NAME
+from acquisition.config.sections import Signal
+from acquisition.core.channels import BY_NAME
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.frames import Frame, FrameFlag, Group
+from acquisition.core.units import scale_to
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_fields import ERROR_VALUE, NOT_AVAILABLE
-from acquisition.errors import ConfigurationError
-from acquisition.frames import Frame, FrameFlag, Group
-from acquisition.sections import Signal
-from acquisition.units import scale_to
 
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from acquisition.units import KNOT_MPS
+from acquisition.core.units import KNOT_MPS
 
 _NUMBER = re.compile(r"[+-]?(\d{1,9}(\.\d*)?|\.\d+)")
 _DEGREES_AND_MINUTES = re.compile(r"(\d{1,3})([0-5]\d(?:\.\d*)?)")

@@ -14,14 +14,14 @@ from typing import Any
 
 import pymap3d
 
-from acquisition.channels import BY_NAME
+from acquisition.config.sections import MavlinkFileSource, MavlinkLinks
+from acquisition.core.channels import BY_NAME
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.frames import Frame, Group
+from acquisition.core.units import DEG_PER_RAD, scale_to
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, is_possible
 from acquisition.decoders.mavlink_packets import Fault, Header, PacketCutter, header_of
-from acquisition.errors import ConfigurationError
-from acquisition.frames import Frame, Group
-from acquisition.sections import MavlinkFileSource, MavlinkLinks
-from acquisition.units import DEG_PER_RAD, scale_to
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect

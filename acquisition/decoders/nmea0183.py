@@ -6,13 +6,13 @@ import re
 from collections import Counter, deque
 from typing import Literal
 
+from acquisition.config.sections import Clock, Thrusters
+from acquisition.core.frames import Frame, Group
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.decoders.fields import Fields
 from acquisition.decoders.sentences import Reading, readers
 from acquisition.decoders.tag_block import Tagged, checksum, split_tag
-from acquisition.frames import Frame, Group
-from acquisition.sections import Clock, Thrusters
 
 __all__ = ["Nmea0183Decoder", "checksum", "split_sentence"]
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections import Counter, deque
 
+from acquisition.config.sections import Clock, Device
+from acquisition.core.frames import Frame, FrameFlag, Group, Quality
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
@@ -22,8 +24,6 @@ from acquisition.decoders.parameter_fields import (
     Message,
 )
 from acquisition.decoders.parameter_groups import READERS, Reading, told_time
-from acquisition.frames import Frame, FrameFlag, Group, Quality
-from acquisition.sections import Clock, Device
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
 """What tells the time, best first: a position's time is that of the fix, which is late by the time it comes."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from acquisition.units import DEG_PER_RAD
+from acquisition.core.units import DEG_PER_RAD
 
 ADDRESS_CLAIM = 60928
 SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION = 126992, 129033, 129029

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from math import pi
 from typing import NamedTuple
 
+from acquisition.core.frames import Quality
+from acquisition.core.units import DEG_PER_RAD
 from acquisition.decoders.clock import utc_ns
 from acquisition.decoders.parameter_fields import GNSS_POSITION, SYSTEM_TIME, TIME_AND_DATE, Message, Value
-from acquisition.frames import Quality
-from acquisition.units import DEG_PER_RAD
 
 _DAY_S = 86_400
 _WHOLE_TURN_RAD = 2 * pi + 1e-4  # a whole turn rounded up to the wire's step

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
+from acquisition.config.sections import Thrusters
+from acquisition.core.frames import Quality
+from acquisition.core.units import KNOT_MPS
 from acquisition.decoders.fields import MPS_OF_UNIT, Fields
-from acquisition.frames import Quality
-from acquisition.sections import Thrusters
-from acquisition.units import KNOT_MPS
 
 Values = list[tuple[str, float]]
 

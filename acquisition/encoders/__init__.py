@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from acquisition.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.config.sections import AnySource, CanFrames, MavlinkLinks
 
 
 @dataclass(frozen=True, slots=True)

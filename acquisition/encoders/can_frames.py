@@ -13,11 +13,11 @@ from nmea2000.encoder import create_encoder
 from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
-from acquisition.channels import BY_NAME
+from acquisition.config.sections import CanFrames
+from acquisition.core.channels import BY_NAME
+from acquisition.core.units import DEG_PER_RAD, scale_to
 from acquisition.decoders.dbc import find_signal, is_sentinel, load_dbc
 from acquisition.encoders import Moment, Packet
-from acquisition.sections import CanFrames
-from acquisition.units import DEG_PER_RAD, scale_to
 
 _LIBRARY = threading.Lock()  # its codec, one a process, raises when two threads meet in it
 _ADDRESS = 35

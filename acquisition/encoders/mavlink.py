@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from math import cos, nan, pi, radians, sin
 from typing import Any
 
-from acquisition.angles import wrap_180
-from acquisition.channels import BY_NAME
+from acquisition.config.sections import MavlinkLinks
+from acquisition.core.angles import wrap_180
+from acquisition.core.channels import BY_NAME
+from acquisition.core.units import scale_to
 from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from acquisition.encoders import Moment, Packet
-from acquisition.sections import MavlinkLinks
-from acquisition.units import scale_to
 
 os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads this when it is imported
 from pymavlink.dialects.v20 import ardupilotmega as dialect

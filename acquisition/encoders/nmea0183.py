@@ -5,10 +5,10 @@ from __future__ import annotations
 import datetime as dt
 from math import floor
 
+from acquisition.config.sections import Thrusters
+from acquisition.core.units import KNOT_MPS
 from acquisition.decoders.nmea0183 import checksum
 from acquisition.encoders import Moment, Packet
-from acquisition.sections import Thrusters
-from acquisition.units import KNOT_MPS
 
 _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 

@@ -11,7 +11,7 @@ from mcap.records import Metadata
 
 from acquisition.recording.reader import open_recording
 from acquisition.recording.scan import Damage, scan
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 
 
 def trial_at_beginning(path: Path) -> Trial:

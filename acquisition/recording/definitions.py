@@ -12,8 +12,8 @@ from typing import BinaryIO
 
 from mcap.records import Channel, Chunk, ChunkIndex, Header, McapRecord, Schema
 
-from acquisition.errors import InputError
-from acquisition.progress import Progress
+from acquisition.core.errors import InputError
+from acquisition.core.progress import Progress
 from acquisition.recording.records import LARGEST_BYTES, RecordError, contents
 from acquisition.recording.scan import Damage, Intact, scan
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from acquisition.errors import StorageError
-from acquisition.sections import RecordingSection
+from acquisition.config.sections import RecordingSection
+from acquisition.core.errors import StorageError
 
 RESUME_RATIO = 1.1
 """So much more than the reserve must be free again before a recording goes on."""

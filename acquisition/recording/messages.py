@@ -10,7 +10,7 @@ from typing import Any
 
 import orjson
 
-from acquisition.frames import Frame, FrameFlag, Sample
+from acquisition.core.frames import Frame, FrameFlag, Sample
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
@@ -20,7 +20,7 @@ from acquisition.recording.schemas import (
     PREDICTION_TOPIC,
     raw_topic,
 )
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 
 _NANO = 1_000_000_000
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}

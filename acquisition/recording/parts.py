@@ -12,12 +12,12 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-from acquisition.errors import StorageError
+from acquisition.config.sections import RecordingSection
+from acquisition.core.errors import StorageError
 from acquisition.recording.disk_room import RESUME_RATIO, require_room, room_bytes, why_full
 from acquisition.recording.messages import MessageSink
+from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
-from acquisition.sections import RecordingSection
-from acquisition.trial import Trial
 
 _MEGA = 1_000_000
 _LOOK_EVERY_S = 1.0

@@ -26,15 +26,15 @@ from mcap.records import (
 )
 from mcap.writer import CompressionType, Writer
 
-from acquisition.errors import InputError, StorageError, storage_error
-from acquisition.frames import iso
-from acquisition.progress import Progress
+from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.frames import iso
+from acquisition.core.progress import Progress
 from acquisition.recording.definitions import Definitions, collect_definitions, scanned
 from acquisition.recording.reader import open_recording
 from acquisition.recording.records import HEAD, RecordError, contents
 from acquisition.recording.scan import Damage, Intact
+from acquisition.recording.trial import Trial, software_version
 from acquisition.recording.verification import Digest, verify
-from acquisition.trial import Trial, software_version
 
 _CHUNK_BYTES = 1024 * 1024
 _MESSAGE_HEAD_BYTES = HEAD.size + 22

@@ -16,7 +16,7 @@ from typing import BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import Chunk, DataEnd, McapRecord
 
-from acquisition.errors import InputError
+from acquisition.core.errors import InputError
 from acquisition.recording.records import (
     CHUNK_HEAD_BYTES,
     HEAD,

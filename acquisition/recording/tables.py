@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.channels import BY_NAME
-from acquisition.errors import InputError, StorageError, storage_error
-from acquisition.frames import Quality, Sample
+from acquisition.core.channels import BY_NAME
+from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.frames import Quality, Sample
+from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
-from acquisition.trial import Trial
 
 _ROWS_TO_FLUSH = 50_000
 

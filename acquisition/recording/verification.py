@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from acquisition.errors import InputError, StorageError
+from acquisition.core.errors import InputError, StorageError
 from acquisition.recording.reader import MessageStream
 from acquisition.recording.records import HEAD
 

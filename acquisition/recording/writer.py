@@ -11,12 +11,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from acquisition.errors import StorageError, storage_error
+from acquisition.core.errors import StorageError, storage_error
 from acquisition.recording.mcap_file import McapFile, ending_without_index
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.schemas import schema_of
 from acquisition.recording.storage import CommittedFile, sync_folder
-from acquisition.trial import Trial, software_version
+from acquisition.recording.trial import Trial, software_version
 
 _CHUNK_BYTES = 64 * 1024
 _LATEST_NS = 2**63 - 1

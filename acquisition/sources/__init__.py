@@ -8,8 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Protocol
 
-from acquisition.frames import Frame
-from acquisition.sections import AnySource
+from acquisition.config.sections import AnySource
+from acquisition.core.frames import Frame
 
 # Imported when first used: a trial without CAN needs no python-can.
 _CLASSES = {
@@ -34,12 +34,12 @@ class Source(Protocol):
     """How much the system had no room for, as far as it tells: datagrams, frames."""
 
     def open(self) -> None:
-        """Connect. Raises :class:`~acquisition.errors.SourceError` if that cannot be done."""
+        """Connect. Raises :class:`~acquisition.core.errors.SourceError` if that cannot be done."""
 
     def read(self, timeout_s: float) -> list[Frame] | None:
         """What came within the time, perhaps nothing; None when nothing will ever come again.
 
-        Raises :class:`~acquisition.errors.SourceError` when the transport has failed.
+        Raises :class:`~acquisition.core.errors.SourceError` when the transport has failed.
         """
 
     def close(self) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import can
 
-from acquisition.errors import SourceError
-from acquisition.frames import Frame, FrameFlag, now_ns
-from acquisition.sections import CanSource
+from acquisition.config.sections import CanSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag, now_ns
 
 _MOST_FRAMES_AT_ONCE = 200
 

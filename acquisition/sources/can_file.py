@@ -17,9 +17,9 @@ from typing import BinaryIO, Protocol
 
 import can
 
-from acquisition.errors import SourceError
-from acquisition.frames import Frame, FrameFlag, iso, now_ns
-from acquisition.sections import CanFileSource
+from acquisition.config.sections import CanFileSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag, iso, now_ns
 from acquisition.sources.can_text import LineReader, Logged
 
 _MOST_FRAMES_AT_ONCE = 300

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from acquisition.frames import FrameFlag
+from acquisition.core.frames import FrameFlag
 
 _NANO = 1_000_000_000
 _MOST_BYTES = 64

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from acquisition.frames import Frame, now_ns
+from acquisition.core.frames import Frame, now_ns
 
 _LONGEST_LINE_BYTES = 1024  # the standard allows 82, and a TAG block; a line without an end must not eat the memory
 _LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two

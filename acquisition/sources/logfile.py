@@ -11,11 +11,11 @@ import datetime as dt
 import re
 from typing import BinaryIO
 
+from acquisition.config.sections import FileSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.tag_block import split_tag, unix_ns
-from acquisition.errors import SourceError
-from acquisition.frames import Frame
-from acquisition.sections import FileSource
 from acquisition.sources.lines import LineAssembler
 
 _BLOCK_BYTES = 8192

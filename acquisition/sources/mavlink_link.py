@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from acquisition.frames import Frame, now_ns
+from acquisition.core.frames import Frame, now_ns
 from acquisition.sources.network import DatagramSource, TcpStream
 from acquisition.sources.serial_line import SerialPort
 

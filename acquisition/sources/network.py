@@ -8,9 +8,9 @@ import struct
 import sys
 from contextlib import suppress
 
-from acquisition.errors import SourceError
-from acquisition.frames import Frame
-from acquisition.sections import MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
+from acquisition.config.sections import MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame
 from acquisition.sources.lines import LineAssembler
 
 _DATAGRAM_BYTES = 65_535

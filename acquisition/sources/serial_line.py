@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import serial
 
-from acquisition.errors import SourceError
-from acquisition.frames import Frame
-from acquisition.sections import MavlinkSerialSource, SerialSource
+from acquisition.config.sections import MavlinkSerialSource, SerialSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame
 from acquisition.sources.lines import LineAssembler
 
 

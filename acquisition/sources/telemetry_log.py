@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from typing import BinaryIO
 
+from acquisition.config.sections import MavlinkFileSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.mavlink_packets import LONGEST_BYTES, extent, is_signed, is_sound
-from acquisition.errors import SourceError
-from acquisition.frames import Frame
-from acquisition.sections import MavlinkFileSource
 
 _TIME_BYTES = 8
 _MICRO_NS = 1000

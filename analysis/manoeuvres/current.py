@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Current
-from analysis.manoeuvres.motion import Floats, Motion
+from analysis.manoeuvres.motion import Motion
 
 LEAST_TURN_DEG = 510.0
 _SETTLED_DEG = 120.0

@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.limits import beside_limits
-from analysis.manoeuvres.motion import Floats, Motion, motion_of, noise_of, stretches
+from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
 from analysis.manoeuvres.noise import WIDEST_S, smoothed
 from analysis.manoeuvres.segments import Plateau, one_order_each, plateaus, tolerance_of
 from analysis.manoeuvres.straight_runs import accelerations, speed_runs, stops

@@ -19,19 +19,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import difference, unwrap, wrap_180, wrap_360
-from acquisition.channels import POSE, VELOCITY
-from analysis.history import history_of
+from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import POSE, VELOCITY
+from analysis.estimation.slow_motion import local_quadratic
 from analysis.quality.orders import CODE as ORDER_INTERPOLATED
 from analysis.quality.orders import orders
 from analysis.quality.runs import runs
 from analysis.quality.samples import white_noise
-from analysis.resample import resample
-from analysis.smoothing.slow_motion import local_quadratic
-from analysis.table import require
-from analysis.time_index import NANO, times_ns
-
-Floats = NDArray[np.float64]
+from analysis.tables.history import history_of
+from analysis.tables.resample import resample
+from analysis.tables.table import require
+from analysis.tables.time_index import NANO, times_ns
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0

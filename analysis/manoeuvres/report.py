@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from acquisition.trial import software_version
-from analysis.files import in_place_of
+from acquisition.recording.trial import software_version
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
-from analysis.provenance import provenance_of
+from analysis.tables.files import in_place_of
+from analysis.tables.provenance import provenance_of
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -36,7 +36,7 @@ def manoeuvres_of(path: Path, length_m: float | None = None) -> Found:
     """The manoeuvres of a recording, its event marks heard. Raises :class:`InputError`, and
     :class:`DataShortageError` for a recording without channels."""
     from acquisition.recording.reader import read_recording
-    from analysis.table import table_of
+    from analysis.tables.table import table_of
 
     recording = read_recording(path)
     table = table_of(recording)
@@ -178,9 +178,9 @@ def write_report(found: Sequence[Found], folder: Path, length_m: float | None = 
 
 
 def _page(found: Sequence[Found], length_m: float | None) -> Any:
-    from analysis.manoeuvre_plots import drawer, title_of
     from analysis.manoeuvres.motion import motion_of
-    from analysis.page import Page
+    from analysis.report.manoeuvre_plots import drawer, title_of
+    from analysis.report.page import Page
 
     page = Page("Manoeuvres", "Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information")
     for each in found:

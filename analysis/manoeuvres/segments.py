@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.manoeuvres.motion import Floats, Motion, noise_of, running_median, stretches
+from acquisition.core.arrays import Floats
+from analysis.manoeuvres.motion import Motion, noise_of, running_median, stretches
 
 _STEP_S = 1.0
 _STEP_SIGMAS = 6.0

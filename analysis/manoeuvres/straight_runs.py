@@ -8,10 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.angles import circular_mean, difference, wrap_360
+from acquisition.core.angles import circular_mean, difference, wrap_360
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, with_limits
 from analysis.manoeuvres.limits import TRACK_REACH_LENGTHS
-from analysis.manoeuvres.motion import Floats, Motion, noise_of, stretches
+from analysis.manoeuvres.motion import Motion, noise_of, stretches
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
 from analysis.manoeuvres.segments import Plateau, execute_s, plateaus, tolerance_of
 from analysis.manoeuvres.tracks import along_and_across, approach_settings, crossing_s, distance_m, level_before

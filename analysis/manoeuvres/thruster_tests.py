@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Manoeuvre, index_of
-from analysis.manoeuvres.motion import Floats, Motion, noise_of, stretches
+from analysis.manoeuvres.motion import Motion, noise_of, stretches
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
 from analysis.manoeuvres.tracks import along_and_across
 

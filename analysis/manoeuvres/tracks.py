@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.angles import wrap_360
-from analysis.manoeuvres.motion import Floats, Motion
+from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Floats
+from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.segments import Plateau
 
 APPROACH_S = 10.0

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres.current import LEAST_TURN_DEG, current_of, drift_pairs, without_current
 from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
-from analysis.manoeuvres.motion import Floats, Motion
+from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals, smoothed
 from analysis.manoeuvres.segments import Plateau, counted, event_notes, execute_s, the_other
 from analysis.manoeuvres.tracks import (

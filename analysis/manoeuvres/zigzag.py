@@ -11,8 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
-from analysis.manoeuvres.motion import Floats, Motion
+from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
 from analysis.manoeuvres.segments import Plateau, alike, counted, event_notes, execute_s, the_other
 from analysis.manoeuvres.tracks import approach_of, approach_settings, crossing_s, distance_m, level_before, peak

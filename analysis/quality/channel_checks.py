@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import Channel
-from acquisition.frames import Quality
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import Channel
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Flags
-from analysis.quality.samples import Floats, Integers, Stretch, flags_where, in_time, possible, times_of
-from analysis.time_index import NANO
+from analysis.quality.samples import Stretch, flags_where, in_time, possible, times_of
+from analysis.tables.time_index import NANO
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -169,7 +170,7 @@ def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tupl
     return np.pad(least, edges), np.pad(np.where(apart < 0.5 * least, least, 0.0), edges), np.pad(span, edges)
 
 
-def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Integers, width: int) -> Floats:
+def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
     """How lively it is just beside: the third largest of four steps before and four after, without the trend."""
     places = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
     places = np.clip(places, 0, values.size - 2)

@@ -8,15 +8,16 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import BY_NAME
-from acquisition.frames import Quality, iso
+from acquisition.core.arrays import Bools
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Quality, iso
 from analysis.quality import channel_checks
 from analysis.quality.findings import Flags
 from analysis.quality.quantisation import quantised
-from analysis.quality.samples import ASSUMED, Mask, Stretch, interval_ns, stretches_of, times_of
+from analysis.quality.samples import ASSUMED, Stretch, interval_ns, stretches_of, times_of
 from analysis.quality.stuck import stuck
 from analysis.quality.time_checks import ClockJump, jitter_s
-from analysis.time_index import NANO
+from analysis.tables.time_index import NANO
 
 ASSUMED_SOURCES = list(ASSUMED)
 Grade = Literal["good", "suspect", "bad"]
@@ -63,11 +64,11 @@ class ChannelFaults:
 
     samples: pd.Series[Any]
     gaps: list[Stretch]
-    stuck: Mask
-    spikes: Mask
-    out_of_range: Mask
-    duplicates: Mask
-    behind: Mask
+    stuck: Bools
+    spikes: Bools
+    out_of_range: Bools
+    duplicates: Bools
+    behind: Bools
     steps_back: list[Stretch]
     step: float
     jitter_s: float

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import BY_NAME
-from acquisition.frames import Quality
+from acquisition.core.arrays import Bools, Ints
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.findings import Check, Checked, Finding, worst
 from analysis.quality.heading_wrap import heading_wrap
 from analysis.quality.motion.checks import motion
 from analysis.quality.orders import orders
-from analysis.quality.samples import Integers, Mask, column_samples, in_turn, rows_of, series_samples, times_of
+from analysis.quality.samples import column_samples, in_turn, rows_of, series_samples, times_of
 from analysis.quality.stuck import following_rates
 from analysis.quality.summary import (
     ALL,
@@ -30,9 +31,9 @@ from analysis.quality.summary import (
 from analysis.quality.thruster_feedback import thruster_feedback
 from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
 from analysis.quality.wind import wind
-from analysis.table import table_of
-from analysis.time_index import index_of, times_ns, utc_index
-from analysis.time_span import main_stretch
+from analysis.tables.table import table_of
+from analysis.tables.time_index import index_of, times_ns, utc_index
+from analysis.tables.time_span import main_stretch
 
 CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)
 """The checks across channels. Each gets the joined table with impossible values taken out."""
@@ -70,7 +71,7 @@ class DataQuality:
 
 
 def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> DataQuality:
-    """Check a recording; ``table`` is its joined table (:func:`analysis.table.table_of`) if it is already made.
+    """Check a recording; ``table`` is its joined table if it is already made.
 
     Raises :class:`DataShortageError` for a recording without channels.
     """
@@ -166,7 +167,7 @@ def _possible(
     joined: pd.DataFrame,
     whole: Mapping[str, pd.Series[Any]],
     faults: Mapping[str, ChannelFaults],
-    rows: Mapping[str, Integers],
+    rows: Mapping[str, Ints],
 ) -> pd.DataFrame:
     """The table without values out of range, which would drown everything else; angles of the other convention
     are brought into the channel's."""
@@ -183,7 +184,7 @@ def _possible(
     return cleaned
 
 
-def _explain(faults: Mapping[str, ChannelFaults], rows: Mapping[str, Integers], checked: list[Checked]) -> None:
+def _explain(faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[Checked]) -> None:
     """Take back spikes where a check across channels knows better what happened to the channel."""
     for each in checked:
         named = {finding.channel for finding in each.findings if finding.code in _EXPLAINED_BY["spike"]}
@@ -239,14 +240,14 @@ def _single_findings(
 
 
 def _merged(
-    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Integers], checked: list[Checked], joined: pd.DataFrame
+    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[Checked], joined: pd.DataFrame
 ) -> pd.DataFrame:
     """The flags of all checks on the rows of the joined table."""
     columns = {}
     for name, fault in faults.items():
         column = np.full(len(joined), Quality.MISSING, dtype=np.uint8)
         column[rows[name]] = fault.flags()
-        present: Mask = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
+        present: Bools = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
         for each in checked:
             if name in each.flags:
                 column = np.where(present, worst(column, each.flags[name].to_numpy(np.uint8)), column)

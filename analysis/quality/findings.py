@@ -1,6 +1,6 @@
 """What a check says: flags beside the data, and findings in words with their size.
 
-Flags are those of QARTOD (:class:`acquisition.frames.Quality`): 1 good, 2 not evaluated, 3 suspect, 4 bad,
+Flags are those of QARTOD (:class:`acquisition.core.frames.Quality`): 1 good, 2 not evaluated, 3 suspect, 4 bad,
 9 missing. A check never drops a row; it returns flags of the same index as the data it was given.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.frames import Quality
+from acquisition.core.frames import Quality
 
 Flags = NDArray[np.uint8]
 

@@ -13,11 +13,12 @@ import numpy as np
 import pandas as pd
 from scipy import special
 
-from acquisition.angles import difference, wrap_360
-from acquisition.channels import BY_NAME, COMMAND
+from acquisition.core.angles import difference, wrap_360
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import BY_NAME, COMMAND
 from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.runs import Bools, Floats, Ints, Samples, mark, median_step_s, runs, samples_of, scatter
-from analysis.time_index import utc_index
+from analysis.quality.runs import Samples, mark, median_step_s, runs, samples_of, scatter
+from analysis.tables.time_index import utc_index
 
 CODE = "heading_wrap_interpolated"
 JUDGED = ("heading_deg", "wind_direction_deg", *(name for name in COMMAND if BY_NAME[name].circular))

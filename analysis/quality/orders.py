@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.angles import unwrap
-from acquisition.channels import BY_NAME, COMMAND
-from acquisition.frames import Quality
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import BY_NAME, COMMAND
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.runs import Bools, Floats, Ints, Samples, covered, mark, runs, samples_of
-from analysis.time_index import utc_index
+from analysis.quality.runs import Samples, covered, mark, runs, samples_of
+from analysis.tables.time_index import utc_index
 
 CODE = "order_interpolated"
 _FEWEST_STEPS = 3

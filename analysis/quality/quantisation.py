@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import Channel
-from analysis.quality.samples import Floats, in_time, white_noise
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import Channel
+from analysis.quality.samples import in_time, white_noise
 
 EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0}
 _COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}

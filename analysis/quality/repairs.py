@@ -13,18 +13,18 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.errors import InputError
-from acquisition.frames import Quality
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
 from acquisition.recording.tables import write_table
-from analysis.files import expect_suffix
-from analysis.history import KEY, history_of, with_step
 from analysis.quality.findings import Finding
-from analysis.quality.runs import Bools, Floats
 from analysis.quality.samples import possible, rows_of
 from analysis.quality.single_repairs import REPAIRS, Columns, FlagsByChannel
 from analysis.quality.summary import OTHER_TURN
-from analysis.time_index import times_ns, utc_index
+from analysis.tables.files import expect_suffix
+from analysis.tables.history import KEY, history_of, with_step
+from analysis.tables.time_index import times_ns, utc_index
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,14 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.frames import Quality
-from analysis.time_index import NANO, times_ns
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.frames import Quality
+from analysis.tables.time_index import NANO, times_ns
 
 
 @dataclass(frozen=True, slots=True)

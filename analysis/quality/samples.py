@@ -9,16 +9,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap, wrap_180
-from acquisition.channels import BY_NAME, Channel
-from acquisition.frames import Quality
+from acquisition.core.angles import unwrap, wrap_180
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import BY_NAME, Channel
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import Series
 from analysis.quality.runs import runs
-from analysis.time_index import NANO, index_of
+from analysis.tables.time_index import NANO, index_of
 
-Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 ASSUMED = ("assumed",)
 
 
@@ -48,12 +46,12 @@ def column_samples(table: pd.DataFrame, name: str) -> pd.Series[Any]:
     return found.tz_convert("UTC")
 
 
-def times_of(samples: pd.Series[Any]) -> Integers:
+def times_of(samples: pd.Series[Any]) -> Ints:
     """Measured times [ns since 1970] in the order of receipt."""
     return pd.DatetimeIndex(samples.index).as_unit("ns").asi8
 
 
-def rows_of(table_ns: Integers, measured_ns: Integers) -> Integers:
+def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
     """The row of each sample in a sorted table that holds a repeated time in as many rows."""
     order = np.argsort(measured_ns, kind="stable")
     times = measured_ns[order]
@@ -62,8 +60,8 @@ def rows_of(table_ns: Integers, measured_ns: Integers) -> Integers:
     return np.minimum(rows, table_ns.size - 1)
 
 
-def possible(name: str, values: Floats) -> Mask:
-    """As :meth:`acquisition.channels.Channel.holds`, of many values."""
+def possible(name: str, values: Floats) -> Bools:
+    """As :meth:`acquisition.core.channels.Channel.holds`, of many values."""
     channel = BY_NAME[name]
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
     below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
@@ -71,13 +69,13 @@ def possible(name: str, values: Floats) -> Mask:
 
 
 def in_turn(name: str, angle_deg: Floats) -> Floats:
-    """Angles brought into their channel's turn, as :meth:`acquisition.channels.Channel.wrapped`."""
+    """Angles brought into their channel's turn, as :meth:`acquisition.core.channels.Channel.wrapped`."""
     low = BY_NAME[name].low
     turned = low + np.mod(angle_deg - low, 360.0)
     return np.where((turned >= low + 360.0) | ((low < 0.0) & (turned == low)), -low if low < 0.0 else 0.0, turned)
 
 
-def in_time(samples: pd.Series[Any], channel: Channel) -> tuple[Integers, Integers, Floats]:
+def in_time(samples: pd.Series[Any], channel: Channel) -> tuple[Ints, Ints, Floats]:
     """Which samples have a value, in the order of measured time: their places, times [ns], values.
 
     Angles come unwrapped, so that differences are turns.
@@ -89,7 +87,7 @@ def in_time(samples: pd.Series[Any], channel: Channel) -> tuple[Integers, Intege
     return order, times[order], unwrap(found) if channel.circular else found
 
 
-def interval_ns(times_ns: Integers) -> float:
+def interval_ns(times_ns: Ints) -> float:
     """The channel's own interval [ns]: the median of its steps in time, without those of no length."""
     steps = np.diff(np.sort(times_ns))
     steps = steps[steps > 0]
@@ -113,7 +111,7 @@ def turns_between(values: Floats, circular: bool) -> Floats:
     return wrap_180(steps) if circular else steps
 
 
-def flags_where(condition: Mask, flag: Quality, values: Floats) -> NDArray[np.uint8]:
+def flags_where(condition: Bools, flag: Quality, values: Floats) -> NDArray[np.uint8]:
     """``flag`` where the condition holds, missing where there is no value, good elsewhere."""
     flags = np.full(values.size, Quality.GOOD, dtype=np.uint8)
     flags[condition] = flag
@@ -121,7 +119,7 @@ def flags_where(condition: Mask, flag: Quality, values: Floats) -> NDArray[np.ui
     return flags
 
 
-def stretches_of(samples: pd.Series[Any], flagged: Mask) -> list[Stretch]:
+def stretches_of(samples: pd.Series[Any], flagged: Bools) -> list[Stretch]:
     """Runs of flagged samples as stretches, sized by their number of samples."""
     times = times_of(samples)
     starts, ends = runs(flagged)

@@ -14,19 +14,20 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.angles import unwrap
-from acquisition.channels import BY_NAME
-from acquisition.frames import Quality
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Quality
 from analysis.quality import heading_wrap as wrapped
 from analysis.quality import orders, wind
 from analysis.quality.findings import Finding, Flags
 from analysis.quality.motion import rebuilt_path
 from analysis.quality.motion.rebuilt_heading import rebuilt_heading
-from analysis.quality.runs import Floats, integral, samples_of
+from analysis.quality.runs import integral, samples_of
 from analysis.quality.samples import in_turn, possible
 from analysis.quality.summary import ALL, OTHER_TURN
-from analysis.time_index import NANO, times_ns, utc_index
-from analysis.time_span import main_stretch
+from analysis.tables.time_index import NANO, times_ns, utc_index
+from analysis.tables.time_span import main_stretch
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
 Columns = dict[str, Floats]

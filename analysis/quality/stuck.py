@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import Channel
-from acquisition.frames import Quality
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import Channel
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Flags
 from analysis.quality.quantisation import grid_step, noise_beside
-from analysis.quality.samples import Floats, Integers, flags_where, in_time, times_of, turns_between
-from analysis.time_index import NANO
+from analysis.quality.samples import flags_where, in_time, times_of, turns_between
+from analysis.tables.time_index import NANO
 
 _SHORTEST, _BESIDE = 8, 100
 _LIKELY = 1e-4
@@ -49,7 +50,7 @@ def stuck(samples: pd.Series[Any], channel: Channel, rate: pd.Series[Any] | None
     return flags_where(bad, Quality.BAD, samples.to_numpy(dtype=float))
 
 
-def _repeats(values: Floats, channel: Channel) -> tuple[Integers, Integers]:
+def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:
     """First places and lengths of the runs of one value, from eight samples on."""
     if values.size < 2 * _SHORTEST:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -71,7 +72,7 @@ def _coarse(values: Floats) -> bool:
     return step > 0.0 and step > noise_beside(values, step)
 
 
-def _never_repeats(values: Floats, lengths: Integers) -> bool:
+def _never_repeats(values: Floats, lengths: Ints) -> bool:
     """Whether values repeat in less than one of a hundred samples, but for the long runs."""
     repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))
     return bool(repeats < 0.01 * values.size)
@@ -105,7 +106,7 @@ def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:
     return bool(total * repeats**length < _LIKELY and length >= 5 * np.diff(edges).max())
 
 
-def _should_have_moved(times: Integers, values: Floats, channel: Channel, rate: pd.Series[Any] | None) -> bool:
+def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: pd.Series[Any] | None) -> bool:
     """Whether the rate adds up to more than five of the channel's usual steps, and 1 m or 1 deg, in the run."""
     if rate is None or channel.unit not in _LEAST_TRAVEL:
         return False

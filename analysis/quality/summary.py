@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import BY_NAME
+from acquisition.core.arrays import Ints
+from acquisition.core.channels import BY_NAME
 from analysis.quality.findings import Finding
-from analysis.quality.samples import Integers, Stretch, times_of
+from analysis.quality.samples import Stretch, times_of
 from analysis.quality.time_checks import ClockJump
-from analysis.time_index import NANO
-from analysis.time_span import stamped
+from analysis.tables.time_index import NANO
+from analysis.tables.time_span import stamped
 
 ALL = "all"
 OTHER_TURN = "other_turn"
@@ -193,5 +194,5 @@ def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, l
     return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)
 
 
-def _outside(time_ns: Integers, first_ns: int, last_ns: int) -> Integers:
+def _outside(time_ns: Ints, first_ns: int, last_ns: int) -> Ints:
     return time_ns[(time_ns < first_ns) | (time_ns > last_ns)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from acquisition.channels import NAMES
+from acquisition.core.channels import NAMES
 from analysis.quality.summary import ALL
 
 if TYPE_CHECKING:

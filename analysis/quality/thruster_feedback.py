@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import COMMAND
-from acquisition.frames import Quality
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import COMMAND
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.orders import order_ramps
-from analysis.quality.runs import Bools, Floats, Ints, Samples, mark, samples_of
-from analysis.time_index import utc_index
+from analysis.quality.runs import Samples, mark, samples_of
+from analysis.tables.time_index import utc_index
 
 SHAFTS = tuple(name for name in COMMAND if name.endswith("_rpm"))
 _REPEATS = 0.3

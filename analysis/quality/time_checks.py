@@ -14,17 +14,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats, Ints
 from acquisition.recording.reader import Series
-from analysis.quality.samples import Floats, Integers, white_noise
-from analysis.time_index import NANO, times_ns
+from analysis.quality.samples import white_noise
+from analysis.tables.time_index import NANO, times_ns
 
 MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 _IRREGULAR, _MOST_PLACES = 0.3, 200
 _SURE, _FEWEST, _RARELY = 5.0, 20, 300
 
 
-def jitter_s(times_ns: Integers) -> float:
+def jitter_s(times_ns: Ints) -> float:
     """Standard deviation [s] of stamps about a regular clock, 0 where the channel has no regular clock.
 
     A stamp that is late makes one interval longer and the next shorter by the same: intervals of a jittering
@@ -66,7 +67,7 @@ class _Track:
     place: Floats
     rate: Floats
 
-    def elapsed(self, first: Integers, last: Integers) -> tuple[Floats, Floats]:
+    def elapsed(self, first: Ints, last: Ints) -> tuple[Floats, Floats]:
         """The time [s] that the ship took between two rows by her motion, and how well it shows [1/s]."""
         rate = 0.25 * (self.rate[first - 1] + self.rate[first] + self.rate[last] + self.rate[last + 1])
         moved = self.place[last] - self.place[first]
@@ -99,7 +100,7 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     return [jump for jump in jumps if jump is not None]
 
 
-def _track_of(moving: pd.DataFrame, stamps: Integers) -> _Track:
+def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
     north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in MOTION)
     psi = np.deg2rad(heading)
     values = np.column_stack([north, east, unwrap(heading)])
@@ -111,7 +112,7 @@ def _track_of(moving: pd.DataFrame, stamps: Integers) -> _Track:
     return _Track((stamps - stamps[0]) / NANO, values / noise, rates / noise)
 
 
-def _jump_at(track: _Track, place: int, others: Integers, interval: float, stamps: Integers) -> ClockJump | None:
+def _jump_at(track: _Track, place: int, others: Ints, interval: float, stamps: Ints) -> ClockJump | None:
     """The jump between a row and the next, or nothing if what is left over is no more than a gap explains."""
     step = float(track.time_s[place + 1] - track.time_s[place])
     here = np.array([place])
@@ -133,7 +134,7 @@ def _jump_at(track: _Track, place: int, others: Integers, interval: float, stamp
     return ClockJump(first, last, jump, jump - doubt, jump + doubt)
 
 
-def _goes_on(track: _Track, place: int, step: float, interval: float, others: Integers) -> bool:
+def _goes_on(track: _Track, place: int, step: float, interval: float, others: Ints) -> bool:
     """Whether the next row is where the ship is one interval later, which she hardly ever is after such a time."""
     next_row, after_gap = _undisturbed(track, 1, others), _undisturbed(track, round(abs(step) / interval), others)
     if after_gap.size < _RARELY:
@@ -146,22 +147,22 @@ def _goes_on(track: _Track, place: int, step: float, interval: float, others: In
     )
 
 
-def _off_course(track: _Track, first: Integers, rows: int, interval: float) -> Floats:
+def _off_course(track: _Track, first: Ints, rows: int, interval: float) -> Floats:
     """How far a later row is from where the ship is one interval after the first, in units of noise."""
     rate = 0.5 * (track.rate[first] + track.rate[first + rows])
     away: Floats = np.abs(track.place[first + rows] - track.place[first] - interval * rate).max(axis=1)
     return away
 
 
-def _undisturbed(track: _Track, rows: int, others: Integers) -> Integers:
+def _undisturbed(track: _Track, rows: int, others: Ints) -> Ints:
     """Up to some 2000 rows from which so many rows on there is no odd step."""
     size = track.time_s.size
     first = np.arange(2, max(size - rows - 3, 2), max((size - rows) // 2000, 1))
-    calm: Integers = first[np.searchsorted(others, first - 2) == np.searchsorted(others, first + rows + 2)]
+    calm: Ints = first[np.searchsorted(others, first - 2) == np.searchsorted(others, first + rows + 2)]
     return calm
 
 
-def _errors(track: _Track, rows: int, others: Integers) -> Floats | None:
+def _errors(track: _Track, rows: int, others: Ints) -> Floats | None:
     """By how much motion errs in telling the time over so many rows, times how well it shows."""
     first = _undisturbed(track, rows, others)
     if first.size < _FEWEST:
@@ -197,7 +198,7 @@ def part_of(series: Series, chosen: NDArray[np.bool_]) -> Series:
                   series.quality[chosen], series.sources, series.source_index[chosen])  # fmt: skip
 
 
-def _offset_steps(measured: Integers, received: Integers, half: int = 20) -> list[ClockJump]:
+def _offset_steps(measured: Ints, received: Ints, half: int = 20) -> list[ClockJump]:
     offset = (measured - received) / NANO
     if offset.size < 4 * half:
         return []

@@ -14,11 +14,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import special
 
-from acquisition.angles import wrap_180, wrap_360
-from acquisition.frames import Quality
+from acquisition.core.angles import wrap_180, wrap_360
+from acquisition.core.arrays import Complexes, Floats
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.runs import Floats
-from analysis.time_index import NANO, times_ns, utc_index
+from analysis.tables.time_index import NANO, times_ns, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")
@@ -35,8 +35,6 @@ _CLEARLY = 1.2
 _OVERWHELMING = 2.0
 _SMALLEST_OFFSET_DEG = 2.0
 _READINGS = ("relative to the bow", "relative to north")
-
-Complex = NDArray[np.complex128]
 
 
 def wind(table: pd.DataFrame) -> Checked:
@@ -64,7 +62,7 @@ def wind(table: pd.DataFrame) -> Checked:
 def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:
     """Direction [deg, from true north] and speed [m/s] of the true wind, the recorded one being apparent: [rows].
 
-    Vectorised form of :func:`acquisition.kinematics.wind_over_ground`; NaN where a channel has been silent for
+    Vectorised form of :func:`acquisition.core.kinematics.wind_over_ground`; NaN where a channel has been silent for
     2 s, and where the wind itself is not recorded.
     """
     felt, velocity, bow = _vectors(_side_by_side(table))
@@ -74,7 +72,7 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
     return direction, np.where(recorded[:, 1], np.abs(wind), np.nan)
 
 
-def _vectors(table: pd.DataFrame) -> tuple[Complex, Complex, Complex]:
+def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:
     """Recorded wind, velocity of the ship and her bow, as north + i east: each [rows]."""
     bow = np.exp(1j * np.deg2rad(table["heading_deg"].to_numpy(dtype=float)))
     velocity = (table["surge_mps"].to_numpy(dtype=float) + 1j * table["sway_mps"].to_numpy(dtype=float)) * bow
@@ -87,9 +85,9 @@ class _Blocks:
     """Means over 10 s, all [n]: recorded wind, that turned by the heading, the ship's velocity; their times."""
 
     time_s: Floats
-    recorded: Complex
-    turned: Complex
-    velocity: Complex
+    recorded: Complexes
+    turned: Complexes
+    velocity: Complexes
 
 
 def _blocks(table: pd.DataFrame) -> _Blocks | None:
@@ -111,9 +109,9 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     return _Blocks(number[full] * _BLOCK_S, *means)
 
 
-def _sums(which: NDArray[np.intp], vector: Complex) -> Complex:
+def _sums(which: NDArray[np.intp], vector: Complexes) -> Complexes:
     """The sum of ``vector`` by group."""
-    total: Complex = np.bincount(which, vector.real) + 1j * np.bincount(which, vector.imag)
+    total: Complexes = np.bincount(which, vector.real) + 1j * np.bincount(which, vector.imag)
     return total
 
 
@@ -197,7 +195,7 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
     return gain, _jackknife(without / gain), cross.size - 1
 
 
-def _jackknife(without: Complex) -> complex:
+def _jackknife(without: Complexes) -> complex:
     """Standard errors of the real and the imaginary part, from estimates that leave one piece out each."""
     off = without - without.mean()
     share = (without.size - 1) / without.size
@@ -212,7 +210,7 @@ def _finding(
     return Finding(code, "wind_direction_deg", start, end, text, remedy, estimate, certain)
 
 
-def _detrended(blocks: _Blocks, vector: Complex) -> Complex:
+def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
     """Without its mean and trend: a wind that veers slowly must not count for the ship's turns."""
     since = np.polynomial.legendre.legvander(np.interp(blocks.time_s, blocks.time_s[[0, -1]], [-1.0, 1.0]), 2)
     return np.asarray(vector - since @ np.linalg.lstsq(since, vector, rcond=None)[0])
@@ -227,19 +225,19 @@ def _next_times(blocks: _Blocks) -> Floats:
     return blocks.time_s[1:][_following(blocks)]
 
 
-def _memory(blocks: _Blocks, vector: Complex) -> float:
+def _memory(blocks: _Blocks, vector: Complexes) -> float:
     """How much of a wind's deviation is left in the next block: its first autocorrelation, 0 to 0.95."""
     off, follows = _detrended(blocks, vector), _following(blocks)
     before, after = off[:-1][follows], off[1:][follows]
     return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
 
 
-def _news(blocks: _Blocks, vector: Complex, memory: float) -> Complex:
+def _news(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
     """What each block brings that the one before did not let expect."""
     off = _detrended(blocks, vector)
-    news: Complex = (off[1:] - memory * off[:-1])[_following(blocks)]
+    news: Complexes = (off[1:] - memory * off[:-1])[_following(blocks)]
     return news
 
 
-def _power(vector: Complex) -> float:
+def _power(vector: Complexes) -> float:
     return float(np.mean(np.abs(vector) ** 2))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from hybrid.calibrators.calibrator import Calibrator

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from hybrid.calibrators.calibrator import Floats
+from acquisition.core.arrays import Floats
 from hybrid.calibrators.features import displacement
 from hybrid.calibrators.paper import PaperCalibrator
-from hybrid.horizon import Horizons
+from hybrid.prediction.prediction_windows import Horizons
 
 
 class AdditiveCalibrator(PaperCalibrator):

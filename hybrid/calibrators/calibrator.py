@@ -7,19 +7,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.progress import Progress
-from hybrid.certainty import band_radius
-from hybrid.horizon import Horizons
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.progress import Progress
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.regions import band_radius
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from hybrid.vessel.plant import Plant
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Examples = tuple[Horizons, Floats]
 """Windows and the reference's tracks on them [N, H+1, 3]."""
 
@@ -38,17 +36,17 @@ class Ground:
     margin: Floats
 
     @property
-    def past(self) -> Flags:
+    def past(self) -> Bools:
         """Which windows leave the range of the training itself in which quantity [N, C], by a thousandth of it."""
         little = 1e-3 * (self.high - self.low) + 1e-9
-        outside: Flags = np.any((self.values < self.low - little) | (self.values > self.high + little), axis=1)
+        outside: Bools = np.any((self.values < self.low - little) | (self.values > self.high + little), axis=1)
         return outside
 
     @property
-    def beyond(self) -> Flags:
+    def beyond(self) -> Bools:
         """Which windows lie beyond the training in which quantity [N, C]."""
         outside = (self.values < self.low - self.margin) | (self.values > self.high + self.margin)
-        beyond: Flags = np.any(outside, axis=1)
+        beyond: Bools = np.any(outside, axis=1)
         return beyond
 
 
@@ -78,7 +76,7 @@ class Calibrator(ABC):
     def ground(self, horizons: Horizons, reference: Floats) -> Ground:
         """What windows have of what it was trained on, beside the range of the training."""
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
+    def outside(self, horizons: Horizons, reference: Floats) -> Bools:
         """Which windows [N] lie beyond what it was trained on, where it has no ground."""
         return np.asarray(self.ground(horizons, reference).beyond.any(axis=1))
 

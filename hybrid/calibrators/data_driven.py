@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from hybrid.calibrators.calibrator import Floats
+from acquisition.core.arrays import Floats
 from hybrid.calibrators.features import START_INPUTS, start_inputs
 from hybrid.calibrators.network import NetworkCalibrator
-from hybrid.horizon import Horizons
+from hybrid.prediction.prediction_windows import Horizons
 
 
 class DataDriven(NetworkCalibrator):

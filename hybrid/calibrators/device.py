@@ -6,7 +6,7 @@ import os
 
 import torch
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 
 VARIABLE = "SEATRIAL_DEVICE"
 """The environment variable that names another device than the one chosen, e.g. ``cpu`` or ``cuda:1``."""

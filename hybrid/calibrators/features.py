@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid.horizon import Horizons
-
-Floats = NDArray[np.float64]
+from acquisition.core.arrays import Floats
+from hybrid.prediction.prediction_windows import Horizons
 
 START_INPUTS = (
     "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",

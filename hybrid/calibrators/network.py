@@ -11,14 +11,15 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from acquisition.errors import InputError
-from acquisition.progress import Progress
-from hybrid.baselines import constant_velocity
-from hybrid.calibrators.calibrator import Calibrator, Examples, Floats, Ground
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import InputError
+from acquisition.core.progress import Progress
+from hybrid.calibrators.calibrator import Calibrator, Examples, Ground
 from hybrid.calibrators.device import chosen_device
 from hybrid.calibrators.features import displacement
 from hybrid.calibrators.training import Rows, Stopping, fit_network
-from hybrid.horizon import Horizons
+from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.prediction_windows import Horizons
 
 if TYPE_CHECKING:
     from hybrid.vessel.plant import Plant

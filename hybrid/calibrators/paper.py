@@ -9,10 +9,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from hybrid.calibrators.calibrator import Floats
+from acquisition.core.arrays import Floats
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS, displacement, start_inputs
 from hybrid.calibrators.network import NetworkCalibrator
-from hybrid.horizon import Horizons
+from hybrid.prediction.prediction_windows import Horizons
 
 
 class PaperCalibrator(NetworkCalibrator):

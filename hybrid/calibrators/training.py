@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from acquisition.progress import Progress
+from acquisition.core.progress import Progress
 
 Rows = tuple[Tensor, Tensor]
 """Inputs [rows, C] and the outputs wanted [rows, K], both scaled."""

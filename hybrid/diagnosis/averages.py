@@ -11,19 +11,16 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
-from acquisition.angles import unwrap
-from acquisition.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
-from analysis.smoothing.noise_levels import NoiseLevels
-from analysis.smoothing.smooth import smooth
-from analysis.time_index import NANO, times_ns
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
+from analysis.estimation.noise_levels import NoiseLevels
+from analysis.estimation.smooth import smooth
+from analysis.tables.time_index import NANO, times_ns
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
-from hybrid.vessel.compiling import Floats
-
-Ints = NDArray[np.int64]
 
 STEPS_PER_SECOND = 4
 """Thruster settings are averaged over quarters of a second, the longest step of the simulator."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import Log
 from hybrid.vessel.channels import RPM_PER_RPS
-from hybrid.vessel.compiling import Floats
 
 LEAST_S = 20
 """A cell of fewer seconds is none."""

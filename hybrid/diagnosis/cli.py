@@ -41,12 +41,12 @@ def diagnose(
     as_json: AsJson = False,
 ) -> None:
     """Diagnose recordings against a model."""
-    from acquisition.progress import bar
-    from analysis.files import make_folder
-    from analysis.table import percent_of
-    from hybrid.diagnosis.files import diagnose_files, write_diagnosis
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
+    from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
     catalogue = catalogue_with(effects or (), without or ())
     ship = load_vessel(vessel or DEFAULT)
@@ -57,7 +57,7 @@ def diagnose(
             repair=repair, rebuild_positions=rebuild_positions, progress=progress,
         )  # fmt: skip
     if calibrate:
-        from hybrid.diagnosis.ladder import calibrated
+        from hybrid.diagnosis.calibrator_comparison import calibrated
 
         with bar("training") as progress:
             examined = calibrated(
@@ -71,7 +71,7 @@ def diagnose(
         return
     from rich.console import Console
 
-    from hybrid.diagnosis.terminal import summary
+    from hybrid.report.diagnosis_terminal import summary
 
     Console().print(summary(diagnosis, examined.extras.ladder))
     typer.echo(str(written.report))

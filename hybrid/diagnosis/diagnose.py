@@ -11,32 +11,32 @@ import numpy as np
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from acquisition.errors import ConfigurationError
-from acquisition.progress import Progress
-from hybrid.diagnosis.beyond import FORMS
-from hybrid.diagnosis.contradictions import contradictory, stated
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.composite_effects import perhaps_one
+from hybrid.diagnosis.estimate_noise import settled
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
+from hybrid.diagnosis.input_hold import read_as_fits
+from hybrid.diagnosis.lack_of_fit import Remainder, remainders
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.name import Naming, moved_to, named
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.page import Extras
-from hybrid.diagnosis.planning.information import limits
-from hybrid.diagnosis.planning.next_manoeuvre import Pair, next_manoeuvre
-from hybrid.diagnosis.reading import read_as_fits
-from hybrid.diagnosis.remainder import Remainder, remainders
+from hybrid.diagnosis.nuisance_basis import FORMS
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
+from hybrid.diagnosis.select_effects import Naming, moved_to, named
+from hybrid.diagnosis.sensor_consistency import contradictory, stated
 from hybrid.diagnosis.sentences import sentence
-from hybrid.diagnosis.settle import settled
-from hybrid.diagnosis.siblings import perhaps_one
 from hybrid.diagnosis.verdict import WEAK, close_rivals, correlation_of, estimates, groups, unexplained, verdict_of
 from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.where import Map, map_of, notable
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.effects.catalogue import VERSION
+from hybrid.planning.information import limits
+from hybrid.planning.next_manoeuvre import Pair, next_manoeuvre
+from hybrid.report.diagnosis_page import Extras
+from hybrid.report.words import listed, plain
 from hybrid.vessel.parameters import Vessel
-from hybrid.words import listed, plain
 
 TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""

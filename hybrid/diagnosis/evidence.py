@@ -14,12 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
-from hybrid.vessel.compiling import Floats
-
-Ints = NDArray[np.int64]
+from acquisition.core.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,17 +9,17 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.progress import Progress
-from hybrid.diagnosis.beyond import FORMS, GRANTED, beyond
-from hybrid.diagnosis.evidence import Ints, Products
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.evidence import Products
+from hybrid.diagnosis.innovations import Columns, columns_of, whitened
 from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.nuisance_basis import FORMS, GRANTED, beyond
 from hybrid.diagnosis.tolerance import FEATURES, ForceRange, features, force_range
 from hybrid.diagnosis.tolerated import WIND_MPS, tolerances, wind_errors
-from hybrid.diagnosis.whiten import Columns, columns_of, whitened
 from hybrid.effects import Effect
-from hybrid.vessel.compiling import Floats
 
 Arrays = TypeVar("Arrays", Linear, Columns)
 

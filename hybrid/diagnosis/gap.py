@@ -13,19 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.baselines import present_motion_held
+from acquisition.core.arrays import Floats, Ints
+from hybrid.diagnosis.acceptance import FALSE_ALARM
 from hybrid.diagnosis.averages import STEPS_PER_SECOND
-from hybrid.diagnosis.evidence import Ints
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.floor import left_by_noise_m
 from hybrid.diagnosis.linearise import DT_S, Model, between, driven, paths, unreported
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.name import Coordinates, moved_to, searched
+from hybrid.diagnosis.noise_floor import left_by_noise_m
 from hybrid.diagnosis.result import Gap, Tracks
-from hybrid.diagnosis.standing import FALSE_ALARM
+from hybrid.diagnosis.select_effects import Coordinates, moved_to, searched
 from hybrid.diagnosis.view import View, view_without
-from hybrid.scores import distances
-from hybrid.vessel.compiling import Floats
+from hybrid.prediction.baselines import present_motion_held
+from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate_batch

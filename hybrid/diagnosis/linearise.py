@@ -19,11 +19,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue, apply_effects
-from hybrid.vessel.compiling import Floats
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant

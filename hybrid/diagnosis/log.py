@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.channels import COMMAND
-from acquisition.errors import DataShortageError
-from analysis.smoothing.noise_levels import NoiseLevels
-from analysis.table import require
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import COMMAND
+from acquisition.core.errors import DataShortageError
+from analysis.estimation.noise_levels import NoiseLevels
+from analysis.tables.table import require
 from hybrid.diagnosis.averages import (
     MOTION,
-    Ints,
     Reading,
     averaged_motion,
     mean_settings,
@@ -31,7 +31,6 @@ from hybrid.diagnosis.averages import (
     setting_step_s,
     smoothed_motion,
 )
-from hybrid.vessel.compiling import Floats
 
 BLOCK_S = 60
 """Each block starts from a state of its own that nobody knows; longer ones gain nothing that can be measured."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hybrid.vessel.compiling import Floats
+from acquisition.core.arrays import Floats
 
 FORCE_UNITS = np.array([1e3, 1e3, 1e4])
 """The filter reckons forces in kN and moments in 10 kN m, so that its numbers are of one size."""

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.innovations import Columns, whitened
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.whiten import Columns, whitened
-from hybrid.vessel.compiling import Floats
 
 _LIMIT = 4.0
 _DIFFERENCE = 0.02

@@ -7,14 +7,9 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, Literal, cast
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hybrid.bootstrap import Interval
+from acquisition.core.arrays import Floats, Ints
 from hybrid.entangled import entangled_pairs
-from hybrid.vessel.compiling import Floats
-
-Ints = NDArray[np.int64]
+from hybrid.prediction.bootstrap import Interval
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 

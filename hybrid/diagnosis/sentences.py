@@ -8,7 +8,7 @@ from math import isfinite
 from hybrid.diagnosis.result import Estimate
 from hybrid.diagnosis.words import number
 from hybrid.effects import Effect
-from hybrid.words import plain
+from hybrid.report.words import plain
 
 Parameters = Mapping[str, Estimate]
 

@@ -16,11 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.errors import InputError, storage_error
-from analysis.parquet import read_parquet, write_parquet
-from hybrid.bootstrap import Interval
-from hybrid.diagnosis.contradictions import Consistency
-from hybrid.diagnosis.page import Extras
+from acquisition.core.errors import InputError, storage_error
+from analysis.tables.parquet import read_parquet, write_parquet
 from hybrid.diagnosis.result import (
     Correlation,
     Diagnosis,
@@ -35,7 +32,10 @@ from hybrid.diagnosis.result import (
     Tracks,
     Unexplained,
 )
+from hybrid.diagnosis.sensor_consistency import Consistency
 from hybrid.diagnosis.where import FORCES, Map
+from hybrid.prediction.bootstrap import Interval
+from hybrid.report.diagnosis_page import Extras
 
 DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"
 MAP, TRACKS = "map.parquet", "tracks.parquet"

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import Log
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
 from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.thrusters import pod_force, port_pod, starboard_pod, tunnel_force
 

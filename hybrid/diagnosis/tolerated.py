@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.linearise import Model, Signature, next_states
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue
-from hybrid.vessel.compiling import Floats
 
 WIND_MPS = 0.3
 """What an anemometer is off by in each direction: its noise has a mean, and the ship disturbs the air."""

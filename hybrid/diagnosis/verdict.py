@@ -7,14 +7,14 @@ from math import atan2, degrees, hypot
 
 import numpy as np
 
-from hybrid.diagnosis.beyond import AXES, FORMS, OPERATION
-from hybrid.diagnosis.name import CLOSE, Naming, rivals_of
-from hybrid.diagnosis.remainder import Remainder
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.lack_of_fit import Remainder
+from hybrid.diagnosis.nuisance_basis import AXES, FORMS, OPERATION
 from hybrid.diagnosis.result import Correlation, Estimate, Rival, Unexplained, Verdict
+from hybrid.diagnosis.select_effects import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.words import DEPENDS
 from hybrid.effects import Effect
-from hybrid.vessel.compiling import Floats
-from hybrid.words import plain
+from hybrid.report.words import plain
 
 WEAK = 9.0
 """A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.evidence import Fit, Products, fitted, log_evidence, reduced
 from hybrid.diagnosis.examine import Examination
-from hybrid.vessel.compiling import Floats
 
 _CLOCKS = (
     2  # that may be wrong at once: where all records are late by the same none is, and three are as the fourth

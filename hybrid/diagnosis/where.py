@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm, t
 
+from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.cells import LEAST_S, Cell, cells_of, quantities
-from hybrid.diagnosis.evidence import Ints, fitted, reduced
+from hybrid.diagnosis.evidence import fitted, reduced
 from hybrid.diagnosis.examine import Examination, products_of
+from hybrid.diagnosis.innovations import Columns, columns_of
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.reconstruct import reconstructed
 from hybrid.diagnosis.result import Place
+from hybrid.diagnosis.smoother import reconstructed
 from hybrid.diagnosis.tolerated import WIND_MPS, wind_errors
-from hybrid.diagnosis.whiten import Columns, columns_of
-from hybrid.vessel.compiling import Floats
 
 FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
 MOTIONS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")

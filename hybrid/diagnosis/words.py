@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from hybrid.words import listed, plain
+from hybrid.report.words import listed, plain
 
 _SMALL = 0.001
 

@@ -13,7 +13,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.effects import alignment, clock, environment, hull, hull_shape, inertia, propulsion, sensors
 from hybrid.effects.effect import Effect, Values
 from hybrid.vessel.parameters import Vessel

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from math import atan2, cos, degrees, hypot, inf, isnan, radians, sin
 from typing import Any, Literal
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.plant import Plant
 
 FAMILIES = ("inertia", "hull", "propulsion", "alignment", "environment", "clock", "sensor")

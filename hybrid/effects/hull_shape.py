@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi, tan
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.effects.effect import Effect, Parameter, Values
 from hybrid.vessel.plant import HULL, Plant
 

@@ -8,10 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hybrid.horizon import Horizons, in_ship_axes
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from acquisition.core.arrays import Bools, Floats
+from hybrid.prediction.prediction_windows import Horizons, in_ship_axes
 
 GRAVITY_MPS2 = 9.81
 SLOW_FROUDE = 0.06
@@ -28,7 +26,7 @@ BEAUFORT_MPS = (3.4, 8.0, 13.9)
 WINDS = ("0-2 Bft", "3-4 Bft", "5-6 Bft", "7 Bft and more")
 
 
-def classes_of(horizons: Horizons, length_m: float) -> dict[str, dict[str, Flags]]:
+def classes_of(horizons: Horizons, length_m: float) -> dict[str, dict[str, Bools]]:
     """Masks [N] by kind of class and class, without the empty ones, those of a kind holding all windows."""
     named = {
         "manoeuvre": (manoeuvres(horizons, length_m), MANOEUVRES),

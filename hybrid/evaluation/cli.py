@@ -45,16 +45,16 @@ def evaluate(
     """Fit every method on one part of recordings and judge it on the other."""
     from rich.console import Console
 
-    from acquisition.progress import bar
-    from analysis.files import make_folder
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
     from hybrid.calibrators import METHODS, make_calibrator
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.evaluation.page import write_evaluation
     from hybrid.evaluation.splits import refuse_unknown
     from hybrid.evaluation.study import study
     from hybrid.evaluation.summary import evaluation_of
-    from hybrid.evaluation.tables import evaluation_tables
-    from hybrid.gather import gather
+    from hybrid.prediction.dataset import gather
+    from hybrid.report.evaluation_page import write_evaluation
+    from hybrid.report.evaluation_tables import evaluation_tables
     from hybrid.vessel.files import DEFAULT, load_vessel
 
     splits = list(dict.fromkeys(split or (["leg", "time"] if len(files) == 1 else ["leg", "time", "recording"])))

@@ -12,13 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.errors import ConfigurationError, DataShortageError
-from hybrid.horizon import Horizons, drawn_legs
-from hybrid.train import HELD_OUT_SHARE
-
-Flags = NDArray[np.bool_]
+from acquisition.core.arrays import Bools
+from acquisition.core.errors import ConfigurationError, DataShortageError
+from hybrid.prediction.prediction_windows import Horizons, drawn_legs
+from hybrid.workflows.train import HELD_OUT_SHARE
 
 TEST_SHARE = 0.3
 """The share of the windows, or of a recording's time, that is kept back to judge by."""
@@ -33,9 +31,9 @@ class Draw:
     Windows in none of them share seconds with both sides.
     """
 
-    fitting: Flags
-    stopping: Flags
-    held_out: Flags
+    fitting: Bools
+    stopping: Bools
+    held_out: Bools
 
 
 def draws_of(kind: str, horizons: Horizons, draws: int, seed: int) -> list[Draw]:
@@ -101,7 +99,7 @@ SPLITS: dict[str, Callable[[Horizons, int, int], list[Draw]]] = {
 """The kinds of split by name."""
 
 
-def shared_seconds(horizons: Horizons, known: Flags, unseen: Flags) -> int:
+def shared_seconds(horizons: Horizons, known: Bools, unseen: Bools) -> int:
     """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
     first, _ = horizons.known_seconds()
     seconds = first[:, None] + np.arange(horizons.horizon_s + 1)
@@ -117,7 +115,7 @@ def leaked_share(horizons: Horizons, draw: Draw) -> float:
     return shared_seconds(horizons, draw.fitting | draw.stopping, draw.held_out) / judged
 
 
-def with_stopping(horizons: Horizons, known: Flags, unseen: Flags, seed: int) -> Draw:
+def with_stopping(horizons: Horizons, known: Bools, unseen: Bools, seed: int) -> Draw:
     """The draw in which whole legs of what is known are left out of the fit, to stop by."""
     stopping = np.zeros(len(horizons), dtype=bool)
     stopping[known] = drawn_legs(horizons.subset(known), HELD_OUT_SHARE, seed)

@@ -8,18 +8,17 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.progress import Progress, part_of
-from hybrid.baselines import constant_velocity
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
-from hybrid.certainty import band_radius, guarded, reserve_of
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
-from hybrid.horizon import Horizons, difference_rad
-from hybrid.scores import distances
-from hybrid.train import inside_range
+from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.prediction_windows import Horizons, difference_rad
+from hybrid.prediction.regions import band_radius, guarded, reserve_of
+from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
+from hybrid.workflows.train import inside_range
 
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Examples = tuple[Horizons, Floats]
 
 Predict = Callable[[Horizons, Floats], Floats]
@@ -49,7 +48,7 @@ class Errors:
     radius_m: Floats
     untrained: Floats
 
-    def subset(self, chosen: Flags) -> Errors:
+    def subset(self, chosen: Bools) -> Errors:
         """The errors on the windows that a mask chooses."""
         return Errors(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
@@ -64,7 +63,7 @@ class SplitResult:
     """
 
     kind: str
-    held_out: Flags
+    held_out: Bools
     errors: dict[str, Errors]
     fitted: tuple[int, ...]
     leaked: float
@@ -131,7 +130,7 @@ def _errors(predict: Predict, stopping: Examples, held_out: Examples) -> Errors:
     return errors_of(predict(*held_out), held_out[0], radius_m, np.zeros(len(held_out[0]), dtype=bool))
 
 
-def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained: Flags) -> Errors:
+def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained: Bools) -> Errors:
     """Errors of tracks [N, H+1, 3] whose 95 % regions have ``radius_m`` [H] or [N, H]."""
     gap = predicted[:, 1:] - horizons.track[:, 1:]
     distance = distances(predicted, horizons.track)

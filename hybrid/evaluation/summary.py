@@ -7,14 +7,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid.bootstrap import Interval, LegBootstrap
+from acquisition.core.arrays import Floats
 from hybrid.evaluation.breakdown import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
-from hybrid.horizon import Horizons
-
-Floats = NDArray[np.float64]
+from hybrid.prediction.bootstrap import Interval, LegBootstrap
+from hybrid.prediction.prediction_windows import Horizons
 
 
 @dataclass(frozen=True, slots=True)

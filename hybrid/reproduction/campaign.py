@@ -14,17 +14,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.errors import DataShortageError
-from analysis.resample import resample
-from analysis.windows import held_windows
-from hybrid.gather import start_motion
-from hybrid.horizon import PAST_S, Horizons, from_rows
-from hybrid.truth.manoeuvres import Manoeuvre, manoeuvre_named
-from hybrid.truth.trial import simulate_trial
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.errors import DataShortageError
+from analysis.tables.resample import resample
+from analysis.windows.held import held_windows
+from hybrid.prediction.dataset import start_motion
+from hybrid.prediction.prediction_windows import PAST_S, Horizons, from_rows
+from hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.plant import Plant
-
-Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
 
 SEA_STATES = ("calm", "gentle", "moderate")
 AZIMUTHS_DEG = (10.0, 20.0, 30.0)
@@ -118,7 +116,7 @@ def _ship_states(horizons: Horizons, began: pd.Timestamp, states: Floats) -> Flo
     return np.asarray(states[rows])
 
 
-def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tuple[Counts, Floats]:
+def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tuple[Ints, Floats]:
     """The numbers of the windows drawn, in time order, and the azimuth of each [deg]; fewer if there are no more.
 
     ``rows`` is the long table of held windows, a candidate every second.

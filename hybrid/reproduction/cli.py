@@ -32,8 +32,8 @@ def table3(
     as_json: AsJson = False,
 ) -> None:
     """Compare all methods in the paper's three sea states."""
-    from acquisition.progress import bar
-    from analysis.files import make_folder
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
     from hybrid.reproduction.seas import seas_of
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
@@ -68,8 +68,8 @@ def figures(
     as_json: AsJson = False,
 ) -> None:
     """Draw the figures."""
-    from acquisition.progress import bar
-    from analysis.files import make_folder
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
     from hybrid.reproduction.figures import write_figures
 
     make_folder(output)
@@ -92,8 +92,8 @@ def fidelity(
     as_json: AsJson = False,
 ) -> None:
     """Degrade the reference step by step and learn from ever more windows."""
-    from acquisition.progress import bar
-    from analysis.files import make_folder
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
     from hybrid.reproduction.fidelity import papers_map
     from hybrid.reproduction.fidelity_reading import reading, with_reading
 

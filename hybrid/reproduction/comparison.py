@@ -9,19 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hybrid.baselines import constant_velocity, reference
+from acquisition.core.arrays import Bools, Floats
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.horizon import Horizons, split_by_group
+from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.prediction.prediction_windows import Horizons, split_by_group
 from hybrid.reproduction.campaign import HORIZON_S, MODEL, SEQUENCES, TRUTH, Campaign, paper_campaign
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 TEST_SHARE, STOPPING_SHARE = 0.2, 0.2
 OURS = "adaptive"
@@ -46,9 +43,9 @@ class Job:
 class Parts:
     """Which seconds [N, H] a method learns from, stops by and is judged on; no second is in two of them."""
 
-    training: Flags
-    stopping: Flags
-    test: Flags
+    training: Bools
+    stopping: Bools
+    test: Bools
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,14 +122,14 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
     ]
 
 
-def _examples(horizons: Horizons, tracks: Floats, rows: Flags) -> Examples:
+def _examples(horizons: Horizons, tracks: Floats, rows: Bools) -> Examples:
     """The windows with any of ``rows`` [N, H], with a measured track at these seconds only."""
     some = np.asarray(rows.any(axis=1))
     windows = horizons.subset(some)
     return replace(windows, track=_masked(windows.track, rows[some])), tracks[some]
 
 
-def _masked(track: Floats, rows: Flags) -> Floats:
+def _masked(track: Floats, rows: Bools) -> Floats:
     """A track [N, H+1, 3] with NaN at the seconds 1 to H that are not in ``rows``."""
     kept = np.concatenate([np.ones((len(rows), 1), dtype=bool), rows], axis=1)
     return np.where(kept[..., None], track, np.nan)

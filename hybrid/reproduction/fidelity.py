@@ -14,21 +14,20 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.errors import DataShortageError
-from acquisition.progress import Progress
-from hybrid.baselines import constant_velocity, reference
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
+from acquisition.core.progress import Progress
 from hybrid.calibrators import make_calibrator
 from hybrid.effects import vessel_plant
-from hybrid.horizon import Horizons, joined_horizons
+from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.prediction.prediction_windows import Horizons, joined_horizons
+from hybrid.prediction.scores import distances
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.reproduction.degradation import Degradation, degradations, single_degradations
 from hybrid.reproduction.fidelity_map import FidelityMap
 from hybrid.reproduction.processes import in_order
-from hybrid.scores import distances
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
-
-Floats = NDArray[np.float64]
 
 AMOUNTS = (10, 20, 50, 100, 200, 400, 600)
 LARGEST_CAMPAIGN = 150  # sequences simulated in one go

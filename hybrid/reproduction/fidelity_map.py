@@ -10,12 +10,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Bools, Floats
 from hybrid.reproduction.degradation import OVERALL
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SAME = 0.05
 """Two methods whose errors differ by a smaller share than this count as equally good: another seed moves a small
@@ -109,7 +106,7 @@ def enough_alone_m(found: FidelityMap) -> Floats:
     return np.asarray(np.where(enough, main.reference_m[:, None], 0.0).max(axis=0))
 
 
-def hybrid_wins(found: FidelityMap) -> Flags:
+def hybrid_wins(found: FidelityMap) -> Bools:
     """Where on the main axis the hybrid beats all others, constant velocity included [D, W]."""
     return edge(found.overall()) < 1.0 - SAME
 

@@ -13,17 +13,15 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
-from numpy.typing import NDArray
 
-from analysis.figures import filled, write_figure
-from analysis.files import in_place_of
-from analysis.plots import INK
-from hybrid.plots import COLOUR, plain_numbers
+from acquisition.core.arrays import Floats
+from analysis.report.figures import filled, write_figure
+from analysis.report.plots import INK
+from analysis.tables.files import in_place_of
+from hybrid.report.style import COLOUR, plain_numbers
 from hybrid.reproduction.degradation import OVERALL
 from hybrid.reproduction.fidelity_map import LEAST_M, FidelityMap, useful_up_to_m
 from hybrid.reproduction.fidelity_reading import with_reading
-
-Floats = NDArray[np.float64]
 
 PALEST, FULL_MARGIN = 0.25, 0.5
 """How much colour a cell has whose winner leads by nothing, and the lead from which it has all of it."""

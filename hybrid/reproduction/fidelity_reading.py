@@ -8,12 +8,10 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
+from hybrid.report.words import listed
 from hybrid.reproduction.fidelity_map import SAME, FidelityMap, edge, enough_alone_m, hybrid_wins, useful_up_to_m
-from hybrid.words import listed
-
-Floats = NDArray[np.float64]
 
 _NAMED = {"reference": "the reference", "constant_velocity": "constant velocity", "data_driven": "the data alone"}
 

@@ -17,18 +17,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap
-from acquisition.progress import Progress
-from analysis.figures import ENDINGS, filled, write_figure
-from analysis.plots import FAINT, INK
-from hybrid.horizon import PAST_S
-from hybrid.plots import COLOUR, start_frame
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats
+from acquisition.core.progress import Progress
+from analysis.report.figures import ENDINGS, filled, write_figure
+from analysis.report.plots import FAINT, INK
+from hybrid.prediction.prediction_windows import PAST_S
+from hybrid.report.style import COLOUR, start_frame
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
 from hybrid.reproduction.comparison import Job
 from hybrid.reproduction.seas import Sea, example_sequence, seas_of
-
-Floats = NDArray[np.float64]
 
 SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
 FAN, TRACKS = 12, 20

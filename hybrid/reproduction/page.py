@@ -6,13 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analysis.page import Page
-from hybrid.evaluation.tables import spread
+from analysis.report.page import Page
+from hybrid.report.evaluation_tables import spread
+from hybrid.report.words import plain, unbroken
 from hybrid.reproduction.figures import FIGURES, FigureOf, Shown
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Cell, Row, Table3
 from hybrid.reproduction.tables import QUANTITY, counts_of, share
-from hybrid.words import plain, unbroken
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

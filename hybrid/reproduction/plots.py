@@ -9,14 +9,12 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
-from analysis.plots import FAINT, INK, PALETTE
-from hybrid.horizon import Horizons
-from hybrid.plots import COLOUR, plain_numbers, start_frame
-from hybrid.words import plain
-
-Floats = NDArray[np.float64]
+from acquisition.core.arrays import Floats
+from analysis.report.plots import FAINT, INK, PALETTE
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.report.style import COLOUR, plain_numbers, start_frame
+from hybrid.report.words import plain
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 

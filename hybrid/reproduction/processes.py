@@ -1,6 +1,6 @@
 """Many long calls in several processes, the results in the order asked for.
 
-The workers of :mod:`analysis.season.batch` make files of recordings and say in a row how it went; here values come
+The workers of :mod:`analysis.batch.batch` make files of recordings and say in a row how it went; here values come
 back, nothing is on the disk, and an error is to end it all.
 """
 
@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from typing import Any
 
-from acquisition.progress import Progress
+from acquisition.core.progress import Progress
 
 
 def in_order(asked: Sequence[tuple[Any, ...]], workers: int, progress: Progress) -> Iterator[Any]:

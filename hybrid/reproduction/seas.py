@@ -10,16 +10,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.progress import Progress
-from analysis.resample import resample
-from analysis.windows import held_windows
-from hybrid.horizon import Horizons
+from acquisition.core.arrays import Floats
+from acquisition.core.progress import Progress
+from analysis.tables.resample import resample
+from analysis.windows.held import held_windows
+from hybrid.prediction.prediction_windows import Horizons
 from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign
 from hybrid.reproduction.comparison import Errors, Job, compared, judged_by, parts_of
 from hybrid.reproduction.processes import in_order
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 
-Floats = NDArray[np.float64]
 _EXAMPLE_S = 400.0
 
 

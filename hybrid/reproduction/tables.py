@@ -10,9 +10,9 @@ from pathlib import Path
 
 from rich.table import Table
 
-from analysis.files import in_place_of
-from hybrid.bootstrap import Interval
-from hybrid.evaluation.tables import spread
+from analysis.tables.files import in_place_of
+from hybrid.prediction.bootstrap import Interval
+from hybrid.report.evaluation_tables import spread
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Row, Table3
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acquisition.cli import AsJson
-from acquisition.signals import stopped_by_signals
+from acquisition.core.signals import stopped_by_signals
 
 if TYPE_CHECKING:
     from hybrid.twin.twin import Model
@@ -43,7 +43,7 @@ def watch(
     with stopped_by_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         with suppress(OSError):
             os.nice(_NICENESS)
-        from acquisition.config import load_config
+        from acquisition.config.configuration import load_config
         from hybrid.twin.watch import as_json as described
         from hybrid.twin.watch import watch as run
 
@@ -62,7 +62,7 @@ def _model(calibrator: Path | None, vessel: str | None, horizon: int | None) -> 
     if calibrator is None:
         name = vessel or DEFAULT
         return Model(name, vessel_plant(load_vessel(name)), horizon or HORIZON_S)
-    from hybrid.artefact import load, plant_for, refuse_horizon  # and torch with it
+    from hybrid.calibrators.artefact import load, plant_for, refuse_horizon  # and torch with it
 
     trained = load(calibrator)
     if horizon is not None:

@@ -11,11 +11,11 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.angles import wrap_360
-from hybrid.horizon import in_ship_axes
-from hybrid.predict import Prediction
+from acquisition.core.angles import wrap_360
+from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.twin.running_error import Judged, Mean
 from hybrid.twin.twin import Twin
+from hybrid.workflows.predict import Prediction
 
 _ROWS = 6
 _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import orjson
 import pymap3d
-from numpy.typing import NDArray
 
-from acquisition.angles import wrap_360
-from analysis.time_index import NANO
-from hybrid.predict import Prediction
+from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Floats
+from analysis.tables.time_index import NANO
 from hybrid.twin.running_error import Judged, Mean
+from hybrid.workflows.predict import Prediction
 
-Floats = NDArray[np.float64]
 Origin = tuple[float, float] | None
 """Latitude and longitude of the plane's origin [deg], if it is known."""
 

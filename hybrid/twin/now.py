@@ -2,7 +2,7 @@
 
 Nothing lies ahead of that second but what has come since, less than a second. So the filter that brings the
 channels to 1 Hz is one-sided there, and the state that reference, constant velocity and networks start from is that
-of :mod:`analysis.smoothing.last_motion`: less certain than the one that a recording gives afterwards.
+of :mod:`analysis.estimation.last_motion`: less certain than the one that a recording gives afterwards.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from acquisition.channels import NAMES, POSE, VELOCITY
-from acquisition.errors import DataShortageError
-from acquisition.frames import Quality
+from acquisition.core.channels import NAMES, POSE, VELOCITY
+from acquisition.core.errors import DataShortageError
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series
-from analysis.resample import own_gap_s, resample_recording
-from analysis.time_index import NANO
-from hybrid.predict import Prediction, predict
+from analysis.tables.resample import own_gap_s, resample_recording
+from analysis.tables.time_index import NANO
 from hybrid.vessel.plant import Plant
+from hybrid.workflows.predict import Prediction, predict
 
 if TYPE_CHECKING:
-    from hybrid.artefact import Trained
+    from hybrid.calibrators.artefact import Trained
 
 MOTION = (*POSE, *VELOCITY)
 """What must have been measured up to the start; wind and thrusters are held anyhow, and may be older."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from acquisition.recording.batches import Samples
 from acquisition.recording.reader import Recording, Series
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 
 _SOURCE = ("",)
 

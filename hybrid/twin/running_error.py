@@ -13,17 +13,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.angles import unwrap
-from acquisition.channels import COMMAND
-from analysis.holding import Tolerances, held
-from analysis.resample import MOTION_FILTER
-from analysis.time_index import NANO, times_ns
-from hybrid.horizon import difference_rad, in_ship_axes
-from hybrid.predict import Prediction
-
-Floats = NDArray[np.float64]
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import COMMAND
+from analysis.tables.resample import MOTION_FILTER
+from analysis.tables.time_index import NANO, times_ns
+from analysis.windows.steady_controls import Tolerances, held
+from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
+from hybrid.workflows.predict import Prediction
 
 SETTLED_S = MOTION_FILTER.reach
 """So long after the end of a horizon its last second is measured as it will be found in the recording."""

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.channels import NAMES
-from acquisition.errors import SeatrialError
-from acquisition.follow import Follower
-from acquisition.frames import Quality
-from acquisition.hearing import say_prediction
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import SeatrialError
+from acquisition.core.frames import Quality
+from acquisition.logger.requests import say_prediction
+from acquisition.recording.follow import Follower
 from acquisition.recording.reader import Recording, Series
-from acquisition.trial import Trial
-from analysis.time_index import NANO
-from hybrid.horizon import PAST_S
+from acquisition.recording.trial import Trial
+from analysis.tables.time_index import NANO
+from hybrid.prediction.prediction_windows import PAST_S
 from hybrid.twin.message import body_of, geojson_of
 from hybrid.twin.now import Foretold, missing_channels, newest_second_ns, predict_now
 from hybrid.twin.recent import Recent
@@ -28,7 +28,7 @@ from hybrid.twin.running_error import Judged, RunningError
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.artefact import Trained
+    from hybrid.calibrators.artefact import Trained
 
 _MARGIN_S = 15.0  # more than the filters look back, and than judging waits
 _LEAST_APART_S = 0.55  # what the recorder takes is two a second

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from acquisition.config import TrialConfig
-from acquisition.supervision import LOG, LogFormat, log_to
+from acquisition.config.configuration import TrialConfig
+from acquisition.logger.supervision import LOG, LogFormat, log_to
 from hybrid.twin.display import Picture, latency, running
 from hybrid.twin.twin import Account, Model, Twin, warm_up
 

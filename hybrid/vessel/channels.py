@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from acquisition.angles import unwrap, wrap_180, wrap_360
-from acquisition.channels import COMMAND, ENVIRONMENT, NAMES, POSE, VELOCITY
-from acquisition.errors import InputError
-from hybrid.vessel.compiling import Floats
+from acquisition.core.angles import unwrap, wrap_180, wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import COMMAND, ENVIRONMENT, NAMES, POSE, VELOCITY
+from acquisition.core.errors import InputError
 
 RPM_PER_RPS = 60.0
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])

@@ -11,11 +11,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
 Record: TypeAlias = Any
 """One packed plant, a numpy record of ``plant.DTYPE``; inside compiled code its fields are attributes."""
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 from math import cos, exp, pi, sin
 from typing import NamedTuple
 
-from hybrid.vessel.compiling import Floats, Record, compiled
+from acquisition.core.arrays import Floats
+from hybrid.vessel.compiling import Record, compiled
 from hybrid.vessel.drift import constant_force, wave_drift_force
 from hybrid.vessel.hull import hull_force
 from hybrid.vessel.plant import ForceFunction

@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 from numba.core.registry import CPUDispatcher
 
-from hybrid.vessel.compiling import FAST, Floats
+from acquisition.core.arrays import Floats
+from hybrid.vessel.compiling import FAST
 from hybrid.vessel.plant import ForceFunction, Plant, Plants
 
 _NONE = np.zeros((1, 1))

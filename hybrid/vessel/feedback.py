@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid.vessel.compiling import Floats
+from acquisition.core.arrays import Floats
 
 _ANGLES = (1, 3)  # where the azimuths stand in a control
 

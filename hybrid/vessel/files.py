@@ -13,8 +13,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from acquisition.errors import ConfigurationError, storage_error
-from acquisition.toml_file import line_of, read_text, validate
+from acquisition.config.toml_file import line_of, read_text, validate
+from acquisition.core.errors import ConfigurationError, storage_error
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.plant import NUMBERS, TABLES, Plant
 from hybrid.vessel.wind import TABLE_SIZE
 

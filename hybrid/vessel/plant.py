@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.errors import ConfigurationError
-from hybrid.vessel.compiling import Floats
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.parameters import Surge, Sway, Vessel, Yaw
 from hybrid.vessel.wind import TABLE_SIZE
 

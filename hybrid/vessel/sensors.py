@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hybrid.vessel.compiling import Floats
+from acquisition.core.arrays import Floats
 from hybrid.vessel.plant import Plant
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)

@@ -17,8 +17,9 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.errors import InputError, ModelRangeError
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import InputError, ModelRangeError
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
 from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.feedback import acting_controls

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import NAMES
-from acquisition.null_modem import NullModem
+from acquisition.core.channels import NAMES
+from acquisition.emulator.null_modem import NullModem
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 
 DBC = Path(__file__).parents[2] / "trials" / "vessels" / "thrusters.dbc"
 ORIGIN = (63.44, 10.4)

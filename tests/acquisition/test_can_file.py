@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.errors import SourceError
-from acquisition.frames import Frame, FrameFlag
-from acquisition.sections import CanFileSource
+from acquisition.config.sections import CanFileSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag
 from acquisition.sources import make_source
 from acquisition.sources.can_file import CanFile
 from acquisition.sources.can_text import LineReader

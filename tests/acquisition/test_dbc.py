@@ -13,13 +13,13 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acquisition.config.sections import CanSource, Device, Signal
+from acquisition.core.frames import FrameFlag
 from acquisition.decoders import Decoder, make_decoders
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.dbc import DbcDecoder, missing_by_rule
 from acquisition.decoders.parameter_fields import ERROR_VALUE, NOT_AVAILABLE
-from acquisition.frames import FrameFlag
-from acquisition.sections import CanSource, Device, Signal
 from tests.acquisition.can_frames import can_frame, values
 from tests.acquisition.conftest import DBC
 

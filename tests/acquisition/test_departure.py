@@ -13,12 +13,12 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from acquisition import departure
-from acquisition.config import TrialConfig, load_config
-from acquisition.departure import DepartureCheck, check_departure, examine_folder
-from acquisition.live.check_table import departure_table
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.config.sections import RecordingSection
+from acquisition.logger import preflight as departure
+from acquisition.logger.live.check_table import departure_table
+from acquisition.logger.preflight import DepartureCheck, check_departure, examine_folder
 from acquisition.recording.disk_room import free_bytes
-from acquisition.sections import RecordingSection
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port
 

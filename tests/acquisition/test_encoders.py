@@ -13,20 +13,20 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from acquisition.angles import difference
-from acquisition.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.config import load_config
+from acquisition.config.configuration import load_config
+from acquisition.config.sections import AnySource
+from acquisition.core.angles import difference
+from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, FrameFlag
 from acquisition.decoders import make_decoders
-from acquisition.derive import Derivation
-from acquisition.emulate import emulate, moments_of
+from acquisition.emulator.emulate import emulate, moments_of
 from acquisition.encoders import Moment, Packet, make_encoder
 from acquisition.encoders.nmea0183 import degrees_and_minutes
-from acquisition.errors import SourceError
-from acquisition.frames import Frame, FrameFlag
+from acquisition.logger.derive import Derivation
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.sections import AnySource
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, config_text, free_port, voyage_table, write_voyage
 
 SECTIONS = {
@@ -208,7 +208,7 @@ def test_a_gateway_waits_for_the_logger_before_it_plays(tmp_path: Path) -> None:
 
 
 def test_nobody_comes_to_the_gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.outlets._TcpOutlet._WAIT_S", 0.1)
+    monkeypatch.setattr("acquisition.emulator.transmitters._TcpOutlet._WAIT_S", 0.1)
     (tmp_path / "tcp.toml").write_text(config_text(f'type = "tcp"\nport = {free_port(socket.SOCK_STREAM)}\n'))
     write_voyage(tmp_path / "voyage.mcap", duration_s=1.0)
     with pytest.raises(SourceError, match="no logger connected"):

@@ -19,16 +19,17 @@ import orjson
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from acquisition import health, housekeeping
-from acquisition.channels import NAMES
-from acquisition.config import load_config
+from acquisition.config.configuration import load_config
+from acquisition.core.channels import NAMES
+from acquisition.core.frames import Frame, now_ns
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import READERS
+from acquisition.emulator.null_modem import NullModem
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.frames import Frame, now_ns
-from acquisition.inbox import Inbox
-from acquisition.null_modem import NullModem
-from acquisition.pipeline import Recorder
+from acquisition.logger import health
+from acquisition.logger import maintenance as housekeeping
+from acquisition.logger.inbox import Inbox
+from acquisition.logger.pipeline import Recorder
 from acquisition.recording.messages import frame_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording
@@ -254,8 +255,8 @@ def test_a_source_that_floods_costs_only_itself(tmp_path: Path, monkeypatch: pyt
             return accepted
 
     fakes = {"flood": Fake("flood", flood), "calm": Fake("calm", calm)}
-    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: fakes[section.name])
-    monkeypatch.setattr("acquisition.pipeline.Inbox", Watched)
+    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: fakes[section.name])
+    monkeypatch.setattr("acquisition.logger.pipeline.Inbox", Watched)
     monkeypatch.setattr(housekeeping, "_HEALTH_EVERY_S", 0.1)
     sources = udp("flood", 1, "heading_deg") + udp("calm", 2, "yaw_rate_dps")
     sources += f"[recording]\nqueue_frames = {share}\n"

@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from acquisition.errors import ConfigurationError, SourceError
-from acquisition.hearing import recorders, say_prediction
-from acquisition.live.foxglove import LiveView
+from acquisition.config.sections import LiveSection
+from acquisition.core.errors import ConfigurationError, SourceError
+from acquisition.logger.live.foxglove import LiveView
+from acquisition.logger.requests import recorders, say_prediction
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import schema_of
-from acquisition.sections import LiveSection
 from tests.acquisition.conftest import free_port, wait_for
 from tests.acquisition.test_predictions import BODY, GEOJSON, Recording
 
@@ -172,7 +172,7 @@ def test_the_layout_shows_what_a_recording_holds() -> None:
             schema = schema["properties"][field]
         assert path.endswith("[:]") == (bool(fields) and schema["type"] == "array"), path
     shown = {path.partition(".")[0] for path in paths}
-    from acquisition.channels import CHANNELS
+    from acquisition.core.channels import CHANNELS
 
     assert {each.topic for each in CHANNELS} - shown == {"/channel/north_m", "/channel/east_m"}  # on the map
     assert {"/position", "/event", "/health", "/prediction"} <= shown

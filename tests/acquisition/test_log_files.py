@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from acquisition.config import TrialConfig, load_config
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.errors import ConfigurationError, SourceError
+from acquisition.core.frames import Frame
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.errors import ConfigurationError, SourceError
-from acquisition.frames import Frame
-from acquisition.record import record
+from acquisition.logger.record import record
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import RAW_PREFIX

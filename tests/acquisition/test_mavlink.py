@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from acquisition.config.sections import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
+from acquisition.core.errors import ConfigurationError, SourceError
+from acquisition.core.frames import Frame, Sample
 from acquisition.decoders.mavlink import MavlinkDecoder
-from acquisition.errors import ConfigurationError, SourceError
-from acquisition.frames import Frame, Sample
-from acquisition.null_modem import NullModem
-from acquisition.sections import MavlinkSerialSource, MavlinkSource, MavlinkTcpSource
+from acquisition.emulator.null_modem import NullModem
 from acquisition.sources import Source, make_source
 from tests.acquisition.conftest import free_port
 

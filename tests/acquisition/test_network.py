@@ -7,9 +7,9 @@ from contextlib import closing
 
 import pytest
 
+from acquisition.config.sections import LiveSection, MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
+from acquisition.core.errors import SourceError
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.errors import SourceError
-from acquisition.sections import LiveSection, MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
 from acquisition.sources import network
 from acquisition.sources.network import UdpLines
 from tests.acquisition.conftest import free_port

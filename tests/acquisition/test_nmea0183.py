@@ -15,14 +15,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pynmeagps import NMEAReader
 
-from acquisition.channels import BY_NAME
+from acquisition.config.sections import FileSource, Thrusters
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Frame, Group, Quality, Sample
 from acquisition.decoders import make_decoders
 from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum, split_sentence
-from acquisition.derive import Derivation
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.frames import Frame, Group, Quality, Sample
-from acquisition.sections import FileSource, Thrusters
-from acquisition.trial import Trial
+from acquisition.logger.derive import Derivation
+from acquisition.recording.trial import Trial
 
 SECOND = 1_000_000_000
 KNOT = 1852.0 / 3600.0

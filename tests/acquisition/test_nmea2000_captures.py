@@ -17,9 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nmea2000 import pgns
 
+from acquisition.config.sections import CanFileSource
 from acquisition.decoders.nmea2000 import Nmea2000Decoder
 from acquisition.decoders.parameter_fields import FIELDS, SHORTEST_BYTES, Field, Message
-from acquisition.sections import CanFileSource
 from acquisition.sources.can_file import CanFile
 from tests.acquisition.can_frames import can_frame, fast_parts, identifier_of, values
 

@@ -14,14 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from acquisition.errors import StorageError
-from acquisition.frames import Sample
+from acquisition.config.sections import RecordingSection
+from acquisition.core.errors import StorageError
+from acquisition.core.frames import Sample
 from acquisition.recording import disk_room, storage
 from acquisition.recording import parts as parts_module
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
-from acquisition.sections import RecordingSection
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 
 START_NS = 1_790_000_000_000_000_000
 TRIAL = Trial(name="parts", vessel="gunnerus_long", origin_latitude_deg=63.44, origin_longitude_deg=10.4)

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config import TrialConfig, load_config
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.errors import SourceError, StorageError
+from acquisition.core.frames import Frame, now_ns
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.errors import SourceError, StorageError
-from acquisition.frames import Frame, now_ns
-from acquisition.pipeline import Recorder
+from acquisition.logger.pipeline import Recorder
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import config_text, wait_for
@@ -84,7 +84,7 @@ def run(config: TrialConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     def recorded(
         source: FakeSource, during: Callable[[Recorder], None] = lambda recorder: time.sleep(0.15)
     ) -> Recording:
-        monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: source)
+        monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: source)
         parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
         recorder = Recorder(config, parts)
         recorder.start()
@@ -104,7 +104,7 @@ def texts(recording: Recording) -> str:
 
 def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Recorded and dropped are all that came, and the event log has said it once."""
-    from acquisition.processing import Processing
+    from acquisition.logger.processing import Processing
 
     slow = Processing.process
 
@@ -165,7 +165,7 @@ def test_a_source_that_takes_long_to_open_keeps_no_other_from_being_heard(
 
     both = replace(config, sources=(*config.sources, replace(config.sources[0], name="slow", channels=())))
     made = {"line": FakeSource("line", reads([frame()])), "slow": Slow("slow", idle)}
-    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: made[section.name])
+    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: made[section.name])
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     recorder = Recorder(both, parts)
     recorder.start()
@@ -177,7 +177,7 @@ def test_a_source_that_takes_long_to_open_keeps_no_other_from_being_heard(
 
 
 def test_a_source_that_hangs_is_left_behind(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.pipeline._LONGEST_JOIN_S", 0.2)
+    monkeypatch.setattr("acquisition.logger.pipeline._LONGEST_JOIN_S", 0.2)
     release = threading.Event()
     first = reads([frame()])
 
@@ -288,7 +288,7 @@ def test_a_source_that_is_not_there_yet_does_not_stop_the_others(
     late = replace(config.sources[0], name="late", channels=())
     both = replace(config, sources=(*config.sources, late))
     made = {"line": FakeSource("line", reads([frame()])), "late": Broken("late", reads([frame(name="late")]), 2)}
-    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: made[section.name])
+    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: made[section.name])
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     recorder = Recorder(both, parts)
     recorder.start()

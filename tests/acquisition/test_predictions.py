@@ -16,19 +16,19 @@ import pytest
 from mcap.reader import make_reader
 from typer.testing import CliRunner
 
-from acquisition.config import load_config
+from acquisition.config.configuration import load_config
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.health import Health
-from acquisition.hearing import Hearing, Running, recorders, say_prediction
-from acquisition.info import describe
-from acquisition.local_socket import MOST_BYTES, PATIENCE_S, LocalServer, ask
-from acquisition.marks import send_mark
-from acquisition.predictions import Predictions, misfit
-from acquisition.record import record
+from acquisition.logger.health import Health
+from acquisition.logger.local_socket import MOST_BYTES, PATIENCE_S, LocalServer, ask
+from acquisition.logger.marks import send_mark
+from acquisition.logger.predictions import Predictions, misfit
+from acquisition.logger.record import record
+from acquisition.logger.redecode import redecode
+from acquisition.logger.requests import Hearing, Running, recorders, say_prediction
+from acquisition.recording.info import describe
 from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.recover import recover
-from acquisition.redecode import redecode
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port, wait_for
 
@@ -186,7 +186,7 @@ def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(ear: Ear) ->
 
 
 def test_a_client_that_stalls_is_parted_with(ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.local_socket.PATIENCE_S", 0.6)
+    monkeypatch.setattr("acquisition.logger.local_socket.PATIENCE_S", 0.6)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.connect(str(ear.hearing.path))
         client.sendall(b"{")

@@ -12,13 +12,13 @@ import pytest
 from mcap.reader import make_reader
 from rich.console import Console
 
-from acquisition.config import TrialConfig, load_config
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.frames import Frame
 from acquisition.encoders import Moment, make_encoder
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.frames import Frame
-from acquisition.health import ChannelHealth, Health, SourceHealth
-from acquisition.live.terminal import Picture
-from acquisition.processing import Processing
+from acquisition.logger.health import ChannelHealth, Health, SourceHealth
+from acquisition.logger.live.terminal import Picture
+from acquisition.logger.processing import Processing
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
 
-from acquisition.errors import InputError
-from acquisition.frames import Frame, Quality, Sample
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Frame, Quality, Sample
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import CHANNEL_PREFIX
+from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
-from acquisition.trial import Trial
 
 SAMPLES = st.builds(
     Sample,

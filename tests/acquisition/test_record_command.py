@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.config import load_config
-from acquisition.emulate import emulate
-from acquisition.errors import SourceError
-from acquisition.null_modem import NullModem
-from acquisition.record import record
+from acquisition.config.configuration import load_config
+from acquisition.core.errors import SourceError
+from acquisition.emulator.emulate import emulate
+from acquisition.emulator.null_modem import NullModem
+from acquisition.logger.record import record
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import config_text, free_port, write_voyage
 

@@ -15,16 +15,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import InputError, StorageError
-from acquisition.frames import Frame, FrameFlag, Quality, Sample
-from acquisition.health import SourceHealth
-from acquisition.info import describe
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import InputError, StorageError
+from acquisition.core.frames import Frame, FrameFlag, Quality, Sample
+from acquisition.logger.health import SourceHealth
+from acquisition.recording.info import describe
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import schema_of
 from acquisition.recording.tables import write_table
+from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
-from acquisition.trial import Trial
 from tests.acquisition.conftest import write_voyage
 
 FULL_TRIAL = Trial(

@@ -25,13 +25,13 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, IndexType, Writer
 from typer.testing import CliRunner
 
-from acquisition.errors import InputError, SeatrialError, StorageError
-from acquisition.frames import Sample
+from acquisition.core.errors import InputError, SeatrialError, StorageError
+from acquisition.core.frames import Sample
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.recover import Recovered, recover
 from acquisition.recording.scan import MCAP_MAGIC, Intact, scan
+from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
-from acquisition.trial import Trial
 
 START_NS = 1_780_000_000_000_000_000
 PAGE_BYTES = 4096
@@ -439,7 +439,7 @@ def test_a_bomb_is_refused(tmp_path: Path, claimed: int) -> None:
 MEASURED = """
 import re, sys
 from pathlib import Path
-from acquisition.errors import SeatrialError
+from acquisition.core.errors import SeatrialError
 from acquisition.recording.recover import recover
 try:
     recover(Path(sys.argv[1]), Path(sys.argv[2]))

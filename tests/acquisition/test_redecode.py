@@ -14,21 +14,21 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition import redecode as redecode_module
-from acquisition.config import TrialConfig, load_config
-from acquisition.emulate import moments_of
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.errors import InputError, SeatrialError, StorageError
+from acquisition.core.frames import Frame, FrameFlag
+from acquisition.emulator.emulate import moments_of
 from acquisition.encoders import make_encoder
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.errors import InputError, SeatrialError, StorageError
-from acquisition.frames import Frame, FrameFlag
-from acquisition.pipeline import health_of
-from acquisition.processing import Processing
+from acquisition.logger import redecode as redecode_module
+from acquisition.logger.pipeline import health_of
+from acquisition.logger.processing import Processing
+from acquisition.logger.redecode import redecode
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Entry, MessageStream, read_recording
 from acquisition.recording.schemas import CHANNEL_PREFIX, EVENT_TOPIC, HEALTH_TOPIC, RAW_PREFIX
 from acquisition.recording.writer import RecordingWriter
-from acquisition.redecode import redecode
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, write_voyage
 
 SECOND = 1_000_000_000

@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.angles import difference
-from acquisition.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.config import TrialConfig, load_config
-from acquisition.emulate import Played, emulate
-from acquisition.null_modem import NullModem
-from acquisition.record import record
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.angles import difference
+from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from acquisition.emulator.emulate import Played, emulate
+from acquisition.emulator.null_modem import NullModem
+from acquisition.logger.record import record
 from acquisition.recording.reader import Recording, Series, read_recording
 from tests.acquisition.conftest import DBC, SIGNALS, config_text, free_port, write_voyage
 
@@ -165,9 +165,9 @@ def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: 
 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     """A TCP multiplexer that is there before the recorder: every sentence arrives."""
-    from acquisition.emulate import moments_of
+    from acquisition.emulator.emulate import moments_of
+    from acquisition.emulator.transmitters import open_outlet
     from acquisition.encoders import make_encoder
-    from acquisition.outlets import open_outlet
 
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     sending, receiving = transport("tcp", tmp_path, null_modem, "source")

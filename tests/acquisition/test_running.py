@@ -19,19 +19,19 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from acquisition import supervision
-from acquisition.channels import NAMES
-from acquisition.config import load_config
-from acquisition.departure import check_departure
+from acquisition.config.configuration import load_config
+from acquisition.config.sections import UdpSource
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import SourceError
+from acquisition.emulator.null_modem import NullModem
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.errors import SourceError
-from acquisition.health import Health
-from acquisition.hearing import Hearing, Running
-from acquisition.marks import Mark, send_mark
-from acquisition.null_modem import NullModem
-from acquisition.predictions import Predictions
+from acquisition.logger import supervision
+from acquisition.logger.health import Health
+from acquisition.logger.marks import Mark, send_mark
+from acquisition.logger.predictions import Predictions
+from acquisition.logger.preflight import check_departure
+from acquisition.logger.requests import Hearing, Running
 from acquisition.recording.reader import read_recording
-from acquisition.sections import UdpSource
 from acquisition.sources.network import TcpLines, UdpLines
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port, wait_for

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.frames import Sample
-from acquisition.health import SILENT_NS
-from acquisition.sections import CanSource, Device, UdpSource
-from acquisition.select import Selector
+from acquisition.config.sections import CanSource, Device, UdpSource
+from acquisition.core.frames import Sample
+from acquisition.logger.health import SILENT_NS
+from acquisition.logger.select import Selector
 
 SECOND = 1_000_000_000
 HEADING = ("heading_deg",)

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import ConfigurationError, InputError
-from acquisition.mapped_table import from_degrees_and_minutes, true_wind
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.recording.reader import read_recording
-from acquisition.tabular import import_table, quality_flags, read_table_file
+from acquisition.tables.import_table import import_table, quality_flags, read_table_file
+from acquisition.tables.mapped_table import from_degrees_and_minutes, true_wind
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
 EPOCH_S = pd.Timestamp(TIMES[0]).timestamp()
@@ -65,7 +65,7 @@ def test_times_are_iso_with_zone_or_seconds_since_1970(tmp_path: Path, times: li
 
 @given(microseconds=st.integers(0, 2**51))
 def test_seconds_since_1970_are_exact_to_the_microsecond(microseconds: int) -> None:
-    from acquisition.table_files import RawTable, times
+    from acquisition.tables.table_files import RawTable, times
 
     raw = RawTable(Path("x.csv"), pd.DataFrame({"time": [microseconds / 1e6]}))
     assert times(raw, "time").as_unit("ns").asi8[0] == microseconds * 1000

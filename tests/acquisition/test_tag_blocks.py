@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acquisition.config.sections import FileSource
+from acquisition.core.frames import Frame
 from acquisition.decoders.nmea0183 import Nmea0183Decoder
 from acquisition.decoders.tag_block import Tagged, split_tag
-from acquisition.frames import Frame
-from acquisition.sections import FileSource
 from acquisition.sources.lines import LineAssembler
 from acquisition.sources.logfile import LogFile
 from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line, sound, tagged

@@ -8,19 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.errors import InputError
-from acquisition.follow import Follower, choose, nobody
-from acquisition.frames import Sample
-from acquisition.health import Health
-from acquisition.hearing import Hearing, Running
-from acquisition.predictions import Predictions
+from acquisition.config.sections import RecordingSection
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Sample
+from acquisition.logger.health import Health
+from acquisition.logger.predictions import Predictions
+from acquisition.logger.requests import Hearing, Running
 from acquisition.recording.batches import Samples
+from acquisition.recording.follow import Follower, choose, nobody
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tail import Tail
+from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
-from acquisition.sections import RecordingSection
-from acquisition.trial import Trial
 
 START_NS = 1_790_000_000_000_000_000
 NAMES = ("north_m", "heading_deg", "port_rpm")

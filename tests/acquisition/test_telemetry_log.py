@@ -14,13 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink import mavutil
 
+from acquisition.config.sections import MavlinkFileSource
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, Sample
+from acquisition.core.units import DEG_PER_RAD
 from acquisition.decoders import make_decoders
 from acquisition.decoders.mavlink_packets import Fault, PacketCutter, header_of, is_sound
-from acquisition.errors import SourceError
-from acquisition.frames import Frame, Sample
-from acquisition.sections import MavlinkFileSource
 from acquisition.sources import make_source
-from acquisition.units import DEG_PER_RAD
 from tests.acquisition.test_mavlink import UTC_US
 from tests.acquisition.test_mavlink_packets import broken, stream
 

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition import housekeeping
-from acquisition.config import TrialConfig, load_config
+from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.frames import Frame
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.frames import Frame
-from acquisition.pipeline import Recorder
+from acquisition.logger import maintenance as housekeeping
+from acquisition.logger.pipeline import Recorder
+from acquisition.logger.timescale import Timescale, host_clock_state
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
-from acquisition.timescale import Timescale, host_clock_state
 from tests.acquisition.conftest import config_text, wait_for
 
 SECOND = 1_000_000_000
@@ -126,7 +126,7 @@ def test_the_clock_is_set_by_an_hour_while_it_records(
     """Nothing is lost; within each part order and durations are right, and the parts differ by the hour."""
     clock = SettableClock(monkeypatch)
     talker = Talker(clock)
-    monkeypatch.setattr("acquisition.pipeline.make_source", lambda section: talker)
+    monkeypatch.setattr("acquisition.logger.pipeline.make_source", lambda section: talker)
     parts = RecordingParts(tmp_path, config.trial, {}, config.recording)
     recorder = Recorder(config, parts)
     recorder.start()

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.angles import difference
-from acquisition.channels import NAMES
-from analysis.time_index import NANO, index_of
+from acquisition.core.angles import difference
+from acquisition.core.channels import NAMES
+from analysis.tables.time_index import NANO, index_of
 
 START_S = 1_573_287_600
 

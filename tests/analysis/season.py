@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.angles import wrap_360
-from acquisition.channels import NAMES
+from acquisition.core.angles import wrap_360
+from acquisition.core.channels import NAMES
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.season.products import Options
+from acquisition.recording.trial import Trial
+from analysis.batch.products import Options
 from tests.analysis.conftest import table_at
 
 QUICK = Options(smooth=False, pictures=False)

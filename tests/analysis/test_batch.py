@@ -20,13 +20,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.errors import DataShortageError, InputError, SourceError, StorageError
-from analysis.season.batch import Summary, recordings_below, result_names, run_batch
-from analysis.season.index import read_index
-from analysis.season.job import MARKS, MOST_ATTEMPTS, Job, attempt
-from analysis.season.one_recording import process
-from analysis.season.products import Options
-from analysis.season.row import NOT_CLOSED, Row
+from acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError
+from analysis.batch.batch import Summary, recordings_below, result_names, run_batch
+from analysis.batch.index import read_index
+from analysis.batch.job import MARKS, MOST_ATTEMPTS, Job, attempt
+from analysis.batch.one_recording import process
+from analysis.batch.products import Options
+from analysis.batch.row import NOT_CLOSED, Row
 from seatrial import app
 from tests.analysis.season import BROKEN, QUICK, hashes, sailed, write_broken, write_season
 
@@ -166,7 +166,7 @@ def test_a_result_whose_recording_is_gone_stays_and_the_index_says_so(
 
 def _troubled(job: Job) -> Row:
     """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
-    from analysis.season import job as batch_job
+    from analysis.batch import job as batch_job
 
     once, last = Path(job.out).parent / "died_once", job.name[-1]
 

@@ -11,10 +11,10 @@ from urllib.request import url2pathname
 
 import pytest
 
-from acquisition.channels import NAMES as CHANNELS
-from acquisition.errors import StorageError
-from analysis.season.index import failures_of, gone_rows, index_table, read_index, write_index
-from analysis.season.index_page import index_page
+from acquisition.core.channels import NAMES as CHANNELS
+from acquisition.core.errors import StorageError
+from analysis.batch.index import failures_of, gone_rows, index_table, read_index, write_index
+from analysis.report.index_page import index_page
 from tests.browser import Browser, running_browser
 
 

@@ -15,15 +15,15 @@ import typer
 from rich.text import Text
 from typer.testing import CliRunner
 
-from acquisition.errors import InputError
-from acquisition.frames import Quality
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.parquet import read_parquet
+from acquisition.recording.trial import Trial
 from analysis.quality.check import check_recording, check_table
-from analysis.table import read_table
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.parquet import read_parquet
+from analysis.tables.table import read_table
+from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 
 RUN = CliRunner()

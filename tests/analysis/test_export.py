@@ -16,19 +16,19 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 from typer.testing import CliRunner
 
-from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import InputError, StorageError
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import InputError, StorageError
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.tabular import import_table
-from acquisition.trial import Trial
-from analysis.export import export_table, matlab_name, with_flags
-from analysis.history import history_of, with_step
+from acquisition.recording.trial import Trial
+from acquisition.tables.import_table import import_table
 from analysis.prepare import Preparation, prepared
-from analysis.provenance import provenance_of
 from analysis.quality.findings import Checked
-from analysis.resample import resample
-from analysis.table import read_table
+from analysis.tables.export import export_table, matlab_name, with_flags
+from analysis.tables.history import history_of, with_step
+from analysis.tables.provenance import provenance_of
+from analysis.tables.resample import resample
+from analysis.tables.table import read_table
 from seatrial import app
 from tests.analysis.conftest import steady_table, table_at
 
@@ -39,7 +39,7 @@ TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, o
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes under way at 5 Hz, with a stretch of headings missing."""
-    from hybrid.truth.trial import simulate_trial
+    from hybrid.simulation.trial import simulate_trial
 
     table, _ = simulate_trial("gunnerus_short", "calm", "zigzag_20_20", 120.0, 5.0, 3)
     table.iloc[100:110, 2] = np.nan

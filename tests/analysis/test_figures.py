@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from acquisition.errors import StorageError
-from analysis.figures import file_name, filled, numbers_of, write_figure
-from analysis.page import Page
-from analysis.plots import held_shade, series, track
-from analysis.windows import held_windows
+from acquisition.core.errors import StorageError
+from analysis.report.figures import file_name, filled, numbers_of, write_figure
+from analysis.report.page import Page
+from analysis.report.plots import held_shade, series, track
+from analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 
 SIZE = (4.0, 3.0)

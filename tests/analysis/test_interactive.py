@@ -13,12 +13,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import CIRCULAR, NAMES
-from acquisition.errors import ConfigurationError, DataShortageError, InputError
-from analysis.interactive import interactive_page, write_interactive
-from analysis.interactive_data import MOST_PREDICTED, MOST_ROWS, kept_rows, page_data, rounded
+from acquisition.core.channels import CIRCULAR, NAMES
+from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from analysis.manoeuvres import Manoeuvre
-from analysis.windows import held_windows
+from analysis.report.interactive import interactive_page, write_interactive
+from analysis.report.interactive_data import MOST_PREDICTED, MOST_ROWS, kept_rows, page_data, rounded
+from analysis.windows.held import held_windows
 from tests.analysis.conftest import START_S, steady_table, table_at
 from tests.browser import Browser, running_browser
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.smoothing.kalman import Gate, Start, Steps, Track, predicted, smooth_steps
-from analysis.smoothing.motion_laws import Law, Model, WaveMotion, WhiteJerk
+from analysis.estimation.kalman import Gate, Start, Steps, Track, predicted, smooth_steps
+from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
 
 WIDE = Gate(limit=np.inf)
 START = Start(np.zeros(9), np.diag([100.0, 10.0, 1.0] * 3))

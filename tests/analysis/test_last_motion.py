@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.angles import difference, wrap_360
-from analysis.smoothing.last_motion import end_value, goes_on, last_motion
-from analysis.smoothing.slow_motion import MOTION, smooth_motion
+from acquisition.core.angles import difference, wrap_360
+from analysis.estimation.last_motion import end_value, goes_on, last_motion
+from analysis.estimation.slow_motion import MOTION, smooth_motion
 
 SECONDS = np.arange(60.0)
 INDEX = pd.date_range("2026-06-01T08:00:00Z", periods=60, freq="1s", name="time")

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.channels import NAMES
-from acquisition.errors import InputError, StorageError
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import InputError, StorageError
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.parquet import read_parquet
-from analysis.season import one_recording
-from analysis.season.one_recording import SUMMARY, process, reusable
-from analysis.season.products import cause_of
-from analysis.season.row import distance_m, plain, thumbnail
-from analysis.window_files import read_windows
+from acquisition.recording.trial import Trial
+from analysis.batch import one_recording
+from analysis.batch.one_recording import SUMMARY, process, reusable
+from analysis.batch.products import cause_of
+from analysis.batch.row import distance_m, plain, thumbnail
+from analysis.tables.parquet import read_parquet
+from analysis.windows.files import read_windows
 from tests.analysis.conftest import table_at
 from tests.analysis.season import QUICK, hashes, sailed
 

@@ -10,8 +10,8 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plots import STYLE, held_shade, series, track
-from analysis.windows import held_windows
+from analysis.report.plots import STYLE, held_shade, series, track
+from analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 
 

@@ -12,12 +12,12 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from acquisition.angles import unwrap
-from acquisition.tabular import import_table
-from analysis.resample import resample
-from analysis.table import read_table
-from analysis.window_files import read_windows
-from analysis.windows import held_windows
+from acquisition.core.angles import unwrap
+from acquisition.tables.import_table import import_table
+from analysis.tables.resample import resample
+from analysis.tables.table import read_table
+from analysis.windows.files import read_windows
+from analysis.windows.held import held_windows
 from seatrial import app
 
 pytestmark = pytest.mark.shared

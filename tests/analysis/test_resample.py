@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.errors import DataShortageError, InputError
+from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording, Series
-from acquisition.trial import Trial
-from analysis.history import history_of
-from analysis.resample import SETTINGS, resample, resample_recording
-from analysis.table import select, table_of, without_delays
+from acquisition.recording.trial import Trial
+from analysis.tables.history import history_of
+from analysis.tables.resample import SETTINGS, resample, resample_recording
+from analysis.tables.table import select, table_of, without_delays
 from tests.analysis.conftest import START_S, table_at, turn_between
 
 RATES = st.sampled_from([0.4, 1.0, 2.0, 5.0, 10.0, 25.0])

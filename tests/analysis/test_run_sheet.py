@@ -10,11 +10,11 @@ import pytest
 
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from analysis.manoeuvres.indices import Current, Manoeuvre
-from analysis.resample import resample
-from analysis.run_sheet import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
-from analysis.table import table_of
+from analysis.report.run_sheet import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
+from analysis.tables.resample import resample
+from analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table
 
 

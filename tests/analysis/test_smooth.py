@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.angles import difference, wrap_360
-from acquisition.channels import POSE, VELOCITY
-from analysis.smoothing.smooth import local_quadratic, smooth_motion
+from acquisition.core.angles import difference, wrap_360
+from acquisition.core.channels import POSE, VELOCITY
+from analysis.estimation.smooth import local_quadratic, smooth_motion
 from tests.analysis.conftest import table_at, turn_between
 
 MOTION = (*POSE, *VELOCITY)

@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.angles import difference
-from acquisition.errors import InputError
-from analysis.smoothing.consistency import coverage, nees, with_accelerations
-from analysis.smoothing.smooth import Smoothed, smooth
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from acquisition.core.angles import difference
+from acquisition.core.errors import InputError
+from analysis.estimation.consistency import coverage, nees, with_accelerations
+from analysis.estimation.smooth import Smoothed, smooth
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 
 FINE_HZ = 40.0
 CASES = [
@@ -191,8 +191,8 @@ def test_both_engines_and_all_blocks_give_the_same(monkeypatch: pytest.MonkeyPat
     whole = smooth(table, levels=levels, engine="compiled")
     slow = smooth(table, levels=levels, engine="filterpy")
     assert slow.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-6, abs=1e-6)
-    monkeypatch.setattr("analysis.smoothing.smooth._BLOCK_STEPS", 200)
-    monkeypatch.setattr("analysis.smoothing.smooth._OVERLAP_STEPS", 150)
+    monkeypatch.setattr("analysis.estimation.smooth._BLOCK_STEPS", 200)
+    monkeypatch.setattr("analysis.estimation.smooth._OVERLAP_STEPS", 150)
     parts = smooth(table, levels=levels, engine="compiled")
     assert parts.states.to_numpy() == pytest.approx(whole.states.to_numpy(), rel=1e-3, abs=2e-3)
     assert parts.states.notna().to_numpy().all()
@@ -211,7 +211,7 @@ def test_position_and_heading_are_needed() -> None:
 def test_the_figure_of_consistency_shows_every_channel() -> None:
     from matplotlib.figure import Figure
 
-    from analysis.plots import consistency
+    from analysis.report.plots import consistency
 
     channels = result(*CASES[0]).consistency.as_json()
     axes = Figure().add_subplot()

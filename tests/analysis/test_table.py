@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import InputError
-from acquisition.frames import Quality
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series
 from acquisition.recording.tables import write_table
-from acquisition.tabular import import_table
-from acquisition.trial import Trial
-from analysis.export import export_table
-from analysis.resample import resample
-from analysis.table import read_table, select, table_of
+from acquisition.recording.trial import Trial
+from acquisition.tables.import_table import import_table
+from analysis.tables.export import export_table
+from analysis.tables.resample import resample
+from analysis.tables.table import read_table, select, table_of
 from tests.analysis.conftest import START_S, steady_table, table_at
 
 TRIAL = Trial(name="voyage", vessel="gunnerus_long", origin_latitude_deg=63.4, origin_longitude_deg=10.4)

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.channels import COMMAND, NAMES
-from acquisition.errors import DataShortageError, InputError
-from analysis.holding import noise_of
-from analysis.recordings import trial_names, windows_of_tables
-from analysis.window_files import read_windows, write_windows
-from analysis.windows import COLUMNS, held_windows, joined
+from acquisition.core.channels import COMMAND, NAMES
+from acquisition.core.errors import DataShortageError, InputError
+from analysis.windows.files import read_windows, write_windows
+from analysis.windows.held import COLUMNS, held_windows, joined
+from analysis.windows.recordings import trial_names, windows_of_tables
+from analysis.windows.steady_controls import noise_of
 from tests.analysis.conftest import steady_table, table_at
 
 NOISES = ((0.0, 0.0), (0.3, 0.2), (2.0, 1.0))

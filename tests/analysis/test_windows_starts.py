@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.holding import feedback_of
-from analysis.resample import resample
-from analysis.smoothing.smooth import COVARIANCE_NAMES, smooth
-from analysis.window_files import read_windows, starts_path, write_windows
-from analysis.window_starts import START_COLUMNS, STATES, Cutting, windows_of_recordings, with_starts
-from analysis.windows import COLUMNS, REASONS, held_windows, joined
-from hybrid.truth.trial import simulate_trial
+from acquisition.recording.trial import Trial
+from analysis.estimation.smooth import COVARIANCE_NAMES, smooth
+from analysis.tables.resample import resample
+from analysis.windows.files import read_windows, starts_path, write_windows
+from analysis.windows.held import COLUMNS, REASONS, held_windows, joined
+from analysis.windows.starts import START_COLUMNS, STATES, Cutting, windows_of_recordings, with_starts
+from analysis.windows.steady_controls import feedback_of
+from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 from tests.analysis.conftest import steady_table
 from tests.analysis.test_windows import wandering

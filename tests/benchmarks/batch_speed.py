@@ -16,8 +16,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from analysis.season.batch import run_batch
-from analysis.season.products import Options
+from analysis.batch.batch import run_batch
+from analysis.batch.products import Options
 from tests.analysis.season import sailed, write_season
 
 

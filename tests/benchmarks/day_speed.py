@@ -37,9 +37,9 @@ T = TypeVar("T")
 
 def write_voyage(path: Path, hours: float) -> int:
     """Simulated hours one after the other, each channel at times of its own; the number of samples."""
+    from acquisition.recording.trial import Trial
     from acquisition.recording.writer import RecordingWriter
-    from acquisition.trial import Trial
-    from hybrid.truth.trial import simulate_trial
+    from hybrid.simulation.trial import simulate_trial
 
     samples = 0
     with RecordingWriter(path, Trial(name=path.stem, vessel="gunnerus_long")) as writer:
@@ -81,9 +81,9 @@ def measure(path: Path) -> dict[str, Any]:
     from windows_speed import HORIZON_S, STRIDE_S, plain
 
     from acquisition.recording.reader import read_recording
-    from analysis.resample import resample_recording
-    from analysis.smoothing.smooth import smooth
-    from analysis.windows import held_windows
+    from analysis.estimation.smooth import smooth
+    from analysis.tables.resample import resample_recording
+    from analysis.windows.held import held_windows
 
     steps: dict[str, tuple[float, float, float]] = {}
 

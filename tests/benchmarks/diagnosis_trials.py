@@ -14,7 +14,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from acquisition.progress import bar
+from acquisition.core.progress import bar
 from tests.benchmarks.diagnosis.cases import GROUPS, cases_of
 from tests.benchmarks.diagnosis.page import write_page
 from tests.benchmarks.diagnosis.plan import planned, preparations

@@ -16,12 +16,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hybrid.artefact import load, plant_for
-from hybrid.baselines import reference
 from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.artefact import load, plant_for
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.effects import vessel_plant
-from hybrid.horizon import Horizons
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.prediction_windows import Horizons
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows

@@ -22,11 +22,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from analysis.quality.check import check_recording
 from analysis.quality.findings import Finding
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault, Spoilt
 

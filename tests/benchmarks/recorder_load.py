@@ -21,10 +21,10 @@ from pathlib import Path
 
 import can
 
+from acquisition.config.sections import MavlinkSource
 from acquisition.encoders import Moment, make_encoder
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.recording.reader import read_recording
-from acquisition.sections import MavlinkSource
 
 ROOT = Path(__file__).resolve().parents[2]
 FRAMES_HZ, SENTENCES_HZ, MAVLINK_HZ = 1900, 200, 50

@@ -14,11 +14,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from acquisition import pipeline
-from acquisition.config import load_config
+from acquisition.config.configuration import load_config
+from acquisition.core.frames import Frame, now_ns
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.frames import Frame, now_ns
-from acquisition.pipeline import Recorder
+from acquisition.logger import pipeline
+from acquisition.logger.pipeline import Recorder
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 

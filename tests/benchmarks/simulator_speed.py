@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from hybrid.effects import vessel_plant
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.simulate import simulate, simulate_batch
 from tests.benchmarks import bare_loop

@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.smoothing.consistency import coverage, nees, with_accelerations
-from analysis.smoothing.smooth import smooth
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from analysis.estimation.consistency import coverage, nees, with_accelerations
+from analysis.estimation.smooth import smooth
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 
 DURATION_S, MARGIN_S, FINE_HZ = 600.0, 5.0, 40.0
 

@@ -16,9 +16,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPRegressor
+
+from acquisition.core.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
@@ -26,12 +27,11 @@ from hybrid.calibrators.network import HIDDEN, Scaling, make_network
 from hybrid.calibrators.paper import PaperCalibrator
 from hybrid.calibrators.training import Rows, Stopping, fit_network
 from hybrid.effects import vessel_plant
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.simulate import simulate_batch
 
-Floats = NDArray[np.float64]
 SECONDS, FITTED, KEPT_OUT = 30, 56, 24
 FASTEST_HZ = 20
 

@@ -11,11 +11,11 @@ import time
 import numpy as np
 import pandas as pd
 
-from acquisition.angles import unwrap
-from acquisition.channels import CIRCULAR, COMMAND, NAMES
-from analysis.holding import Tolerances, noise_of, tolerance_of
-from analysis.time_index import index_of
-from analysis.windows import held_windows
+from acquisition.core.angles import unwrap
+from acquisition.core.channels import CIRCULAR, COMMAND, NAMES
+from analysis.tables.time_index import index_of
+from analysis.windows.held import held_windows
+from analysis.windows.steady_controls import Tolerances, noise_of, tolerance_of
 
 HOURS, HORIZON_S, STRIDE_S = 4, 15, 5
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from acquisition.channels import BY_NAME
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Frame
 from acquisition.decoders import Decoder
-from acquisition.derive import Derivation
-from acquisition.frames import Frame
+from acquisition.logger.derive import Derivation
 
 
 def check_frame(decoder: Decoder, derivation: Derivation, frame: Frame) -> None:

@@ -15,12 +15,12 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.config.sections import Signal
+    from acquisition.core.frames import Frame, FrameFlag
     from acquisition.decoders.clock import SourceClock
     from acquisition.decoders.dbc import DbcDecoder
-    from acquisition.derive import Derivation
-    from acquisition.frames import Frame, FrameFlag
-    from acquisition.sections import Signal
-    from acquisition.trial import Trial
+    from acquisition.logger.derive import Derivation
+    from acquisition.recording.trial import Trial
     from tests.fuzz.decoding import check_frame
 
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)

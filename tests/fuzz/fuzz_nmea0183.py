@@ -17,13 +17,13 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.config.sections import Thrusters
+    from acquisition.core.frames import Frame
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
     from acquisition.decoders.tag_block import checksum
-    from acquisition.derive import Derivation
-    from acquisition.frames import Frame
-    from acquisition.sections import Thrusters
+    from acquisition.logger.derive import Derivation
+    from acquisition.recording.trial import Trial
     from acquisition.sources.lines import LineAssembler
-    from acquisition.trial import Trial
     from tests.fuzz.decoding import check_frame
 
 SECOND = 1_000_000_000

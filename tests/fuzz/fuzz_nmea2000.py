@@ -18,12 +18,12 @@ import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
+    from acquisition.config.sections import Device
+    from acquisition.core.frames import Frame, FrameFlag
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
     from acquisition.decoders.parameter_fields import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
-    from acquisition.derive import Derivation
-    from acquisition.frames import Frame, FrameFlag
-    from acquisition.sections import Device
-    from acquisition.trial import Trial
+    from acquisition.logger.derive import Derivation
+    from acquisition.recording.trial import Trial
     from tests.acquisition.can_frames import fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame
 

@@ -25,13 +25,13 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition", "mcap"]):
     from mcap.reader import make_reader
 
-    from acquisition.errors import SeatrialError
-    from acquisition.frames import Sample
+    from acquisition.core.errors import SeatrialError
+    from acquisition.core.frames import Sample
     from acquisition.recording.reader import read_recording
     from acquisition.recording.recover import recover
     from acquisition.recording.scan import MCAP_MAGIC, scan
+    from acquisition.recording.trial import Trial
     from acquisition.recording.writer import RecordingWriter
-    from acquisition.trial import Trial
 
 Key = tuple[str, int, int, bytes]
 FOLDER = Path(tempfile.mkdtemp(prefix="fuzz_recover_"))

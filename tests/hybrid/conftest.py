@@ -6,14 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 from hybrid.vessel.simulate import simulate
 
-Floats = NDArray[np.float64]
 Held = Callable[..., Floats]
 
 

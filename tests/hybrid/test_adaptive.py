@@ -14,9 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
-from acquisition.errors import DataShortageError
-from hybrid.artefact import Trained, load, save
-from hybrid.baselines import reference
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.adaptation import (
     FOLLOWED,
@@ -32,11 +31,13 @@ from hybrid.calibrators.adaptive.adaptation import (
 from hybrid.calibrators.adaptive.calibrator import Adaptive, _folds
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.adaptive.gains import WAVE_DAMPING, kalman_gains, wave_step
-from hybrid.certainty import reserve_of
-from hybrid.horizon import PAST_S, Horizons
-from hybrid.scores import distances
+from hybrid.calibrators.artefact import Trained, load, save
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.prediction_windows import PAST_S, Horizons
+from hybrid.prediction.regions import reserve_of
+from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant, pack
-from tests.hybrid.windows_by_hand import Floats, moved, turned, voyages
+from tests.hybrid.windows_by_hand import moved, turned, voyages
 
 SECONDS = 10
 UNADAPTED = np.zeros(len(NAMES))

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hybrid.baselines import reference
 from hybrid.calibrators.adaptive.adaptation import NAMES
 from hybrid.calibrators.adaptive.calibrator import START_NAMES, Adaptive
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.gather import gather
-from hybrid.horizon import Horizons
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.dataset import gather
+from hybrid.prediction.prediction_windows import Horizons
 from hybrid.vessel.files import load_vessel
 
 pytestmark = pytest.mark.pages  # training takes its time

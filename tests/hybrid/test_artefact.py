@@ -21,15 +21,15 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from acquisition.channels import NAMES
-from acquisition.errors import ConfigurationError, InputError, SeatrialError, StorageError
-from hybrid.artefact import Trained, load, plant_for, save
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
+from hybrid.calibrators.artefact import Trained, load, plant_for, save
 from hybrid.calibrators.data_driven import DataDriven
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS
-from hybrid.certainty import Reserve
-from hybrid.sidecar import FORMAT, SIDECAR
+from hybrid.calibrators.sidecar import FORMAT, SIDECAR
+from hybrid.prediction.regions import Reserve
 from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import NUMBERS, Plant, bare_plant

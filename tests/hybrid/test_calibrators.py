@@ -10,16 +10,17 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.additive import AdditiveCalibrator
 from hybrid.calibrators.data_driven import DataDriven
 from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS, start_inputs
 from hybrid.calibrators.network import NetworkCalibrator, Scaling
 from hybrid.calibrators.paper import PaperCalibrator
-from hybrid.horizon import Horizons
-from hybrid.scores import score
-from tests.hybrid.windows_by_hand import Floats, moved, random_windows, windows_at
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.scores import score
+from tests.hybrid.windows_by_hand import moved, random_windows, windows_at
 
 SECONDS = 8
 Data = tuple[Horizons, Floats]

@@ -14,11 +14,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from acquisition.errors import ConfigurationError, InputError
-from analysis.table import read_table
-from hybrid.truth import cli
-from hybrid.truth.campaigns import Campaign, Made, load_campaign, run_campaign, trials_of
-from hybrid.truth.trial import simulate_trial
+from acquisition.core.errors import ConfigurationError, InputError
+from analysis.tables.table import read_table
+from hybrid.simulation import cli
+from hybrid.simulation.campaigns import Campaign, Made, load_campaign, run_campaign, trials_of
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel, save_vessel
 
 EXAMPLE = Path(__file__).parents[2] / "trials" / "campaign.toml"

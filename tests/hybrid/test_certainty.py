@@ -11,9 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
-from hybrid.baselines import constant_velocity, reference
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground, Progress
-from hybrid.certainty import (
+from acquisition.core.arrays import Bools, Floats
+from hybrid.calibrators.calibrator import Calibrator, Examples, Ground, Progress
+from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.prediction.prediction_windows import PAST_S, Horizons, joined_horizons
+from hybrid.prediction.regions import (
     FALLBACKS,
     HINDCAST_S,
     Reserve,
@@ -24,8 +26,7 @@ from hybrid.certainty import (
     off_m,
     reserve_of,
 )
-from hybrid.horizon import PAST_S, Horizons, joined_horizons
-from hybrid.scores import distances
+from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 from tests.hybrid.windows_by_hand import random_windows, voyages
@@ -52,10 +53,10 @@ class Boastful(Calibrator):
     def ground(self, horizons: Horizons, reference: Floats) -> Ground:
         raise NotImplementedError
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
+    def outside(self, horizons: Horizons, reference: Floats) -> Bools:
         return self._fast(horizons) if np.isfinite(self.beyond) else np.zeros(len(horizons), dtype=bool)
 
-    def _fast(self, horizons: Horizons) -> Flags:
+    def _fast(self, horizons: Horizons) -> Bools:
         return np.asarray(horizons.start[:, 3] > 3.0)
 
     def state(self) -> dict[str, Any]:
@@ -78,7 +79,7 @@ def turning(plant: Plant) -> Horizons:
     return replace(windows, start=windows.start + np.array([0.1, -0.1, 0.0, 0.02, 0.0, 0.0]))
 
 
-def without_past(windows: Horizons, which: Flags) -> Horizons:
+def without_past(windows: Horizons, which: Bools) -> Horizons:
     """The windows, of which some know nothing of what came before."""
     return replace(windows, past=np.where(which[:, None, None], np.nan, windows.past))
 

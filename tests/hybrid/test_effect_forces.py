@@ -8,12 +8,13 @@ from math import atan2, cos, degrees, pi, radians, sin
 import numpy as np
 import pytest
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 from hybrid.effects import CATALOGUE
 from hybrid.effects.hull_shape import aspect_growth
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
-from tests.hybrid.conftest import Floats, Held
+from tests.hybrid.conftest import Held
 
 Force = tuple[float, float, float]
 ORDER = (2.2, 0.3, 1.8, -0.5, 150.0)  # rev/s, rad, rev/s, rad, rpm

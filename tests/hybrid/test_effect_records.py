@@ -10,16 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from acquisition.errors import InputError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import InputError
 from hybrid.effects import CATALOGUE
-from hybrid.truth.manoeuvres import manoeuvre_named
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.manoeuvres import manoeuvre_named
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import acting_controls, simulate, simulate_batch
-from tests.hybrid.conftest import Floats, Held
+from tests.hybrid.conftest import Held
 
 PERFECT = Noise().scaled(0.0)
 TURN = {"angle_deg": (15.0, 15.0), "tunnel_rpm": 100.0}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.effects import CATALOGUE, apply_effects, parse_effect, vessel_plant
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel

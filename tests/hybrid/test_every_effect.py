@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.arrays import Floats
 from hybrid.effects import CATALOGUE, FAMILIES, Effect
 from hybrid.vessel.plant import Plant, flat, pack
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate
-from tests.hybrid.conftest import Floats
 
 EFFECTS = list(CATALOGUE.values())
 BY_NAME = pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)

@@ -11,11 +11,11 @@ import pytest
 from typer.testing import CliRunner
 
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from hybrid.evaluation.splits import draws_of, shared_seconds
-from hybrid.gather import gather
-from hybrid.horizon import Horizons
-from hybrid.truth.trial import simulate_trial
+from hybrid.prediction.dataset import gather
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 from tests.conftest import few_epochs
 
@@ -51,7 +51,7 @@ def test_train_and_validate_repair_on_request(
 ) -> None:
     """With --repair both judge the reference on speeds in knots as on those that are right."""
     monkeypatch.setattr(
-        "hybrid.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 1)
+        "hybrid.workflows.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 1)
     )
 
     def said(command: str, path: Path, *options: str) -> dict[str, Any]:

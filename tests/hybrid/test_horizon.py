@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from acquisition.channels import CIRCULAR, NAMES
-from acquisition.errors import DataShortageError
-from hybrid.horizon import from_rows, split_by_group
+from acquisition.core.channels import CIRCULAR, NAMES
+from acquisition.core.errors import DataShortageError
+from hybrid.prediction.prediction_windows import from_rows, split_by_group
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import NAMES
-from acquisition.errors import ConfigurationError, ModelRangeError
-from acquisition.tabular import import_table
-from analysis.table import read_table
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import ConfigurationError, ModelRangeError
+from acquisition.tables.import_table import import_table
+from analysis.tables.table import read_table
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant

@@ -11,11 +11,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from acquisition.errors import ConfigurationError
-from analysis.table import read_table
+from acquisition.core.errors import ConfigurationError
+from analysis.tables.table import read_table
 from hybrid import cli
 from hybrid.effects import CATALOGUE, apply_effects, catalogue_with
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.dynamics import Environment
 from hybrid.vessel.plant import Plant
 

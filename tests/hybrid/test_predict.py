@@ -9,16 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.angles import difference
-from acquisition.channels import NAMES
-from acquisition.errors import InputError, ModelRangeError
-from analysis.resample import resample
-from analysis.table import read_table
-from hybrid.artefact import Trained
-from hybrid.baselines import reference
-from hybrid.predict import parse_time, predict, window_at
-from hybrid.tables import prediction_table
+from acquisition.core.angles import difference
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import InputError, ModelRangeError
+from analysis.tables.resample import resample
+from analysis.tables.table import read_table
+from hybrid.calibrators.artefact import Trained
+from hybrid.prediction.baselines import reference
+from hybrid.report.terminal_tables import prediction_table
 from hybrid.vessel.plant import Plant
+from hybrid.workflows.predict import parse_time, predict, window_at
 from tests.conftest import SMALL_HORIZON_S
 
 

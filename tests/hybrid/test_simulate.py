@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from acquisition.errors import ConfigurationError, InputError, ModelRangeError
+from acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.simulate import simulate, simulate_batch, stepper

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.errors import DataShortageError, InputError
-from hybrid.artefact import Trained
-from hybrid.certainty import band_radius
+from acquisition.core.errors import DataShortageError, InputError
+from hybrid.calibrators.artefact import Trained
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.gather import Source, gather
-from hybrid.scores import distances
-from hybrid.train import inside_range, train
-from hybrid.validate import Validation, refuse_seen, validate
+from hybrid.prediction.dataset import Source, gather
+from hybrid.prediction.regions import band_radius
+from hybrid.prediction.scores import distances
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
+from hybrid.workflows.train import inside_range, train
+from hybrid.workflows.validate import Validation, refuse_seen, validate
 from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
 from tests.hybrid.windows_by_hand import random_windows
 
@@ -166,7 +166,7 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
     def fewer(method: str, seed: int, plant: Plant) -> object:
         return few_epochs(method, seed, plant, epochs=2)
 
-    monkeypatch.setattr("hybrid.train.make_calibrator", fewer)
+    monkeypatch.setattr("hybrid.workflows.train.make_calibrator", fewer)
     gathered = gather(earlier[:2], 15, 5)
     first, again, other = (train(gathered, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
     assert np.array_equal(first.band_m, again.band_m)

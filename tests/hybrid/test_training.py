@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor, nn
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.calibrators.device import VARIABLE, chosen_device
 from hybrid.calibrators.network import make_network
 from hybrid.calibrators.paper import PaperCalibrator
 from hybrid.calibrators.training import Perceptron, Stopping, fit_network
-from hybrid.scores import score
+from hybrid.prediction.scores import score
 from tests.hybrid.windows_by_hand import random_windows
 
 UNTIL = Stopping(steps=120, rows=400, patience=20)

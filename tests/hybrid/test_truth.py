@@ -11,16 +11,16 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from acquisition.angles import difference
-from acquisition.channels import BY_NAME, CHANNELS, NAMES
-from acquisition.errors import ConfigurationError, ModelRangeError
+from acquisition.core.angles import difference
+from acquisition.core.channels import BY_NAME, CHANNELS, NAMES
+from acquisition.core.errors import ConfigurationError, ModelRangeError
 from hybrid import cli
-from hybrid.truth.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, turned, zigzag
-from hybrid.truth.sea_state import SeaState, sea_state_named, sea_states
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
-from hybrid.truth.waves import jonswap, wave_motion
-from hybrid.truth.weather import drift_series, wind_series
+from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, turned, zigzag
+from hybrid.simulation.sea_state import SeaState, sea_state_named, sea_states
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.waves import jonswap, wave_motion
+from hybrid.simulation.weather import drift_series, wind_series
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch

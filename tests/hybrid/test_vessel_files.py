@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.files import VESSELS, load_vessel, save_vessel, vessel_names, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import DTYPE, NUMBERS, Plant, flat, pack

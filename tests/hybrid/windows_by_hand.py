@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hybrid.baselines import constant_velocity
-from hybrid.horizon import PAST_S, Horizons
+from acquisition.core.arrays import Floats
+from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.prediction_windows import PAST_S, Horizons
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
-
-Floats = NDArray[np.float64]
 
 
 def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> Horizons:

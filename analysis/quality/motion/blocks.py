@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.quality.motion.series import Floats
+from acquisition.core.arrays import Floats
 
 _ROUNDS = 4
 _TOLERATED = 4.0

@@ -12,8 +12,8 @@ from collections.abc import Iterable
 import numpy as np
 import pandas as pd
 
-from acquisition.errors import DataShortageError, InputError
-from acquisition.frames import Quality
+from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.motion.contradictions import contradiction, flag_displaced, jump_finding, unfitted
@@ -25,7 +25,7 @@ from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
 from analysis.quality.motion.parts import with_parts
 from analysis.quality.motion.scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
 from analysis.quality.motion.series import GROUPS, MOTION
-from analysis.time_index import utc_index
+from analysis.tables.time_index import utc_index
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_JITTER_S = 0.15

@@ -15,10 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from analysis.quality.motion.series import GROUPS, STEP_S, Floats, Motion, block_starts, group_samples, isolated
-from analysis.table import require
-
-Complexes = NDArray[np.complex128]
+from acquisition.core.arrays import Complexes, Floats
+from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, isolated
+from analysis.tables.table import require
 
 _WINDOW_S = 10.0
 _LONG_S = 60.0

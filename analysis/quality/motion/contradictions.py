@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from acquisition.frames import Quality
+from acquisition.core.frames import Quality
 from analysis.quality.findings import Finding
 from analysis.quality.motion.coarse import Coarse
 from analysis.quality.motion.jumps import PositionJump
-from analysis.time_index import NANO, times_ns, utc_index
+from analysis.tables.time_index import NANO, times_ns, utc_index
 
 _MATCHES = 0.005
 FACTORS = (0.3, 3.0)

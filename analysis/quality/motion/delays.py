@@ -12,8 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
+from acquisition.core.arrays import Floats
 from analysis.quality.motion.kinematics import NAMES, Kinematics, quantile
-from analysis.quality.motion.series import Floats
 
 OBSERVED = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s", "forward_m", "starboard_m")
 CAUSES: dict[str, tuple[float, ...]] = {

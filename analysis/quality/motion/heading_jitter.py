@@ -14,11 +14,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Bools, Floats
 from analysis.quality.motion.jitter import Jitter
 from analysis.quality.motion.kinematics import Kinematics, quantile
 from analysis.quality.motion.path import turn_model
-from analysis.quality.motion.series import GROUPS, Bools, Floats, group_samples
+from analysis.quality.motion.series import GROUPS, group_samples
 
 _SMALLEST_S = 0.1
 """Jitter below this is nothing to care about: a quarter of a degree in a hard turn."""

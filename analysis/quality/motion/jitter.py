@@ -13,9 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
 from analysis.quality.motion.path import interpolated, path_model
-from analysis.quality.motion.series import GROUPS, Floats, group_samples, isolated, rotated
+from analysis.quality.motion.series import GROUPS, group_samples, isolated, rotated
 
 _SHORT_S = 30.0
 _LONG_S = 120.0

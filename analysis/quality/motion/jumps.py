@@ -14,9 +14,10 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Bools, Floats
 from analysis.quality.motion.jitter import position_errors
 from analysis.quality.motion.kinematics import Kinematics
-from analysis.quality.motion.series import Bools, Floats, Group
+from analysis.quality.motion.series import Group
 
 _STRETCH_S = 5.0
 _FEWEST = 4

@@ -20,11 +20,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.errors import DataShortageError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 from analysis.quality.motion.blocks import Solution, cosines, solve
 from analysis.quality.motion.coarse import Coarse, coarse_fit
 from analysis.quality.motion.path import Model, path_model, turn_model, without_jumps
-from analysis.quality.motion.series import Floats, Group, Motion, block_starts, motion_of, spline
+from analysis.quality.motion.series import Group, Motion, block_starts, motion_of, spline
 
 PATH_PARAMETERS = (
     "speed_factor", "heading_offset_rad", "position_delay_s", "heading_delay_s", "forward_m", "starboard_m",

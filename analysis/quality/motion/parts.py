@@ -11,9 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from acquisition.errors import DataShortageError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 from analysis.quality.motion.kinematics import Kinematics, fit_motion, quantile, rescaled
-from analysis.quality.motion.series import Floats, Group, Motion
+from analysis.quality.motion.series import Group, Motion
 
 _PARTS = 4
 _FEWEST_PARTS = 3

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.quality.motion.series import Floats, Group, Motion, rotated, spline
+from acquisition.core.arrays import Floats
+from analysis.quality.motion.series import Group, Motion, rotated, spline
 
 Model = Callable[[Floats], tuple[Floats, Floats]]
 """Levels [points, m] on the grid (2 of position or 1 of heading) for p parameters, and their slopes [points, p, m].

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.angles import unwrap, wrap_360
-from acquisition.errors import DataShortageError, InputError
+from acquisition.core.angles import unwrap, wrap_360
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.errors import DataShortageError, InputError
 from analysis.quality.motion.heading_jitter import HeadingErrors, certain, jitter_of, leaps, turned_at
 from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
 from analysis.quality.motion.rebuilt_path import tied
-from analysis.quality.motion.series import Bools, Floats
 from analysis.quality.runs import samples_of
-from analysis.time_index import utc_index
+from analysis.tables.time_index import utc_index
 
 _TIES_S = (15.0, 30.0, 60.0)
 """Short against what the yaw rate needs to part from the heading by its bias and a scale that changes, long against

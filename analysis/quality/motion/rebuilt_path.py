@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.angles import unwrap
-from analysis.quality.runs import Floats, Samples, integral, samples_of
-from analysis.time_index import NANO, times_ns, utc_index
+from acquisition.core.angles import unwrap
+from acquisition.core.arrays import Floats
+from analysis.quality.runs import Samples, integral, samples_of
+from analysis.tables.time_index import NANO, times_ns, utc_index
 
 POSITION = ("north_m", "east_m")
 _NEEDED = (*POSITION, "heading_deg", "surge_mps", "sway_mps")

@@ -13,12 +13,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.errors import DataShortageError
-from analysis.table import require
-from analysis.time_index import NANO, times_ns
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.errors import DataShortageError
+from analysis.tables.table import require
+from analysis.tables.time_index import NANO, times_ns
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "north_m": ("north_m", "east_m"),

@@ -13,13 +13,12 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, follow
-from hybrid.horizon import Horizons, difference_rad
+from hybrid.prediction.prediction_windows import Horizons, difference_rad
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
-
-Floats = NDArray[np.float64]
 
 POSITIVE = (
     "mass_kg",

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from acquisition.channels import NAMES as CHANNELS
-from acquisition.errors import DataShortageError
-from acquisition.progress import Progress, part_of
-from hybrid.baselines import modelled, present_motion_held
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.channels import NAMES as CHANNELS
+from acquisition.core.errors import DataShortageError
+from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground
-from hybrid.certainty import HINDCAST_S, band_radius, blended, earlier, off_m
-from hybrid.horizon import Horizons, joined_horizons
-from hybrid.scores import distances
+from hybrid.calibrators.calibrator import Calibrator, Examples, Ground
+from hybrid.prediction.baselines import modelled, present_motion_held
+from hybrid.prediction.prediction_windows import Horizons, joined_horizons
+from hybrid.prediction.regions import HINDCAST_S, band_radius, blended, earlier, off_m
+from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Adaptive(Calibrator):
     def unseen(self, stopping: Examples) -> Floats:
         return self.unseen_
 
-    def _adapted(self, horizons: Horizons, chosen: Flags, member: int, progress: Progress) -> Floats:
+    def _adapted(self, horizons: Horizons, chosen: Bools, member: int, progress: Progress) -> Floats:
         """The vector of one member."""
         windows = self._drawn(horizons, np.flatnonzero(chosen), member)
         return adapt(self._model, seen(windows), windows.track, _own_share(windows), progress)

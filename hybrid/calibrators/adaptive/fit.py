@@ -11,15 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.progress import Progress
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.progress import Progress
 from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed
-from hybrid.horizon import in_ship_axes
+from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.vessel.plant import Plant
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 STEPS = 8
 _OUTLYING = 1.5
@@ -71,7 +68,7 @@ def covariance_at(vector: Floats, plant: Plant, windows: Seen, track: Floats, ov
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
 
-def _differences(plant: Plant, windows: Seen, track: Floats) -> tuple[Callable[[Floats], Floats], Flags]:
+def _differences(plant: Plant, windows: Seen, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
     """What predictions with a vector differ by from the tracks [N, H, 3], and which seconds are known [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
@@ -83,13 +80,13 @@ def _differences(plant: Plant, windows: Seen, track: Floats) -> tuple[Callable[[
     return off, ~unknown
 
 
-def _whitening(now: Floats, known: Flags, overlap: float) -> Floats:
+def _whitening(now: Floats, known: Bools, overlap: float) -> Floats:
     """What each difference is multiplied by [N, H, 3]: its second's scale, its window's weight."""
     scale = 1.48 * np.sqrt(_median_where(known, now**2)) + _LEAST
     return np.asarray(_weights(now / scale, overlap) / scale)
 
 
-def _median_where(known: Flags, squares: Floats) -> Floats:
+def _median_where(known: Bools, squares: Floats) -> Floats:
     """The median over the windows in which a second is known and the model in its range: [H, 3]."""
     usable = known[..., None] & np.isfinite(squares)
     ordered = np.sort(np.where(usable, squares, np.inf), axis=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hybrid.vessel.compiling import Floats
+from acquisition.core.arrays import Floats
 
 _DIFFUSE = 10.0
 WAVE_DAMPING = 0.1

@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Floats, Record, compiled
+from acquisition.core.arrays import Floats
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record, compiled
 from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_over
 from hybrid.vessel.plant import ForceFunction
 

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from hybrid.calibrators.adaptive.adaptation import (
     CURRENT_MPS,
     DRIFT_N,
@@ -29,8 +29,6 @@ from hybrid.calibrators.adaptive.adaptation import (
 from hybrid.calibrators.adaptive.calibrator import Adaptive
 from hybrid.entangled import entangled_pairs
 from hybrid.vessel.plant import Plant
-
-Floats = NDArray[np.float64]
 
 UNKNOWN = 0.8
 """A standard error of so much of the prior's, and more, is none of the data's."""

@@ -9,8 +9,8 @@ from functools import cache
 import pandas as pd
 import pytest
 
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import as_table
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.history import with_step
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.motion import AZIMUTHS, motion_of
 from analysis.quality.orders import held_orders
+from analysis.tables.history import with_step
 from tests.analysis.manoeuvres.conftest import Sail
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import NAMES
-from acquisition.errors import InputError
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import InputError
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.segments import one_order_each, plateaus
-from analysis.time_index import NANO, times_ns
-from hybrid.truth.manoeuvres import Leg
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.time_index import NANO, times_ns
+from hybrid.simulation.manoeuvres import Leg
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import steady_table, table_at
 from tests.analysis.manoeuvres.conftest import Sail
 

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.angles import wrap_180, wrap_360
+from acquisition.core.angles import wrap_180, wrap_360
+from acquisition.core.arrays import Floats
 from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
-from analysis.manoeuvres.motion import Floats, Motion, motion_of
+from analysis.manoeuvres.motion import Motion, motion_of
 from analysis.manoeuvres.noise import measured_with_intervals
 from analysis.manoeuvres.tracks import peak
 from analysis.manoeuvres.turning_circle import circle_indices

@@ -12,9 +12,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from acquisition.tabular import import_table
+from acquisition.tables.import_table import import_table
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.table import read_table
+from analysis.tables.table import read_table
 
 pytestmark = pytest.mark.shared
 

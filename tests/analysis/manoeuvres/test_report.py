@@ -12,15 +12,15 @@ import pytest
 from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
-from acquisition.errors import StorageError
+from acquisition.core.errors import StorageError
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.manoeuvre_plots import draw
+from acquisition.recording.trial import Trial
 from analysis.manoeuvres import find_manoeuvres
 from analysis.manoeuvres.indices import index_of
 from analysis.manoeuvres.motion import motion_of
 from analysis.manoeuvres.report import cells, manoeuvres_of, subline, write_report
-from analysis.plots import STYLE
+from analysis.report.manoeuvre_plots import draw
+from analysis.report.plots import STYLE
 from seatrial import app
 from tests.analysis.manoeuvres.conftest import Sail
 

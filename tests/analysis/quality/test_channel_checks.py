@@ -12,15 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
-from acquisition.angles import wrap_180, wrap_360
-from acquisition.channels import BY_NAME
-from acquisition.frames import Quality
+from acquisition.core.angles import wrap_180, wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Quality
 from analysis.quality.channel_checks import duplicates, gaps, out_of_range, spikes, time_backwards
 from analysis.quality.samples import series_samples, stretches_of
 from analysis.quality.stuck import stuck
-from analysis.time_index import NANO, index_of
+from analysis.tables.time_index import NANO, index_of
 
-Floats = NDArray[np.float64]
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
 AZIMUTH = BY_NAME["port_angle_deg"]
 

@@ -9,17 +9,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import NAMES
-from acquisition.errors import DataShortageError, InputError
-from acquisition.frames import Quality
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from analysis.quality.channel_quality import grade_of
 from analysis.quality.check import DataQuality, check_recording, check_table, rows_of
-from analysis.table import table_of
-from analysis.time_index import times_ns
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.table import table_of
+from analysis.tables.time_index import times_ns
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
 

@@ -12,10 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.parquet import read_parquet
-from analysis.quality.page import binned_flags
-from hybrid.truth.trial import simulate_trial
+from acquisition.recording.trial import Trial
+from analysis.report.quality_page import binned_flags
+from analysis.tables.parquet import read_parquet
+from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 
 RUN = CliRunner()

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.angles import difference, unwrap, wrap_180, wrap_360
-from acquisition.frames import Quality
-from acquisition.tabular import import_table
+from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
+from acquisition.core.frames import Quality
+from acquisition.tables.import_table import import_table
 from analysis.quality.heading_wrap import CODE, heading_wrap, straight_through
-from analysis.table import read_table
-from analysis.time_index import NANO, times_ns
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.table import read_table
+from analysis.tables.time_index import NANO, times_ns
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 from tests.analysis.test_real_recordings import MAPS, TRIALS

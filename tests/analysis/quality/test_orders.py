@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.channels import COMMAND
-from acquisition.frames import Quality
+from acquisition.core.channels import COMMAND
+from acquisition.core.frames import Quality
 from analysis.quality.orders import CODE, held_orders, orders
 from analysis.quality.runs import samples_of
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

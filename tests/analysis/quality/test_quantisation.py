@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.angles import wrap_360
-from acquisition.channels import BY_NAME
-from acquisition.tabular import import_table
+from acquisition.core.angles import wrap_360
+from acquisition.core.channels import BY_NAME
+from acquisition.tables.import_table import import_table
 from analysis.quality.check import DataQuality, check_table
 from analysis.quality.quantisation import grid_step, quantised
-from analysis.table import read_table
-from analysis.time_index import NANO, index_of
+from analysis.tables.table import read_table
+from analysis.tables.time_index import NANO, index_of
 
 MAPS = Path(__file__).parents[3] / "trials" / "columns"
 NORTH, HEADING, SURGE = (BY_NAME[name] for name in ("north_m", "heading_deg", "surge_mps"))

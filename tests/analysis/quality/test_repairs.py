@@ -9,15 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.angles import difference, unwrap, wrap_360
-from acquisition.channels import BY_NAME, NAMES
-from acquisition.errors import InputError
-from acquisition.frames import Quality
+from acquisition.core.angles import difference, unwrap, wrap_360
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Quality
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.tabular import import_table
-from acquisition.trial import Trial
-from analysis.history import history_of
+from acquisition.recording.trial import Trial
+from acquisition.tables.import_table import import_table
 from analysis.quality.channel_checks import in_other_turn
 from analysis.quality.check import check_recording
 from analysis.quality.findings import Checked, Finding
@@ -25,8 +24,9 @@ from analysis.quality.heading_wrap import heading_wrap
 from analysis.quality.orders import orders
 from analysis.quality.repairs import Repaired, repair, write_repaired
 from analysis.quality.wind import wind
-from analysis.table import read_table, table_of
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.history import history_of
+from analysis.tables.table import read_table, table_of
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 from tests.analysis.test_real_recordings import MAPS, TRIALS

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.frames import Quality
+from acquisition.core.frames import Quality
 from analysis.quality.thruster_feedback import thruster_feedback
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

@@ -8,8 +8,8 @@ import pytest
 
 from acquisition.recording.reader import Series
 from analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
-from analysis.time_index import NANO, index_of, times_ns
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.time_index import NANO, index_of, times_ns
+from hybrid.simulation.trial import simulate_trial
 
 RATE_HZ = 5.0
 

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.angles import difference, wrap_360
-from acquisition.frames import Quality
-from acquisition.kinematics import wind_over_ground
+from acquisition.core.angles import difference, wrap_360
+from acquisition.core.frames import Quality
+from acquisition.core.kinematics import wind_over_ground
 from analysis.quality.wind import true_wind, wind
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from hybrid.truth.sea_state import SeaState
-from hybrid.truth.sensors import Noise
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.sea_state import SeaState
+from hybrid.simulation.sensors import Noise
+from hybrid.simulation.trial import simulate_trial
 from tests.benchmarks.other_ship.programmes import Order, steer
 from tests.benchmarks.other_ship.sea import SEAS
 from tests.benchmarks.other_ship.trial import make_trial

@@ -11,11 +11,11 @@ from math import sqrt
 
 from scipy.stats import chi2
 
-from hybrid.diagnosis.name import searched
-from hybrid.diagnosis.planning.information import noncentrality
-from hybrid.diagnosis.remainder import CHANCE, Remainder, families, remainders
+from hybrid.diagnosis.lack_of_fit import CHANCE, Remainder, families, remainders
+from hybrid.diagnosis.select_effects import searched
 from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE
+from hybrid.planning.information import noncentrality
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.diagnosis.sound import examination_of
 

@@ -7,12 +7,12 @@ from math import inf, isnan
 
 import pandas as pd
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE, Examined, diagnose
-from hybrid.diagnosis.planning.next_manoeuvre import usual_rpm
-from hybrid.diagnosis.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.effects import CATALOGUE
-from hybrid.truth.manoeuvres import Leg, Manoeuvre
+from hybrid.planning.next_manoeuvre import usual_rpm
+from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from hybrid.vessel.parameters import Vessel
 from tests.benchmarks.diagnosis.design import Design, Hidden, simulated
 from tests.benchmarks.other_ship.programmes import HOLD, STEER, TURN, ZIGZAG, Order

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE
+from hybrid.diagnosis.estimate_noise import settled
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.planning.information import TOLD_APART, Information, free_limits, information_of, separation
-from hybrid.diagnosis.settle import settled
 from hybrid.effects import CATALOGUE, Effect
+from hybrid.planning.information import TOLD_APART, Information, free_limits, information_of, separation
 from hybrid.vessel.files import load_vessel
 from tests.benchmarks.diagnosis.design import VESSEL, Design, Hidden, simulated
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.errors import ModelRangeError, SeatrialError
+from acquisition.core.errors import ModelRangeError, SeatrialError
 from hybrid.diagnosis.diagnose import TOLERANCE, Examined, diagnose
 from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE

@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from tests.benchmarks.other_ship.outside import Outside, bank_force, lift_left, thrust_left
 from tests.benchmarks.other_ship.sheet import Sheet
 
-Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
 Control = tuple[float, float, float, float, float]
 """Port shaft [rev/s] and angle [rad], starboard shaft and angle, tunnel [rpm]."""

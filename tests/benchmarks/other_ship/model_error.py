@@ -11,15 +11,14 @@ from __future__ import annotations
 from copy import deepcopy
 
 import numpy as np
-from numpy.typing import NDArray
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 from tests.benchmarks.other_ship.forces import POWERS, Body, body_of
 from tests.benchmarks.other_ship.motion import forces_along
 from tests.benchmarks.other_ship.outside import Outside
 from tests.benchmarks.other_ship.sheet import Sheet
 
-Floats = NDArray[np.float64]
 FORMS = ("coefficients", "polynomial")
 LEAST_SHARE = 0.3
 """Of the force ahead, granted across and in yaw in a trial that never turns."""

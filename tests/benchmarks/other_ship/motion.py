@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from acquisition.core.arrays import Floats
 from hybrid.vessel.compiling import source_stamp
 from tests.benchmarks.other_ship.forces import (
     Body,
     Control,
-    Floats,
     Three,
     drift_force,
     heel_force,

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
 
-Floats = NDArray[np.float64]
 OUTSIDE = ("yaw_moment_4psi", "sheared_current", "bank_suction", "fading_thrust", "one_sided_stall")
 SHEAR_BOUND_MPS = 0.5
 BANK_REACH_M, BANK_SOFT_M, BANK_ASIDE_M, BANK_LEVER_M = 150.0, 20.0, 60.0, 4.0

@@ -7,11 +7,11 @@ from math import cos, exp, pi, sin
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import uniform_filter1d
 
-Floats = NDArray[np.float64]
+from acquisition.core.arrays import Floats
+
 GRAVITY_MPS2 = 9.81
 COMPONENTS = 48
 GUST_LENGTH_M, GUST_ALONG, GUST_ACROSS = 120.0, 0.12, 0.09

@@ -7,11 +7,11 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from acquisition.angles import wrap_180, wrap_360
-from acquisition.channels import NAMES
+from acquisition.core.angles import wrap_180, wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import NAMES
 from tests.benchmarks.other_ship.sheet import Sheet
 
-Floats = NDArray[np.float64]
 SIGMAS = {
     "north_m": 0.05, "east_m": 0.05, "heading_deg": 0.1, "surge_mps": 0.03, "sway_mps": 0.03, "yaw_rate_dps": 0.05,
     "wind_direction_deg": 3.0, "wind_speed_mps": 0.2, "port_rpm": 0.3, "port_angle_deg": 0.2,

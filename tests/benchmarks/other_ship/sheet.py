@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 
 VESSELS = Path(__file__).parents[3] / "trials" / "vessels"
 

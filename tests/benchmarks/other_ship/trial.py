@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from acquisition.errors import ConfigurationError, ModelRangeError
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError, ModelRangeError
 from tests.benchmarks.other_ship.effects import Hidden, data_sheet
 from tests.benchmarks.other_ship.forces import Body, body_of
 from tests.benchmarks.other_ship.model_error import forces_of, with_error
@@ -22,7 +22,6 @@ from tests.benchmarks.other_ship.sea import SEAS, Sea, air_motion, gusts, slow_d
 from tests.benchmarks.other_ship.sensors import recorded, reported
 from tests.benchmarks.other_ship.sheet import Sheet
 
-Floats = NDArray[np.float64]
 START = pd.Timestamp("2026-09-01T06:00:00Z")
 LEAD_S = 6.0
 """Simulated before and after the record, so that delays have something to look at."""

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from threadpoolctl import threadpool_limits
 
+from hybrid.diagnosis.estimate_noise import settled
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.name import Naming, named
-from hybrid.diagnosis.settle import settled
+from hybrid.diagnosis.select_effects import Naming, named
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial

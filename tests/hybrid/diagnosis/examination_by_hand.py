@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.evidence import Products
 from hybrid.diagnosis.examine import Examination, Layout
 from hybrid.diagnosis.linearise import Model
@@ -17,7 +18,6 @@ from hybrid.diagnosis.tolerance import ForceRange
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 
-Floats = NDArray[np.float64]
 SMALL_CATALOGUE = {
     name: CATALOGUE[name]
     for name in (

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from hybrid.diagnosis.disturbed import FREE
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.disturbance_model import FREE
+from hybrid.diagnosis.innovations import Columns
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.whiten import Columns
 
-Floats = NDArray[np.float64]
 GRAVITY_MPS2 = 9.81
 CALM_SEA = Noise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)
 SWELL = Noise(

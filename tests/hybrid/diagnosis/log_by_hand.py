@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.log import Log
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate
 
-Floats = NDArray[np.float64]
 DT_S = 1.0 / STEPS_PER_SECOND
 START_S = 1_800_000_000
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybrid.bootstrap import Interval
 from hybrid.diagnosis.result import (
     Diagnosis,
     Estimate,
@@ -21,6 +20,7 @@ from hybrid.diagnosis.result import (
     Unexplained,
 )
 from hybrid.diagnosis.where import FORCES, Map
+from hybrid.prediction.bootstrap import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.beyond import FORMS, Beyond, beyond
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.nuisance_basis import FORMS, Beyond, beyond
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 

@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 import seatrial
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from hybrid.diagnosis.diagnose import Examined
-from hybrid.diagnosis.files import diagnose_files
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
+from hybrid.workflows.diagnose import diagnose_files
 from tests.hybrid.evaluation.windows_in_legs import Oracle
 
 HIDDEN = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 205.0}}
@@ -52,7 +52,7 @@ def done(recording: Path, found: list[Examined]) -> tuple[dict[str, Any], Path]:
         return found[0]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.diagnosis.files.diagnose_files", diagnosed)
+        patch.setattr("hybrid.workflows.diagnose.diagnose_files", diagnosed)
         patch.setattr("hybrid.evaluation.study.make_calibrator", lambda method, seed, plant: Oracle(seed, plant))
         result = CliRunner().invoke(seatrial.app, command)
     assert result.exit_code == 0, result.output
@@ -108,7 +108,7 @@ def test_too_few_held_legs_for_a_calibrator_are_one_line(
     recording: Path, found: list[Examined], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The diagnosis stands, and the page and the terminal say why there is no ladder."""
-    monkeypatch.setattr("hybrid.diagnosis.files.diagnose_files", lambda *given, **options: found[0])
+    monkeypatch.setattr("hybrid.workflows.diagnose.diagnose_files", lambda *given, **options: found[0])
     command = ["diagnose", str(recording), "-o", str(tmp_path), "--part", "0..30", "--calibrate"]
     result = CliRunner().invoke(seatrial.app, command)
     assert result.exit_code == 0, result.output

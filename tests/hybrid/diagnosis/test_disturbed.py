@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.disturbed import (
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.disturbance_model import (
     CALM,
     FREE,
     SWING,
@@ -23,7 +24,7 @@ from hybrid.diagnosis.disturbed import (
 )
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SWELL, Floats, a_ship, dense
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SWELL, a_ship, dense
 
 
 def second(linear: Linear, noise: Noise, k: int) -> tuple[Floats, Floats]:

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.integrate import dblquad, quad
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.evidence import Products, drawn, fitted, log_evidence, reduced
 
-Floats = NDArray[np.float64]
 ROWS = 60
 
 

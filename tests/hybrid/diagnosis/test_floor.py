@@ -8,11 +8,12 @@ from typing import cast
 import numpy as np
 import pytest
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.examine import Examination
-from hybrid.diagnosis.floor import left_by_noise_m
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.reconstruct import reconstructed
-from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, Floats, a_ship, one_column
+from hybrid.diagnosis.noise_floor import left_by_noise_m
+from hybrid.diagnosis.smoother import reconstructed
+from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
 
 EDGES = 40 * np.arange(6)
 STARTS = np.array([0, 20, 60, 100, 140])

@@ -11,21 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.errors import DataShortageError
-from hybrid.baselines import reference
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 from hybrid.calibrators.calibrator import Calibrator
+from hybrid.diagnosis.calibrator_comparison import draws_of_folds, ladder, seconds_in_folds
 from hybrid.diagnosis.gap import FOLDS
-from hybrid.diagnosis.gap_page import ladder_sentence
-from hybrid.diagnosis.ladder import draws_of_folds, ladder, seconds_in_folds
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.name import Coordinates
 from hybrid.diagnosis.result import Ladder
+from hybrid.diagnosis.select_effects import Coordinates
 from hybrid.effects import CATALOGUE
 from hybrid.evaluation.splits import shared_seconds
-from hybrid.horizon import Horizons
-from hybrid.scores import distances, score
-from hybrid.vessel.compiling import Floats
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.scores import distances, score
+from hybrid.report.diagnosis_gap import ladder_sentence
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs

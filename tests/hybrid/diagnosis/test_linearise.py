@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.linearise import Model, driven, linear_model, next_states, reported, signatures, unreported
 from hybrid.diagnosis.log import Log
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
-from tests.hybrid.diagnosis.log_by_hand import DT_S, Floats, a_log
+from tests.hybrid.diagnosis.log_by_hand import DT_S, a_log
 
 SMALL = np.array([0.03, 0.03, 1e-3, 0.02, 0.02, 5e-4])
 """Usual noise of a sample: what is small beside it is nothing."""

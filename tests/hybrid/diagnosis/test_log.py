@@ -10,19 +10,18 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson, quad
 
-from acquisition.angles import wrap_360
-from acquisition.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
-from acquisition.errors import DataShortageError, InputError
-from analysis.smoothing.noise_levels import NoiseLevels
-from analysis.smoothing.smooth import smooth
+from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
+from acquisition.core.errors import DataShortageError, InputError
+from analysis.estimation.noise_levels import NoiseLevels
+from analysis.estimation.smooth import smooth
 from hybrid.diagnosis.averages import _with_corners
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, log_of
 from hybrid.vessel.channels import as_table
 
-Floats = NDArray[np.float64]
 START_S = 1_800_000_000
 MOTION = (*POSE, *VELOCITY)
 ERRORS = np.array([0.03, 0.03, 0.001, 0.02, 0.02, 0.0005])

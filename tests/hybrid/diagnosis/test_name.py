@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2, kstest
 
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
+from hybrid.diagnosis.acceptance import tested as stands
 from hybrid.diagnosis.diagnose import suspects
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.name import Coordinates, _about_itself, log_density, moved_to, rivals_of, searched
-from hybrid.diagnosis.standing import FALSE_ALARM, unseen_gains
-from hybrid.diagnosis.standing import tested as stands
+from hybrid.diagnosis.select_effects import Coordinates, _about_itself, log_density, moved_to, rivals_of, searched
 from hybrid.diagnosis.view import View, view_of
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,
     Design,
-    Floats,
     a_design,
     in_other_units,
     with_columns,

@@ -9,11 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.innovations import Columns, whitened
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
-from hybrid.diagnosis.whiten import Columns, whitened
-from tests.hybrid.diagnosis.linear_by_hand import Floats, a_ship, drawn
+from tests.hybrid.diagnosis.linear_by_hand import a_ship, drawn
 
 EDGES = 60 * np.arange(21)
 FAR = 3

@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import COMMAND
+from acquisition.core.channels import COMMAND
 from hybrid.diagnosis.averages import READINGS, Reading, mean_settings
+from hybrid.diagnosis.input_hold import read_as, read_as_fits
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.reading import read_as, read_as_fits
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 from hybrid.vessel.plant import Plant

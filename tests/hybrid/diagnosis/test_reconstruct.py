@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.reconstruct import reconstructed
-from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, Floats, a_ship, dense, one_column
+from hybrid.diagnosis.smoother import reconstructed
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, a_ship, dense, one_column
 
 EDGES = np.array([0, 9, 21])
 UNIT = np.array([1.0] * 6 + FORCE_UNITS.tolist())

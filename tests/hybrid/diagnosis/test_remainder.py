@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from hybrid.diagnosis.beyond import FORMS
-from hybrid.diagnosis.remainder import ANOTHER_FORM, Remainder, families, remainders
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.lack_of_fit import ANOTHER_FORM, Remainder, families, remainders
+from hybrid.diagnosis.nuisance_basis import FORMS
 from hybrid.diagnosis.view import view_of
 from hybrid.vessel.plant import Plant
-from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, Floats, a_design, with_columns
+from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
 
 DRAWS = 100
 

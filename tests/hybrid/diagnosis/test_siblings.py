@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hybrid.diagnosis.composite_effects import perhaps_one
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.siblings import perhaps_one
 from hybrid.diagnosis.view import View, view_of
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant

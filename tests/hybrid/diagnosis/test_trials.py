@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from hybrid.diagnosis.name import CLOSE, Naming
-from hybrid.diagnosis.remainder import remainders
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.lack_of_fit import remainders
+from hybrid.diagnosis.select_effects import CLOSE, Naming
 from hybrid.diagnosis.verdict import close_rivals
 from tests.hybrid.diagnosis.conftest import Diagnosed
 
-Floats = NDArray[np.float64]
 CURRENT = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 200.0}}
 SHORT_S = 1200.0
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.beyond import OPERATION
-from hybrid.diagnosis.remainder import Remainder
+from hybrid.diagnosis.lack_of_fit import Remainder
+from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.verdict import intervals, unexplained, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
 

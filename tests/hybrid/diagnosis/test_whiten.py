@@ -9,19 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.innovations import Columns, columns_of, whitened
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.whiten import Columns, columns_of, whitened
-from tests.hybrid.diagnosis.linear_by_hand import (
-    CALM_SEA,
-    DISTURBANCES,
-    SWELL,
-    Floats,
-    a_ship,
-    dense,
-    drawn,
-    one_column,
-)
+from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, SWELL, a_ship, dense, drawn, one_column
 
 EDGES = np.array([0, 9, 21])
 

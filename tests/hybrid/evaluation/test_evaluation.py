@@ -15,14 +15,14 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from typer.testing import CliRunner
 
-from hybrid.baselines import constant_velocity, reference
 from hybrid.calibrators.calibrator import Calibrator
-from hybrid.evaluation.plots import breakdown
 from hybrid.evaluation.study import Study, study
 from hybrid.evaluation.summary import Evaluation, evaluation_of
-from hybrid.evaluation.tables import evaluation_tables
-from hybrid.horizon import Horizons
-from hybrid.scores import distances, score
+from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.scores import distances, score
+from hybrid.report.evaluation_plots import breakdown
+from hybrid.report.evaluation_tables import evaluation_tables
 from hybrid.vessel.plant import Plant
 from seatrial import app
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.tabular import import_table
+from acquisition.tables.import_table import import_table
 from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.evaluation.study import study
 from hybrid.evaluation.summary import evaluation_of
-from hybrid.gather import gather
-from hybrid.horizon import Horizons
+from hybrid.prediction.dataset import gather
+from hybrid.prediction.prediction_windows import Horizons
 from hybrid.vessel.plant import Plant
 
 pytestmark = pytest.mark.shared

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from acquisition.errors import ConfigurationError, DataShortageError
+from acquisition.core.errors import ConfigurationError, DataShortageError
 from hybrid.evaluation.splits import draws_of, refuse_unknown, shared_seconds
 from tests.hybrid.evaluation.windows_in_legs import SECONDS, windows_of_legs
 

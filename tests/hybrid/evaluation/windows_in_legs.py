@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
-from hybrid.baselines import constant_velocity
-from hybrid.calibrators.calibrator import Calibrator, Examples, Flags, Floats, Ground, Progress
-from hybrid.horizon import Horizons
+from acquisition.core.arrays import Bools, Floats
+from hybrid.calibrators.calibrator import Calibrator, Examples, Ground, Progress
+from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.prediction_windows import Horizons
 from tests.hybrid.windows_by_hand import random_windows
 
 SECONDS = 10
@@ -62,7 +63,7 @@ class Oracle(Calibrator):
     def ground(self, horizons: Horizons, reference: Floats) -> Ground:
         raise NotImplementedError
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Flags:
+    def outside(self, horizons: Horizons, reference: Floats) -> Bools:
         return np.zeros(len(horizons), dtype=bool)
 
     def state(self) -> dict[str, Tensor]:

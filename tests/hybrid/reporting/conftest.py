@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hybrid.reporting.case import Case, load_case
+from hybrid.report.case import Case, load_case
 
 
 @pytest.fixture(scope="session")

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.horizon import PAST_S, Horizons
-from hybrid.reporting.errors import calibration_of, errors_of, table_of
-from hybrid.reporting.motion import COLUMNS, one_after_another, predicted_motion, speeds_of
+from hybrid.prediction.prediction_windows import PAST_S, Horizons
+from hybrid.report.errors import calibration_of, errors_of, table_of
+from hybrid.report.motion import COLUMNS, one_after_another, predicted_motion, speeds_of
 
 
 def horizons_of(track: np.ndarray, leg: list[str] | None = None, starts_s: list[int] | None = None) -> Horizons:

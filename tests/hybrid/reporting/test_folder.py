@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition.errors import InputError, SeatrialError, StorageError
-from hybrid.reporting.folder import Choices, batch_options, kind_of, recordings_in, report
-from hybrid.reporting.notebook import SOURCES, body_of, executed_notebook, title_of
+from acquisition.core.errors import InputError, SeatrialError, StorageError
+from hybrid.report.folder import Choices, batch_options, kind_of, recordings_in, report
+from hybrid.report.notebook import SOURCES, body_of, executed_notebook, title_of
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ print(x, "<b>")
 @pytest.mark.pages
 def test_what_a_notebook_prints_is_text_and_what_it_shows_is_markup(tmp_path: Path) -> None:
     source = tmp_path / "small.py"
-    source.write_text(SMALL.format(last="from hybrid.reporting.show import Section\nSection('<i>kept</i>')"))
+    source.write_text(SMALL.format(last="from hybrid.report.show import Section\nSection('<i>kept</i>')"))
     notebook = executed_notebook(source, {"x": 7}, tmp_path / "small.ipynb")
     body = body_of(notebook)
     assert "7 &lt;b&gt;" in body
@@ -157,8 +157,8 @@ def test_a_cell_that_fails_is_one_clear_error_and_the_notebook_stays(tmp_path: P
 @pytest.mark.pages
 def test_a_batch_leads_to_the_report_of_each_recording(unseen: Path, tmp_path: Path) -> None:
     """The links are there after the reports, and again when the batch is run anew."""
-    from analysis.season.batch import run_batch
-    from analysis.season.products import Options
+    from analysis.batch.batch import run_batch
+    from analysis.batch.products import Options
 
     season, out = tmp_path / "season", tmp_path / "out"
     season.mkdir()

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
-from acquisition.tabular import import_table
-from hybrid.reporting.folder import Choices, report
+from acquisition.tables.import_table import import_table
+from hybrid.report.folder import Choices, report
 from tests.browser import Browser, running_browser
 
 pytestmark = [pytest.mark.pages, pytest.mark.timeout(900)]

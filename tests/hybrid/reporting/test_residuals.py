@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.resample import resample
-from analysis.smoothing.smooth import smooth
+from analysis.estimation.smooth import smooth
+from analysis.tables.resample import resample
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.reporting.residuals import (
+from hybrid.report.residuals import (
     LEAST_S,
     PLANES,
     Residuals,
@@ -22,7 +22,7 @@ from hybrid.reporting.residuals import (
     modelled_acceleration,
     residuals_of,
 )
-from hybrid.truth.trial import simulate_trial
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant

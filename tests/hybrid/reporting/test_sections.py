@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.errors import StorageError
+from acquisition.core.errors import StorageError
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.trial import Trial
-from analysis.page import Page
-from analysis.table import table_of
-from hybrid.reporting import ground_sections as ground
-from hybrid.reporting import prediction_sections as prediction
-from hybrid.reporting import trial_sections as trial
-from hybrid.reporting.case import Case, load_case
-from hybrid.reporting.show import FAILED, links, shown_in
-from hybrid.words import plain
+from acquisition.recording.trial import Trial
+from analysis.report.page import Page
+from analysis.tables.table import table_of
+from hybrid.report import ground_sections as ground
+from hybrid.report import prediction_sections as prediction
+from hybrid.report import trial_sections as trial
+from hybrid.report.case import Case, load_case
+from hybrid.report.show import FAILED, links, shown_in
+from hybrid.report.words import plain
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
 UNIT = re.compile(r"\[[^\]]+\]|UTC")

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from acquisition.errors import DataShortageError
-from hybrid.baselines import constant_velocity, reference
+from acquisition.core.errors import DataShortageError
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.horizon import PAST_S
+from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.prediction.prediction_windows import PAST_S
+from hybrid.prediction.scores import score
 from hybrid.reproduction import campaign as campaigns
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, Campaign, paper_campaign
-from hybrid.scores import score
 from hybrid.vessel.files import load_vessel
 
 

@@ -13,16 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from acquisition.errors import DataShortageError
-from hybrid.baselines import reference
+from acquisition.core.errors import DataShortageError
 from hybrid.effects import vessel_plant
-from hybrid.horizon import Horizons
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.scores import distances
 from hybrid.reproduction.degradation import OVERALL, blended, degradations, livelier, single_degradations
 from hybrid.reproduction.fidelity import Sequences, fidelity_map
 from hybrid.reproduction.fidelity_map import FidelityMap, enough_alone_m, hybrid_wins, useful_up_to_m
 from hybrid.reproduction.fidelity_plots import draw_map, write_map
 from hybrid.reproduction.fidelity_reading import reading
-from hybrid.scores import distances
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import NUMBERS, Plant
 from tests.hybrid.windows_by_hand import windows_at

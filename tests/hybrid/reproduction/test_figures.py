@@ -15,14 +15,14 @@ from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.network import NetworkCalibrator
-from hybrid.plots import start_frame
+from hybrid.prediction.scores import distances
+from hybrid.report.style import start_frame
 from hybrid.reproduction import comparison, figures, page, plots
 from hybrid.reproduction.comparison import Job
 from hybrid.reproduction.figures import FIGURES, Shown, shown_of, write_drawn
 from hybrid.reproduction.page import shortfalls, write_page
 from hybrid.reproduction.seas import seas_of
 from hybrid.reproduction.table3 import Table3, cells_of, rows_of
-from hybrid.scores import distances
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 

@@ -22,13 +22,13 @@ from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.prediction.scores import score
 from hybrid.reproduction import comparison
 from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.seas import seas_of
 from hybrid.reproduction.table3 import ORDER, Row, Table3, bootstrap_means, cells_of, figures_of, rows_of, table3
 from hybrid.reproduction.tables import terminal_tables, write_table3
-from hybrid.scores import score
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from hybrid.predict import Prediction
 from hybrid.twin.display import Picture
 from hybrid.twin.running_error import Judged, RunningError
 from hybrid.twin.twin import Account
+from hybrid.workflows.predict import Prediction
 
 
 def picture(prediction: Prediction | None, error: Judged | None, width: int = 100) -> str:

@@ -9,23 +9,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.channels import NAMES
-from acquisition.errors import DataShortageError
-from acquisition.predictions import misfit
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import DataShortageError
+from acquisition.logger.predictions import misfit
 from acquisition.recording.batches import Samples
 from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.recording.tail import Tail
-from analysis.resample import resample
-from analysis.table import read_table, table_of
-from hybrid.artefact import Trained
-from hybrid.predict import predict
+from analysis.tables.resample import resample
+from analysis.tables.table import read_table, table_of
+from hybrid.calibrators.artefact import Trained
 from hybrid.twin.message import body_of, geojson_of, positions
 from hybrid.twin.now import newest_second_ns, predict_now
 from hybrid.twin.recent import Recent
 from hybrid.twin.running_error import Mean
 from hybrid.twin.twin import at_rest
 from hybrid.vessel.plant import Plant
+from hybrid.workflows.predict import predict
 from tests.conftest import SMALL_HORIZON_S, Simulated
 from tests.hybrid.twin.steady_ship import ORIGIN, write_steady
 
@@ -181,7 +181,7 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
 def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: Trained) -> None:
     import json
 
-    from acquisition.tangent_plane import TangentPlane
+    from acquisition.core.tangent_plane import TangentPlane
 
     prediction = predict_now(at_rest(75.0), SMALL_HORIZON_S, small.plant, small).prediction
     line, region = json.loads(geojson_of(prediction, ORIGIN))["features"]

@@ -10,13 +10,13 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from acquisition.frames import Sample
-from acquisition.health import Health
-from acquisition.hearing import Hearing, Running
-from acquisition.predictions import Predictions
+from acquisition.config.sections import RecordingSection
+from acquisition.core.frames import Sample
+from acquisition.logger.health import Health
+from acquisition.logger.predictions import Predictions
+from acquisition.logger.requests import Hearing, Running
 from acquisition.recording.parts import RecordingParts
-from acquisition.sections import RecordingSection
-from acquisition.trial import Trial
+from acquisition.recording.trial import Trial
 from hybrid.twin import twin as twin_module
 from hybrid.twin.twin import Model, Twin
 from hybrid.vessel.plant import Plant

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.config import load_config
-from acquisition.emulate import emulate
-from acquisition.info import describe
-from acquisition.predictions import misfit
+from acquisition.config.configuration import load_config
+from acquisition.emulator.emulate import emulate
+from acquisition.logger.predictions import misfit
+from acquisition.recording.info import describe
 from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import MessageStream, read_recording
-from analysis.resample import resample_recording
+from analysis.tables.resample import resample_recording
 from tests.acquisition.conftest import config_text, free_port, wait_for
 from tests.hybrid.twin.steady_ship import write_steady
 

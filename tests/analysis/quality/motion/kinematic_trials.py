@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from acquisition.core.arrays import Floats
+
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 FINE_S = 0.02
 

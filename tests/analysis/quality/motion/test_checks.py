@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.frames import Quality
-from acquisition.tabular import import_table
+from acquisition.core.frames import Quality
+from acquisition.tables.import_table import import_table
 from analysis.quality.findings import Checked, Finding
 from analysis.quality.motion.checks import delays_of, motion
 from analysis.quality.motion.series import MOTION
-from analysis.table import read_table
-from hybrid.truth.sensors import Noise as SensorNoise
-from hybrid.truth.trial import simulate_trial
+from analysis.tables.table import read_table
+from hybrid.simulation.sensors import Noise as SensorNoise
+from hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 MAPS = Path(__file__).parents[4] / "trials" / "columns"

@@ -8,14 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.frames import Quality
-from acquisition.tabular import import_table
+from acquisition.core.frames import Quality
+from acquisition.tables.import_table import import_table
 from analysis.quality.findings import Checked, Finding
 from analysis.quality.motion.checks import delays_of, motion
 from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.motion.series import GROUPS
 from analysis.quality.repairs import repair
-from analysis.table import read_table
+from analysis.tables.table import read_table
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 MAPS = Path(__file__).parents[4] / "trials" / "columns"

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
-from acquisition.angles import difference, wrap_360
+from acquisition.core.angles import difference, wrap_360
 from analysis.quality.findings import Finding
 from analysis.quality.motion.checks import motion
 from analysis.quality.motion.rebuilt_heading import rebuilt_heading

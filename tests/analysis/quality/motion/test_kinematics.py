@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from acquisition.errors import DataShortageError, InputError
+from acquisition.core.errors import DataShortageError, InputError
 from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
 from analysis.quality.motion.series import group_samples, isolated, motion_of
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed

@@ -10,12 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 
+from hybrid.diagnosis.estimate_noise import settled
 from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.name import named
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.planning.information import (
+from hybrid.diagnosis.select_effects import named
+from hybrid.effects import CATALOGUE
+from hybrid.planning.information import (
     Information,
     as_parameter,
     design_of,
@@ -26,12 +28,10 @@ from hybrid.diagnosis.planning.information import (
     separation,
     told_apart,
 )
-from hybrid.diagnosis.planning.rehearse import rehearsed
-from hybrid.diagnosis.settle import settled
-from hybrid.effects import CATALOGUE
-from hybrid.truth.manoeuvres import zigzag
-from hybrid.truth.sea_state import SeaState
-from hybrid.truth.trial import simulate_trial
+from hybrid.planning.rehearse import rehearsed
+from hybrid.simulation.manoeuvres import zigzag
+from hybrid.simulation.sea_state import SeaState
+from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 

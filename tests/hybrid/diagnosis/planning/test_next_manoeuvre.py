@@ -12,7 +12,9 @@ from hybrid.diagnosis.examine import Examination, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.planning.next_manoeuvre import (
+from hybrid.effects import CATALOGUE
+from hybrid.effects.effect import Values
+from hybrid.planning.next_manoeuvre import (
     Pair,
     Ranked,
     Rehearsal,
@@ -22,12 +24,10 @@ from hybrid.diagnosis.planning.next_manoeuvre import (
     usual_rpm,
     wind_in,
 )
-from hybrid.diagnosis.planning.rehearse import behind, rehearsed
-from hybrid.diagnosis.planning.repertoire import repertoire, shafts_of
-from hybrid.effects import CATALOGUE
-from hybrid.effects.effect import Values
-from hybrid.truth.manoeuvres import Manoeuvre, steer, zigzag
-from hybrid.truth.sea_state import SeaState
+from hybrid.planning.rehearse import behind, rehearsed
+from hybrid.planning.repertoire import repertoire, shafts_of
+from hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
+from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 

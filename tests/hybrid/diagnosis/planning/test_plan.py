@@ -12,17 +12,17 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
-from acquisition.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.planning import plan as planning
-from hybrid.diagnosis.planning.cli import mount
-from hybrid.diagnosis.planning.compose import Aims, composed, cost
-from hybrid.diagnosis.planning.information import Design
-from hybrid.diagnosis.planning.page import page_of
-from hybrid.diagnosis.planning.plan import Plan, noise_in, plan, programme_of
-from hybrid.diagnosis.planning.table import plan_tables
 from hybrid.effects import CATALOGUE
-from hybrid.truth.sea_state import sea_state_named
+from hybrid.planning import plan as planning
+from hybrid.planning.cli import mount
+from hybrid.planning.compose import Aims, composed, cost
+from hybrid.planning.information import Design
+from hybrid.planning.plan import Plan, noise_in, plan, programme_of
+from hybrid.report.plan_page import page_of
+from hybrid.report.plan_table import plan_tables
+from hybrid.simulation.sea_state import sea_state_named
 from hybrid.vessel.parameters import Vessel
 
 SOME = (

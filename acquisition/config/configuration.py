@@ -1,0 +1,232 @@
+"""A trial's TOML file read and checked: what is wrong names its line and the way out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Discriminator
+from pydantic.dataclasses import dataclass
+
+from acquisition.config.sections import (
+    FILE_SOURCES,
+    AnySource,
+    CanFrames,
+    LiveSection,
+    MarkKeys,
+    MavlinkLinks,
+    MavlinkSerialSource,
+    MavlinkSource,
+    RecordingSection,
+    SerialSource,
+    UdpSource,
+)
+from acquisition.config.toml_file import line_of, parse_toml, read_text
+from acquisition.config.trial_section import TrialSection
+from acquisition.core.channels import AUXILIARY, BY_NAME, NAMES
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.units import scale_to
+from acquisition.recording.trial import Trial
+
+CONFIGURATION = "configuration.toml"
+"""The name of the configuration among a recording's attachments."""
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class _File:
+    trial: TrialSection
+    source: tuple[Annotated[AnySource, Discriminator("type")], ...]
+    recording: RecordingSection = field(default_factory=RecordingSection)
+    live: LiveSection | None = None
+    marks: MarkKeys = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class TrialConfig:
+    """A validated trial configuration and the text it came from, which goes into the recording."""
+
+    trial: Trial
+    sources: tuple[AnySource, ...]
+    recording: RecordingSection
+    text: str
+    path: Path
+    live: LiveSection | None = None
+    marks: MarkKeys = field(default_factory=dict)
+    magnetic_variation_deg: float | None = None
+
+    @property
+    def attachments(self) -> dict[str, bytes]:
+        """What a recording needs beside itself to be decoded anew: this configuration and its DBC files."""
+        dbc = {
+            f"{source.name}.dbc": source.dbc.read_bytes()
+            for source in self.sources
+            if isinstance(source, CanFrames) and source.dbc is not None
+        }
+        return {CONFIGURATION: self.text.encode(), **dbc}
+
+    @property
+    def missing_channels(self) -> tuple[str, ...]:
+        """Those of the 13 channels that no source provides."""
+        provided = {name for source in self.sources for name in source.channels}
+        return tuple(name for name in NAMES if name not in provided)
+
+
+def load_config(path: Path | str) -> TrialConfig:
+    """Read and check a trial's configuration.
+
+    Relative paths in it are relative to the file itself. Raises :class:`ConfigurationError` naming the line.
+    """
+    return parse_config(read_text(path), path)
+
+
+def parse_config(text: str, path: Path | str, dbc_files: Mapping[str, Path] | None = None) -> TrialConfig:
+    """Check a configuration's text; ``dbc_files`` by source stand in for those it names, if given.
+
+    Raises :class:`ConfigurationError` naming the line.
+    """
+    file = parse_toml(text, path, _File)
+    if not file.source:
+        raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
+    _check_names(file.source, path)
+    _check_units(file.source, text, path)
+    _check_channels(file.source, text, path)
+    _check_kinds(file.source, path)
+    _check_inputs(file.source, text, path)
+    folder = Path(path).resolve().parent
+    return TrialConfig(
+        trial=file.trial.as_trial(),
+        sources=tuple(
+            _resolved(source, folder, path, (dbc_files or {}).get(source.name)) for source in file.source
+        ),
+        recording=file.recording,
+        text=text,
+        path=Path(path),
+        live=file.live,
+        marks=file.marks,
+        magnetic_variation_deg=file.trial.magnetic_variation_deg,
+    )
+
+
+def _check_names(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    names = [source.name for source in sources]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(
+                f"two sources are called {name!r}", where=str(path), fix="give each its own name"
+            )
+        if not name.replace("_", "").replace("-", "").isalnum():
+            raise ConfigurationError(
+                f"source name {name!r} cannot be part of a topic",
+                where=str(path),
+                fix="use letters, digits, - and _",
+            )
+
+
+def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    for number, source in enumerate(sources):
+        if not isinstance(source, CanFrames | MavlinkLinks):
+            continue
+        key = "signals" if isinstance(source, CanFrames) else "named_values"
+        mapped: dict[str, Any] = getattr(source, key)
+        for channel, entry in mapped.items():
+            try:
+                scale_to(BY_NAME[channel].unit, entry.unit)
+            except ConfigurationError as error:
+                line = line_of(text, ["source", number, key, channel, "unit"])
+                raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
+
+
+def _check_channels(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    """Refuse a channel that no message of the source can carry: it would stay silent all day."""
+    for number, source in enumerate(sources):
+        possible = carried_channels(source)
+        for channel in source.channels:
+            if channel not in possible:
+                raise ConfigurationError(
+                    f"no message on source {source.name!r} carries {channel}",
+                    where=f"{path}, line {line_of(text, ['source', number, 'channels'])}",
+                    fix=_MAPPING_HINT.get(source.type.partition("_")[0], "take it off the source's channels"),
+                )
+
+
+def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    """A log file has times of its own, which a recording of today cannot be mixed with."""
+    files = [source.name for source in sources if isinstance(source, FILE_SOURCES)]
+    if files and len(files) < len(sources):
+        raise ConfigurationError(
+            f"{', '.join(files)} are log files, other sources are live",
+            where=str(path),
+            fix="record the live sources and the log files with a configuration each",
+        )
+
+
+def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+    """What comes in by a port or a serial line can be read by one source only."""
+    for number, source in enumerate(sources):
+        for earlier in sources[:number]:
+            key = _shared_input(source, earlier)
+            if key is not None:
+                raise ConfigurationError(
+                    f"source {source.name!r} has the same {key} as {earlier.name!r}",
+                    where=f"{path}, line {line_of(text, ['source', number, key])}",
+                    why="one source only can read it",
+                    fix=f"correct `{key}`, or make the two one source",
+                )
+
+
+def _shared_input(one: AnySource, other: AnySource) -> str | None:
+    """The key of what two sources would both open; None if there is none."""
+    if isinstance(one, _LISTENING) and isinstance(other, _LISTENING) and one.port == other.port:
+        first, second = (_LOCAL.get(each.address, each.address) for each in (one, other))
+        return "port" if first == second or "" in (first, second) else None
+    if isinstance(one, _SERIAL) and isinstance(other, _SERIAL):
+        first, second = (os.path.realpath(each.device) for each in (one, other))  # it may have several names
+        return "device" if first == second else None
+    return None
+
+
+_LISTENING = (UdpSource, MavlinkSource)
+_SERIAL = (SerialSource, MavlinkSerialSource)
+_LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
+"""Addresses by another name; the empty one stands for all of this computer's."""
+_MAPPING_HINT = {
+    "can": "say which DBC signal does in [source.signals], or take it off the source's channels",
+    "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
+}
+_MOTION = frozenset(NAMES[:8]) | {
+    "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
+}  # fmt: skip
+_ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
+_NAUTICAL = frozenset({
+    "speed_through_water_mps", "heading_magnetic_deg", "magnetic_variation_deg",
+    "apparent_wind_angle_deg", "apparent_wind_speed_mps", "rudder_angle_deg",
+})  # fmt: skip
+_ORDERS = frozenset(channel.name for channel in AUXILIARY if "_order_" in channel.name)
+
+
+def carried_channels(source: AnySource) -> frozenset[str]:
+    """The channels that a source's protocol and its mapping can carry."""
+    if isinstance(source, CanFrames):
+        return _MOTION | _ATTITUDE | _NAUTICAL | source.signals.keys()
+    if isinstance(source, MavlinkLinks):
+        return _MOTION | _ATTITUDE | {"port_rpm", "starboard_rpm"} | source.named_values.keys()
+    return _MOTION | _NAUTICAL | _ORDERS | set(NAMES)
+
+
+def _resolved(source: AnySource, folder: Path, path: Path | str, dbc_file: Path | None) -> AnySource:
+    """The source with its file paths made absolute and checked."""
+    if isinstance(source, FILE_SOURCES):
+        source = replace(source, path=folder / source.path)
+    if isinstance(source, CanFrames) and source.dbc is not None:
+        dbc = dbc_file or folder / source.dbc
+        if not dbc.exists():
+            raise ConfigurationError(f"DBC file {dbc} does not exist", where=f"{path}, source {source.name!r}")
+        return replace(source, dbc=dbc)
+    if isinstance(source, CanFrames) and source.signals:
+        raise ConfigurationError(
+            "has signals but no dbc file", where=f"{path}, source {source.name!r}", fix="add dbc = FILE"
+        )
+    return source

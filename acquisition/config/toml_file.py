@@ -1,0 +1,131 @@
+"""Reading a TOML file a person wrote: validated, and every complaint names the line to change."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import TypeAdapter, ValidationError
+
+from acquisition.core.errors import ConfigurationError
+
+Model = TypeVar("Model")
+_TABLE = re.compile(r"^\s*\[(?P<array>\[)?\s*(?P<path>[^\[\]]+?)\s*\]")
+_UNKNOWN_KEY = ("unexpected_keyword_argument", "extra_forbidden")
+"""These are named first: a key that is misspelt is why another is missing."""
+_KEY = re.compile(r"^\s*(?P<key>[\w.\-\"' ]+?)\s*=")
+
+
+def read_text(path: Path | str) -> str:
+    """The text of a configuration file. Raises :class:`ConfigurationError` if it cannot be read."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise ConfigurationError("does not exist", where=str(path), fix="check the path") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError("cannot be read as text", where=str(path), why=str(error)) from error
+
+
+def load_toml(path: Path | str, model: type[Model]) -> Model:
+    """Read ``path`` and validate it as ``model``, a pydantic dataclass or model.
+
+    Raises :class:`ConfigurationError` whose text names file, line and key of the first complaint.
+    """
+    return parse_toml(read_text(path), path, model)
+
+
+def parse_toml(text: str, path: Path | str, model: type[Model]) -> Model:
+    """As :func:`load_toml`, of a text that came from ``path``."""
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError("is not valid TOML", where=str(path), why=str(error)) from error
+    return validate(raw, text, path, model)
+
+
+def validate(raw: dict[str, Any], text: str, path: Path | str, model: type[Model]) -> Model:
+    """Validate parsed TOML as ``model``; ``text`` is what the lines are counted in."""
+    try:
+        return TypeAdapter(model).validate_python(raw)
+    except ValidationError as error:
+        first = min(error.errors(), key=lambda each: each["type"] not in _UNKNOWN_KEY)
+        keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]
+        if first["type"].startswith("union_tag"):
+            keys.append("type")
+        raise ConfigurationError(
+            f"{'.'.join(map(str, keys)) or 'file'}: {_explain(first)}",
+            where=f"{path}, line {line_of(text, keys)}",
+            fix=_hint(error.error_count()),
+        ) from error
+
+
+def line_of(text: str, keys: Sequence[str | int]) -> int:
+    """The line (from 1) on which the deepest known part of ``keys`` stands; 1 if none does.
+
+    >>> line_of("a = 1\\n[[source]]\\nname = 'x'\\n[[source]]\\nname = 'y'", ["source", 1, "name"])
+    5
+    """
+    lines = _lines_of_keys(text)
+    for depth in range(len(keys), 0, -1):
+        if tuple(keys[:depth]) in lines:
+            return lines[tuple(keys[:depth])]
+    return 1
+
+
+def _lines_of_keys(text: str) -> dict[tuple[str | int, ...], int]:
+    """Where each table and each key of a TOML text begins; arrays of tables are counted."""
+    lines: dict[tuple[str | int, ...], int] = {}
+    counts: dict[tuple[str, ...], int] = {}
+    prefix: tuple[str | int, ...] = ()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if table := _TABLE.match(line):
+            parts = tuple(part.strip().strip("\"'") for part in table["path"].split("."))
+            if table["array"]:
+                counts = {other: count for other, count in counts.items() if other[: len(parts)] != parts} | {
+                    parts: counts.get(parts, -1) + 1  # what is nested in an element is counted from 0 again
+                }
+            prefix = _indexed(parts, counts)
+            lines.setdefault(prefix, number)
+            if table["array"]:
+                lines.setdefault(prefix[:-1], number)
+        elif key := _KEY.match(line):
+            parts = tuple(part.strip().strip("\"'") for part in key["key"].split("."))
+            lines.setdefault((*prefix, *parts), number)
+    return lines
+
+
+def _indexed(parts: tuple[str, ...], counts: dict[tuple[str, ...], int]) -> tuple[str | int, ...]:
+    """A table's path with the number of the current element after each array of tables in it."""
+    path: list[str | int] = []
+    for depth, part in enumerate(parts, start=1):
+        path.append(part)
+        if parts[:depth] in counts:
+            path.append(counts[parts[:depth]])
+    return tuple(path)
+
+
+def _is_union_tag(key: str | int, raw: dict[str, Any], location: tuple[str | int, ...]) -> bool:
+    """Whether a part of pydantic's location is the tag of a union and so stands nowhere in the file."""
+    value: Any = raw
+    for part in location[: location.index(key)]:
+        in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)
+        if in_list or (isinstance(value, dict) and part in value):
+            value = value[part]
+    return isinstance(value, dict) and value.get("type") == key and key not in value
+
+
+def _explain(error: Any) -> str:
+    if error["type"] in _UNKNOWN_KEY:
+        return "is not a known key here"
+    if error["type"] in ("missing", "missing_argument"):
+        return "is missing"
+    message = str(error["msg"]).removeprefix("Value error, ")
+    given = error.get("input")
+    return f"{given!r}: {message}" if isinstance(given, str | int | float) else message
+
+
+def _hint(count: int) -> str:
+    return f"{count - 1} more after this one" if count > 1 else ""

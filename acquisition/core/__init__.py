@@ -1,0 +1,1 @@
+"""What all of Seatrial shares: angles, units, channels, errors, frames and samples, progress."""

@@ -1,0 +1,49 @@
+"""Angles live on a circle: wrapping, differences, means and interpolation in degrees.
+
+Every function takes floats or arrays, returns the same shape, and passes NaN through.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import BY_NAME, CIRCULAR
+
+
+def wrap_360(angle_deg: ArrayLike) -> Floats:
+    """``angle_deg`` in 0 <= x < 360."""
+    turned = np.mod(np.asarray(angle_deg, dtype=float), 360.0)
+    return np.where(turned == 360.0, 0.0, turned)  # -1e-20 % 360.0 is 360.0 in floating point
+
+
+def wrap_180(angle_deg: ArrayLike) -> Floats:
+    """``angle_deg`` in -180 < x <= 180."""
+    return 180.0 - np.mod(180.0 - np.asarray(angle_deg, dtype=float), 360.0)
+
+
+def in_turn(name: str, values: ArrayLike) -> Floats:
+    """Values of a channel in the turn that its range gives; unchanged where it is no angle."""
+    if name not in CIRCULAR:
+        return np.asarray(values, dtype=float)
+    return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
+
+
+def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:
+    """The shortest turn from one angle to another, -180 < x <= 180 [deg]."""
+    return wrap_180(np.asarray(to_deg, dtype=float) - np.asarray(from_deg, dtype=float))
+
+
+def unwrap(angle_deg: ArrayLike) -> Floats:
+    """A series of angles without jumps of a turn; NaN stay NaN and do not break the series."""
+    angles = np.array(angle_deg, dtype=float)
+    valid = np.isfinite(angles)
+    angles[valid] = np.unwrap(angles[valid], period=360.0)
+    return angles
+
+
+def circular_mean(angle_deg: ArrayLike, axis: int | None = None) -> Floats:
+    """The direction of the mean unit vector, -180 < x <= 180 [deg], NaN ignored."""
+    radians = np.deg2rad(np.asarray(angle_deg, dtype=float))
+    return wrap_180(np.rad2deg(np.arctan2(np.nanmean(np.sin(radians), axis), np.nanmean(np.cos(radians), axis))))

@@ -1,0 +1,190 @@
+"""Where the emulator's packets go: the far end of each kind of source."""
+
+from __future__ import annotations
+
+import os
+import socket
+from contextlib import suppress
+from typing import Protocol
+
+from acquisition.config.sections import (
+    AnySource,
+    CanSource,
+    FileSource,
+    MavlinkSource,
+    SerialSource,
+    TcpSource,
+    UdpSource,
+)
+from acquisition.core.errors import SourceError, storage_error
+from acquisition.encoders import Packet
+
+
+class Outlet(Protocol):
+    """One bus or line to send on."""
+
+    def ready(self) -> None:
+        """Wait until somebody can listen. Raises :class:`SourceError` when nobody comes."""
+
+    def send(self, packets: list[Packet]) -> None:
+        """Send the packets in order. Raises :class:`SourceError`."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+_WRITE_TIMEOUT_S = 5.0
+
+
+def _cannot_send(name: str, error: Exception) -> SourceError:
+    return SourceError(
+        "cannot be sent on", where=f"source {name!r}", why=str(error), fix="check the line and who listens on it"
+    )
+
+
+def open_outlet(config: AnySource) -> Outlet:
+    """Open the far end of a source. Raises :class:`SourceError`."""
+    if isinstance(config, CanSource):
+        return _CanOutlet(config)
+    if isinstance(config, SerialSource):
+        return _SerialOutlet(config)
+    if isinstance(config, UdpSource | MavlinkSource):
+        return _UdpOutlet(config)
+    if isinstance(config, TcpSource):
+        return _TcpOutlet(config)
+    if isinstance(config, FileSource):
+        return _FileOutlet(config)
+    raise SourceError(
+        f"nothing can be played onto a {config.type} source",
+        where=f"source {config.name!r}",
+        fix="play onto can, serial, udp, tcp, file or mavlink",
+    )
+
+
+class _AlwaysReady:
+    """A bus or line that can be sent on whether anybody listens or not."""
+
+    def ready(self) -> None:
+        return
+
+
+class _CanOutlet(_AlwaysReady):
+    def __init__(self, config: CanSource) -> None:
+        import can
+
+        from acquisition.sources.can_bus import open_bus
+
+        self._name = config.name
+        self._make_message = can.Message
+        self._errors = (can.CanError, OSError)
+        self._bus = open_bus(config)
+
+    def send(self, packets: list[Packet]) -> None:
+        try:
+            for packet in packets:
+                self._bus.send(
+                    self._make_message(
+                        arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
+                    )
+                )
+        except self._errors as error:
+            raise _cannot_send(self._name, error) from error
+
+    def close(self) -> None:
+        with suppress(*self._errors):
+            self._bus.shutdown()
+
+
+class _SerialOutlet(_AlwaysReady):
+    def __init__(self, config: SerialSource) -> None:
+        from acquisition.sources.serial_line import open_port
+
+        self._name = config.name
+        self._port = open_port(config)
+        self._port.write_timeout = _WRITE_TIMEOUT_S
+
+    def send(self, packets: list[Packet]) -> None:
+        try:
+            self._port.write(b"".join(packet.payload for packet in packets))
+        except OSError as error:  # pyserial's errors are among them
+            raise _cannot_send(self._name, error) from error
+
+    def close(self) -> None:
+        self._port.close()  # the system sends what it holds before it lets the line go
+
+
+class _UdpOutlet(_AlwaysReady):
+    def __init__(self, config: UdpSource | MavlinkSource) -> None:
+        self._name = config.name
+        self._address = (config.address, config.port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def send(self, packets: list[Packet]) -> None:
+        payload = b"".join(packet.payload for packet in packets)
+        try:
+            if payload:
+                with suppress(ConnectionRefusedError):  # nobody listens yet, which is no fault of a datagram's
+                    self._socket.sendto(payload, self._address)
+        except OSError as error:
+            raise _cannot_send(self._name, error) from error
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _TcpOutlet:
+    """The gateway's side: waits for the logger to connect, then serves that one connection."""
+
+    _WAIT_S = 30.0
+
+    def __init__(self, config: TcpSource) -> None:
+        self._name = config.name
+        try:
+            self._server = socket.create_server((config.address, config.port))
+        except OSError as error:
+            where = f"source {config.name!r}"
+            raise SourceError(
+                f"TCP {config.address}:{config.port} cannot be served", where=where, why=str(error)
+            ) from error
+        self._server.settimeout(self._WAIT_S)
+        self._client: socket.socket | None = None
+
+    def ready(self) -> None:
+        self._connected()
+
+    def _connected(self) -> socket.socket:
+        if self._client is None:
+            try:
+                self._client, _ = self._server.accept()
+            except OSError as error:
+                where = f"source {self._name!r}"
+                raise SourceError("no logger connected", where=where, why=str(error), fix="start it") from error
+        return self._client
+
+    def send(self, packets: list[Packet]) -> None:
+        client = self._connected()
+        try:
+            client.sendall(b"".join(packet.payload for packet in packets))
+        except OSError as error:
+            raise _cannot_send(self._name, error) from error
+
+    def close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+        self._server.close()
+
+
+class _FileOutlet(_AlwaysReady):
+    def __init__(self, config: FileSource) -> None:
+        try:
+            self._file = config.path.open("wb")
+        except OSError as error:
+            raise storage_error(config.path, error) from error
+
+    def send(self, packets: list[Packet]) -> None:
+        self._file.write(b"".join(packet.payload for packet in packets))
+
+    def close(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self._file.close()

@@ -1,0 +1,1 @@
+"""The recorder: threads and queues, selection of sources, maintenance, display and supervision."""

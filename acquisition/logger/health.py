@@ -1,0 +1,152 @@
+"""How the sources and channels are doing: counts, rates, ages, grades. The pipeline writes, the display reads."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from acquisition.core.channels import NAMES
+from acquisition.core.frames import Sample
+
+Grade = Literal["good", "slow", "silent", "none"]
+
+_RATE_OVER_NS = 5_000_000_000
+SILENT_NS = 2_500_000_000
+_QUIET_NS = 1_500_000_000
+ENOUGH_RATE = 0.8  # of what is expected
+_PERIODS_TO_SILENCE = 5
+
+
+@dataclass(slots=True)
+class SourceHealth:
+    """One source since the start of the recording."""
+
+    name: str
+    state: str = "open"
+    frames: int = 0
+    dropped: int = 0
+    refusals: list[Counter[str]] = field(default_factory=list)  # of the source's decoders, by reason
+    impossible: int = 0  # decoded, but no value that its channel can hold
+    last_ns: int | None = None
+    failed_ns: int | None = None
+
+    @property
+    def refused(self) -> int:
+        """Frames and values that the decoders refused."""
+        return sum(sum(list(each.values())) for each in self.refusals)  # a list, as another thread counts on
+
+    @property
+    def rejected(self) -> int:
+        """Frames and values that came and were not believed."""
+        return self.refused + self.impossible
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Why frames and values were not believed, and how many."""
+        reasons = {reason: count for each in self.refusals for reason, count in list(each.items()) if count}
+        return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
+
+    def saw(self, frames: int, monotonic_ns: int) -> None:
+        """That many frames came."""
+        self.frames += frames
+        self.last_ns = monotonic_ns
+
+    def is_silent(self, now_ns: int) -> bool:
+        """Whether it is open and nothing has come of late."""
+        return self.state == "open" and (self.last_ns is None or now_ns - self.last_ns > SILENT_NS)
+
+    def as_message(self, now_ns: int) -> dict[str, Any]:
+        """The body of a ``/health`` message."""
+        return {
+            "source": self.name,
+            "state": "silent" if self.is_silent(now_ns) else self.state,
+            "frames": self.frames,
+            "rejected": self.rejected,
+            "reasons": self.reasons,
+            "dropped": self.dropped,
+            **({} if self.last_ns is None else {"age_s": (now_ns - self.last_ns) / 1e9}),
+        }
+
+
+@dataclass(slots=True)
+class ChannelHealth:
+    """One channel: its last value, how many there were, and when the last few came."""
+
+    count: int = 0
+    value: float = float("nan")
+    source: str = ""
+    expected_hz: float | None = None  # by the configuration
+    usual_hz: float = 0.0  # the best rate it has kept up so far
+    times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=2000))
+
+    def saw(self, sample: Sample) -> None:
+        """A sample of this channel was recorded."""
+        self.count += 1
+        self.value, self.source = sample.value, sample.source
+        self.times_ns.append(sample.monotonic_ns)
+
+    def age_s(self, now_ns: int) -> float:
+        """Since the last sample [s]; infinite if there was none."""
+        return (now_ns - self.times_ns[-1]) / 1e9 if self.times_ns else float("inf")
+
+    def rate_hz(self, now_ns: int) -> float:
+        """Samples a second over the last seconds; it falls when the channel falls silent."""
+        recent = [each for each in tuple(self.times_ns) if now_ns - each < _RATE_OVER_NS]
+        if len(recent) < 2:
+            return 0.0
+        until_ns = recent[-1] if now_ns - recent[-1] < _QUIET_NS else now_ns
+        return (len(recent) - 1) / max((until_ns - recent[0]) / 1e9, 1e-9)
+
+    def wanted_hz(self, now_ns: int) -> float:
+        """The rate to compare with: what the configuration expects, or else what the channel has kept up."""
+        if self.expected_hz is not None:
+            return self.expected_hz
+        if self.times_ns and now_ns - self.times_ns[0] >= _RATE_OVER_NS:
+            self.usual_hz = max(self.usual_hz, min(self.rate_hz(now_ns), 1000.0))
+        return self.usual_hz
+
+    def grade(self, now_ns: int) -> Grade:
+        """good; slow: less often than expected; silent: nothing of late; none: never came."""
+        if not self.count:
+            return "none"
+        wanted_hz = self.wanted_hz(now_ns)
+        longest_s = max(SILENT_NS / 1e9, _PERIODS_TO_SILENCE / wanted_hz if wanted_hz else 0.0)
+        if self.age_s(now_ns) > longest_s:
+            return "silent"
+        return "slow" if self.rate_hz(now_ns) < ENOUGH_RATE * wanted_hz else "good"
+
+
+@dataclass(slots=True)
+class Health:
+    """The state of a recording in progress."""
+
+    sources: dict[str, SourceHealth]
+    channels: dict[str, ChannelHealth] = field(default_factory=lambda: {name: ChannelHealth() for name in NAMES})
+    events: deque[tuple[int, str, str]] = field(default_factory=lambda: deque(maxlen=8))
+    started_ns: int = field(default_factory=time.monotonic_ns)
+    samples: int = 0
+    marks: int = 0
+    predictions: int = 0  # recorded for another program
+    predictions_refused: int = 0  # malformed, or too many
+    predictions_dropped: int = 0  # taken in, but nothing was written at the moment
+    trouble: str = ""  # why nothing is written at the moment
+    part: str = ""  # the name of the file that is being written
+    free_bytes: int | None = None
+    bytes_per_s: float = 0.0  # what the recording grows by
+
+    def saw(self, sample: Sample) -> None:
+        """A sample was recorded."""
+        self.samples += 1
+        channel = self.channels.get(sample.quantity)
+        if channel is None:
+            channel = self.channels[sample.quantity] = ChannelHealth()
+        channel.saw(sample)
+
+    @property
+    def seconds_left(self) -> float | None:
+        """How long the disk lasts at the present rate [s]; None if that is not known yet."""
+        if self.free_bytes is None or self.bytes_per_s <= 0:
+            return None
+        return self.free_bytes / self.bytes_per_s

@@ -1,0 +1,179 @@
+"""The terminal's picture of a recording in progress: the 13 channels, the sources, the disk, the last events."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.logger.health import ChannelHealth, Health
+
+_UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
+_STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
+_GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
+_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
+_LITTLE_TIME_S = 3600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Everything worth seeing, drawn anew each time; ``expected`` are the channels that some source provides.
+
+    What does not fit goes in this order: words from the right, the unit column, events from the oldest.
+    """
+
+    health: Health
+    expected: frozenset[str]
+    marks: Mapping[str, str]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        now_ns = time.monotonic_ns()
+        yield _header(self.health, now_ns)
+        yield _second_line(self.health, self.marks)
+        yield _channel_table(self.health, self.expected, now_ns, options.max_width)
+        yield _source_table(self.health, now_ns)
+        taken = 2 + 1 + len(NAMES) + 1 + len(self.health.sources)
+        rows = (options.height or console.height) - taken - 1  # the cursor wants a line of its own
+        yield from _events(self.health, rows)
+
+
+def _one_line(*parts: str | tuple[str, str]) -> Text:
+    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+
+
+def _header(health: Health, now_ns: int) -> Text:
+    state = ("● REC ", "bold red")
+    if health.trouble:
+        state = ("■ PAUSED, NOTHING IS WRITTEN ", "bold white on red")
+    return _one_line(
+        state,
+        (_clock((now_ns - health.started_ns) // 1_000_000_000), "bold"),
+        f"  {health.samples:,} samples  {health.part}",
+    )
+
+
+def _second_line(health: Health, marks: Mapping[str, str]) -> Text:
+    if health.trouble:
+        return _one_line((health.trouble, "bold red"))
+    keys = ", ".join([*(f"{key} {text}" for key, text in marks.items()), "m a mark"])
+    return _one_line(
+        *_disk(health),
+        ("  Ctrl-C ends; ", "dim"),
+        (keys, "dim"),
+        (f"  {health.marks} mark{'' if health.marks == 1 else 's'}", "dim"),
+    )
+
+
+def _disk(health: Health) -> tuple[tuple[str, str], ...]:
+    if health.free_bytes is None:
+        return (("disk ?", "yellow"),)
+    left_s = health.seconds_left
+    short = left_s is not None and left_s < _LITTLE_TIME_S
+    text = f"disk {health.free_bytes / 1e9:.1f} GB left"
+    if left_s is not None:
+        text += f", {_lasts(left_s)} at {health.bytes_per_s / 1e3:.0f} kB/s"
+    return ((text, "bold red" if short else "green"),)
+
+
+def _lasts(seconds: float) -> str:
+    """A duration for people: the two largest units.
+
+    >>> _lasts(200_000.0)
+    '2 d 7 h'
+    """
+    if seconds >= 365 * 86_400:
+        return "over a year"
+    days, hours, minutes = int(seconds // 86_400), int(seconds // 3600 % 24), int(seconds // 60 % 60)
+    return f"{days} d {hours} h" if days else f"{hours} h {minutes} min"
+
+
+def _clock(seconds: int) -> str:
+    return f"{seconds // 3600:d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width: int) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    with_unit = width >= _UNIT_FROM_COLUMNS
+    table.add_column("channel", no_wrap=True)
+    table.add_column("value", justify="right", min_width=9, no_wrap=True)
+    if with_unit:
+        table.add_column("unit", no_wrap=True)
+    for title, least in (("rate/expected", 13), ("age s", 6)):
+        table.add_column(title, justify="right", min_width=least, no_wrap=True)
+    table.add_column("grade", min_width=6, no_wrap=True)
+    table.add_column("source")
+    for name in NAMES:
+        value, *rest = _channel_row(health.channels[name], name in expected, now_ns)
+        table.add_row(name, value, *([BY_NAME[name].unit] if with_unit else []), *rest)
+    return table
+
+
+def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tuple[str | Text, ...]:
+    """Value, rate, age, grade and source."""
+    if channel.count == 0:
+        text, style = ("waiting", "yellow") if is_expected else ("no source configured", "dim")
+        return "–", "–", "–", "–", _one_line((text, style))
+    grade = channel.grade(now_ns)
+    wanted_hz = channel.wanted_hz(now_ns)
+    rates = (
+        f"{channel.rate_hz(now_ns):.1f}/{wanted_hz:.1f} Hz" if wanted_hz else f"{channel.rate_hz(now_ns):.1f} Hz"
+    )
+    return (
+        f"{channel.value:.3f}",
+        rates,
+        f"{channel.age_s(now_ns):.1f}",
+        Text(grade, _GRADE_STYLES[grade]),
+        _one_line(channel.source),
+    )
+
+
+def _source_table(health: Health, now_ns: int) -> Table:
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    table.add_column("line", min_width=len("starboard_angle_deg"), no_wrap=True, overflow="ellipsis")
+    table.add_column("state", min_width=9, no_wrap=True)
+    for title in ("frames", "refused", "dropped"):
+        table.add_column(title, justify="right", min_width=8, no_wrap=True)
+    for source in health.sources.values():
+        state = source.as_message(now_ns)["state"]
+        dropped = Text(f"{source.dropped:,}", "bold red" if source.dropped else "")
+        counts = f"{source.frames:,}", f"{source.rejected:,}"
+        table.add_row(source.name, Text(state, _STATE_STYLES[state]), *counts, dropped)
+    return table
+
+
+def _events(health: Health, rows: int) -> Iterator[Text]:
+    for time_ns, level, text in tuple(health.events)[-rows:] if rows > 0 else ():
+        moment = datetime.fromtimestamp(time_ns // 10**9, UTC)
+        yield _one_line((f"{moment:%H:%M:%SZ} {text}", _LEVEL_STYLES.get(level, "")))
+
+
+def status(health: Health) -> str:
+    """A few words for a supervisor's status line."""
+    if health.trouble:
+        return f"PAUSED: {health.trouble}"
+    good = sum(health.channels[name].grade(time.monotonic_ns()) == "good" for name in NAMES)
+    return f"recording {health.part}: {good} of 13 channels good, {health.samples:,} samples"
+
+
+def summary(health: Health, paths: Sequence[Path]) -> str:
+    """One line for the end of a recording."""
+    seen = sum(channel.count > 0 for name, channel in health.channels.items() if name in NAMES)
+    dropped = sum(source.dropped for source in health.sources.values())
+    frames = sum(source.frames for source in health.sources.values())
+    name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
+    return (
+        f"{name}: {_clock((time.monotonic_ns() - health.started_ns) // 1_000_000_000)}, {frames:,} frames, "
+        f"{health.samples:,} samples, {seen} of 13 channels, {dropped:,} dropped"
+    )
+
+
+def missing(channels: dict[str, ChannelHealth], expected: frozenset[str]) -> list[str]:
+    """Channels that a source was to provide and of which nothing came."""
+    return [name for name in NAMES if name in expected and channels[name].count == 0]

@@ -1,0 +1,110 @@
+"""What a recording does by the clock: flush, sync, a word on each source's health, a look at clock and disk."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from acquisition.config.sections import RecordingSection
+from acquisition.core.frames import now_ns
+from acquisition.logger.health import SILENT_NS, Health
+from acquisition.logger.timescale import Timescale, host_clock_state
+from acquisition.recording.parts import RecordingParts
+
+TICK_S = 0.05
+"""How late the recorder may look at the clock; flush and sync come so much earlier."""
+_HEALTH_EVERY_S = 1.0
+_GROWTH_SHARE = 0.1  # of the newest second in the mean rate of growth
+
+Note = Callable[[str, str], None]
+
+
+def clock_metadata(scale: Timescale, host: str | None = None) -> dict[str, str]:
+    """Which clock a part's times come from."""
+    return {
+        "times": "host clock when the part began, carried on by the monotonic clock",
+        "host_clock": host_clock_state() if host is None else host,
+        "utc_minus_monotonic_ns": str(scale.offset_ns),
+    }
+
+
+class Housekeeping:
+    """The chores of one recording; call :meth:`due` every :data:`TICK_S` or so, from the recorder's thread."""
+
+    def __init__(
+        self, settings: RecordingSection, parts: RecordingParts, health: Health, scale: Timescale, note: Note
+    ) -> None:
+        self._settings, self._parts, self._health, self._scale, self._note = settings, parts, health, scale, note
+        self._flushed_s = self._synced_s = self._reported_s = time.monotonic()
+        self._silent: dict[str, int] = {}
+        self._written_bytes = 0.0
+
+    def due(self) -> None:
+        """Do what is due now."""
+        now_s = time.monotonic()
+        self._look_at_the_clock()
+        self._parts.look_after(now_s)
+        if now_s - self._reported_s >= _HEALTH_EVERY_S:
+            self._report(now_s)
+        if now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
+            self._parts.flush()
+            self._flushed_s = now_s
+        # A disk that is still busy with the last time is asked again as soon as it is not.
+        if now_s - self._synced_s >= self._settings.sync_s - TICK_S and self._parts.sync_soon():
+            self._synced_s = now_s
+
+    def _look_at_the_clock(self) -> None:
+        step_ns = self._scale.follow(*now_ns())
+        if not step_ns:
+            return
+        text = f"the computer's clock was set by {step_ns / 1e9:+.3f} s"
+        if not self._scale.is_far_off:
+            self._note("warning", f"{text}; the times in this recording follow it slowly")
+            return
+        self._note(
+            "warning", f"{text}; times in {self._parts.path.name} keep the old time, the next part has the new"
+        )
+        self._scale.adopt()
+        self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
+        self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
+
+    def last_word(self) -> None:
+        """Say the state of each source once more, when nothing more comes."""
+        self._tell_health(time.monotonic_ns())
+
+    def _report(self, now_s: float) -> None:
+        now = time.monotonic_ns()
+        self._listen(now)
+        self._watch_the_disk(now_s - self._reported_s)
+        self._reported_s = now_s
+        self._tell_health(now)
+
+    def _tell_health(self, now: int) -> None:
+        if self._parts.paused:
+            return
+        for source in self._health.sources.values():
+            self._parts.write_health(source.as_message(now), self._scale.utc_ns(now))
+
+    def _listen(self, now: int) -> None:
+        """Say when a source falls silent and when it is heard again."""
+        for source in self._health.sources.values():
+            silent = source.is_silent(now) and now - self._health.started_ns > SILENT_NS
+            if silent and source.name not in self._silent:
+                self._silent[source.name] = source.last_ns or self._health.started_ns
+                what = "has fallen silent" if source.frames else "has said nothing yet"
+                self._note("warning", f"source {source.name!r} {what}")
+            elif not silent and source.state == "open" and source.name in self._silent:
+                gap_s = ((source.last_ns or now) - self._silent.pop(source.name)) / 1e9
+                self._note("warning", f"source {source.name!r} is heard again after {gap_s:.1f} s")
+
+    def _watch_the_disk(self, since_s: float) -> None:
+        written = float(self._parts.written_bytes)
+        rate = (written - self._written_bytes) / max(since_s, 1e-3)
+        self._written_bytes = written
+        health = self._health
+        health.bytes_per_s += _GROWTH_SHARE * (rate - health.bytes_per_s) if health.bytes_per_s else rate
+        health.free_bytes, health.trouble, health.part = (
+            self._parts.room_bytes,
+            self._parts.trouble,
+            self._parts.path.name,
+        )

@@ -1,0 +1,178 @@
+"""Source -> inbox -> decode -> derive -> select -> record: the only place with threads.
+
+One thread a source does nothing but receive (``receiver.py``), so that a slow disk never delays reception; one
+thread does the rest. An inbox that is full drops frames by number, never silently. No thread ends without a
+word: what a receiver cannot cope with counts as a failed source, what the recorder's thread cannot cope with is
+raised by :meth:`Recorder.stop`.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+
+from acquisition.config.configuration import TrialConfig
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame
+from acquisition.logger.health import ChannelHealth, Health, SourceHealth
+from acquisition.logger.inbox import Inbox
+from acquisition.logger.maintenance import Housekeeping
+from acquisition.logger.predictions import Predictions
+from acquisition.logger.processing import Processing
+from acquisition.logger.receiver import Receiver
+from acquisition.logger.timescale import Timescale
+from acquisition.recording.parts import RecordingParts
+from acquisition.sources import make_source
+
+_LOOK_S = 0.01
+_COME_BY_S = 0.02  # how long a frame may wait for the recorder: little beside the time to the next flush
+_LONGEST_CHORE_S = 20.0  # a memory card may take its time
+_LONGEST_JOIN_S = 5.0  # a driver that hangs must not keep a recording from being closed
+
+
+def health_of(config: TrialConfig) -> Health:
+    """Nothing seen yet, of the sources and channels of a configuration."""
+    health = Health({each.name: SourceHealth(each.name) for each in config.sources})
+    for source in reversed(config.sources):
+        for name, rate_hz in source.rates_hz.items():
+            health.channels.setdefault(name, ChannelHealth()).expected_hz = rate_hz
+    return health
+
+
+def _none_opened(receivers: list[Receiver]) -> SourceError | None:
+    """Wait until one source is open, or all have tried: the first one's error then."""
+    while not all(receiver.tried.is_set() for receiver in receivers):
+        if any(receiver.opened for receiver in receivers):
+            return None
+        time.sleep(_LOOK_S)
+    return None if any(receiver.opened for receiver in receivers) else receivers[0].open_error
+
+
+class Recorder:
+    """A recording in progress. ``start`` opens the sources; ``stop`` keeps what was received.
+
+    The recording belongs to the caller and is closed by the caller.
+    """
+
+    def __init__(self, config: TrialConfig, parts: RecordingParts, scale: Timescale | None = None) -> None:
+        self._config = config
+        self._parts = parts
+        self.health = health_of(config)
+        self._scale = scale or Timescale.of_now()
+        self._processing = Processing(config, parts, self.health)
+        self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
+        self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
+        self.predictions = Predictions(self.health)
+        self._stopping = threading.Event()
+        self._all_received = threading.Event()
+        self._failure: Exception | None = None
+        self._threads: list[threading.Thread] = []
+        self._worker = threading.Thread(target=self._work, name="recorder", daemon=True)
+        self._chores_s = time.monotonic()
+        parts.tell = self.tell
+
+    def start(self) -> None:
+        """Open the sources and begin; those that cannot be opened yet are tried again and again.
+
+        Raises :class:`SourceError` if not a single one can be opened.
+        """
+        receivers = [
+            Receiver(make_source(each), self.health.sources[each.name], self._inbox, self._stopping, self.tell)
+            for each in self._config.sources
+        ]
+        for receiver in receivers:
+            thread = threading.Thread(target=receiver.run, name=receiver.source.name, daemon=True)
+            self._threads.append(thread)
+            thread.start()
+        error = _none_opened(receivers)
+        if error is not None:
+            self._stopping.set()
+            raise error
+        self._worker.start()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more can come: every source is at its end, or the recording has failed."""
+        return self._failure is not None or not any(thread.is_alive() for thread in self._threads)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the recorder's thread has done its chores of late: what a watchdog wants to know."""
+        return time.monotonic() - self._chores_s < _LONGEST_CHORE_S
+
+    def stop(self) -> None:
+        """Stop receiving, record what was received, and raise what broke the recording, if anything did."""
+        self._stopping.set()
+        until_s = time.monotonic() + _LONGEST_JOIN_S
+        for thread in self._threads:
+            thread.join(max(until_s - time.monotonic(), 0.0))
+            if thread.is_alive():
+                self.tell("error", f"{thread.name}: the source does not stop and is left behind")
+        self._all_received.set()
+        self._worker.join()
+        if self._failure is not None:
+            raise self._failure
+
+    def tell(self, level: str, text: str) -> None:
+        """Put an event into the recording, with the time of this call, from any thread."""
+        self._texts.put((time.monotonic_ns(), level, text, "seatrial"))
+
+    def mark(self, text: str, monotonic_ns: int | None = None) -> None:
+        """Put a person's mark into the recording, from any thread."""
+        self._texts.put((monotonic_ns or time.monotonic_ns(), "info", text, "mark"))
+        self.health.marks += 1
+
+    def _work(self) -> None:
+        """The recorder's thread: everything behind the inbox, until the sources stopped and it is empty."""
+        try:
+            self.tell("info", "recording started")
+            self._drain()
+            self.tell("info", "recording stopped")
+            self._note_texts()
+            self._parts.sync()
+        except Exception as error:  # raised again by stop(): a recorder that records nothing must not run on
+            self._failure = error
+            self._stopping.set()
+
+    def _drain(self) -> None:
+        chores = Housekeeping(self._config.recording, self._parts, self.health, self._scale, self._note)
+        while True:
+            finished = self._all_received.is_set()
+            if finished and self._parts.paused:
+                self._parts.resume()  # the last chance to keep what waits
+            # In a pause frames wait in the inbox, as long as there is room.
+            frames = [] if self._parts.paused else self._inbox.take()
+            for frame in frames:
+                self._record(frame)
+            self._note_texts()
+            self._note_predictions()
+            chores.due()
+            self._chores_s = time.monotonic()
+            if finished and not frames:
+                self._parts.lost += len(self._inbox)
+                chores.last_word()
+                return
+            if self._parts.paused or not len(self._inbox):
+                time.sleep(_COME_BY_S)
+
+    def _note(self, level: str, text: str) -> None:
+        """Put an event into the part that is being written, at once; for the recorder's thread only."""
+        self._processing.note(text, self._scale.utc_ns(time.monotonic_ns()), level)
+
+    def _record(self, frame: Frame) -> None:
+        self._processing.process(self._scale.stamped(frame))
+
+    def _note_texts(self) -> None:
+        while not self._texts.empty():
+            monotonic_ns, level, text, name = self._texts.get()
+            self._processing.note(text, self._scale.utc_ns(monotonic_ns), level, name)
+
+    def _note_predictions(self) -> None:
+        """What others foretell, unless nothing is written at the moment: memory is for what was measured."""
+        for monotonic_ns, start_ns, data, geojson in self.predictions.take():
+            if self._parts.paused:
+                self.health.predictions_dropped += 1
+            else:
+                self._parts.write_prediction(data, geojson, self._scale.utc_ns(monotonic_ns), start_ns)
+                self.health.predictions += 1

@@ -1,0 +1,139 @@
+"""``seatrial record --check``: before departure, which channels will be missing, and why.
+
+The check is a short recording, made exactly as a real one and thrown away: what works here works at sea. It lies
+in the folder for temporary files; where the real one will go is looked at, and nothing is written there.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import time
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from acquisition.config.configuration import TrialConfig
+from acquisition.config.sections import RecordingSection
+from acquisition.core.channels import NAMES
+from acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
+from acquisition.logger.pipeline import Recorder
+from acquisition.recording.disk_room import free_bytes, shortage
+from acquisition.recording.parts import RecordingParts
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelReport:
+    """What came of one channel during the check; ``problem`` is empty where all is well."""
+
+    name: str
+    rate_hz: float
+    value: float | None
+    source: str
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class DepartureCheck:
+    """What a check found: every channel, every source, what was told on the way, and where a recording would go.
+
+    ``disk_problem`` says why nothing could be recorded there; it is empty where all is well.
+    """
+
+    channels: list[ChannelReport]
+    sources: list[dict[str, Any]]
+    events: list[str]
+    free_bytes: int | None
+    disk_problem: str = ""
+
+    @property
+    def missing(self) -> list[str]:
+        """The channels that would be missing."""
+        return [each.name for each in self.channels if each.problem]
+
+    @property
+    def obstacles(self) -> list[str]:
+        """Why the trial is not ready; nothing if it is."""
+        missing = [f"{', '.join(self.missing)} would be missing"] if self.missing else []
+        return missing + ([self.disk_problem] if self.disk_problem else [])
+
+    def as_json(self) -> dict[str, Any]:
+        """The check as an object of JSON's kinds."""
+        return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
+
+
+def check_departure(
+    config: TrialConfig, duration_s: float, folder: Path | None = None, stop: threading.Event | None = None
+) -> DepartureCheck:
+    """Listen to every source for ``duration_s`` [s]; ``folder`` is where the recording would go, if it is known.
+
+    Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written.
+    """
+    scratch_settings = replace(config.recording, reserve_mb=0.0)  # the reserve is for the trial's disk
+    with tempfile.TemporaryDirectory(prefix="seatrial-check-") as scratch:
+        parts = RecordingParts(Path(scratch), config.trial, config.attachments, scratch_settings)
+        recorder = Recorder(config, parts)
+        try:
+            recorder.start()
+            until_s = time.monotonic() + duration_s
+            while time.monotonic() < until_s and not recorder.ended:
+                if (stop or threading.Event()).wait(0.05):
+                    break
+            now_ns = time.monotonic_ns()
+            channels = [_report(name, config, recorder.health, now_ns) for name in NAMES]
+            sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
+            recorder.stop()
+        finally:
+            parts.discard()
+    events = [text for _, level, text in recorder.health.events if level != "info"]
+    free, problem = (None, "") if folder is None else examine_folder(folder, config.recording)
+    return DepartureCheck(channels, sources, events, free, problem)
+
+
+def examine_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
+    """What is free where a recording would go [bytes], and why it could not; nothing is written there."""
+    existing = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
+    if not existing.is_dir():
+        return None, f"{folder}: {existing} is no folder"
+    if not os.access(existing, os.W_OK | os.X_OK):
+        what = "written to" if existing == folder else f"made: {existing} cannot be written to"
+        return None, f"{folder} cannot be {what}"
+    try:
+        free, size = free_bytes(existing)
+    except OSError as error:
+        return None, f"{folder}: its disk cannot be asked for room: {error.strerror}"
+    why = shortage(settings, free, size)
+    return free, f"{folder}: {why}" if why else ""
+
+
+def _report(name: str, config: TrialConfig, health: Health, now_ns: int) -> ChannelReport:
+    channel = health.channels[name]
+    value = channel.value if channel.count else None
+    problem = _problem(name, config, health, now_ns)
+    return ChannelReport(name, channel.rate_hz(now_ns), value, channel.source, problem)
+
+
+def _problem(name: str, config: TrialConfig, health: Health, now_ns: int) -> str:
+    channel = health.channels[name]
+    providers = [source.name for source in config.sources if name in source.channels]
+    if not providers:
+        return "no source provides it"
+    if channel.count == 0:
+        return "; ".join(_why_silent(health, each) for each in providers)
+    if channel.age_s(now_ns) * 1e9 > SILENT_NS:
+        return f"fell silent {channel.age_s(now_ns):.0f} s ago"
+    if channel.expected_hz is not None and channel.rate_hz(now_ns) < ENOUGH_RATE * channel.expected_hz:
+        return f"comes {channel.rate_hz(now_ns):.1f} times a second instead of {channel.expected_hz:g}"
+    return ""
+
+
+def _why_silent(health: Health, name: str) -> str:
+    source = health.sources[name]
+    if source.state in ("opening", "failed"):
+        return f"source {name!r} cannot be opened"
+    if source.frames == 0:
+        return f"nothing at all comes from {name!r}"
+    return (
+        f"{source.frames:,} frames came from {name!r}, {source.rejected:,} of them refused, none with this channel"
+    )

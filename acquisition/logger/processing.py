@@ -1,0 +1,144 @@
+"""What happens to a frame between its reception and the recording: kept raw, decoded, derived, selected."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+from acquisition.config.configuration import TrialConfig
+from acquisition.core.frames import Frame, Group, Sample
+from acquisition.decoders import Decoder, make_decoders
+from acquisition.logger.derive import Derivation
+from acquisition.logger.health import Health
+from acquisition.logger.select import Selector
+from acquisition.logger.supervision import LOG
+from acquisition.recording.messages import MessageSink
+
+_EVENTS_A_MINUTE = 30
+DECODED = "decoding"
+"""The name of events that decoding brings forth, and would bring forth again."""
+_LOG_LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+_POSITION = frozenset({"north_m", "east_m", "latitude_deg", "longitude_deg"})
+
+
+@dataclass(slots=True)
+class _Allowance:
+    """How many events a source may still bring forth in this minute."""
+
+    until_ns: int = 0
+    left: int = _EVENTS_A_MINUTE
+    left_out: int = 0
+
+    def allows(self, now_ns: int) -> bool:
+        """Take one event from what is left of this minute; count it if nothing is."""
+        if now_ns >= self.until_ns:
+            self.until_ns, self.left = now_ns + 60_000_000_000, _EVENTS_A_MINUTE
+        self.left -= 1
+        self.left_out += self.left < 0
+        return self.left >= 0
+
+
+class Processing:
+    """Frames into a recording; for one thread only."""
+
+    def __init__(self, config: TrialConfig, writer: MessageSink, health: Health) -> None:
+        self._trial = config.trial
+        self._writer = writer
+        self._health = health
+        self._decoders: dict[str, list[Decoder]] = {each.name: make_decoders(each) for each in config.sources}
+        for name, decoders in self._decoders.items():
+            health.sources[name].refusals = [each.refused for each in decoders]
+        self._derivation = Derivation(
+            config.trial,
+            frozenset(each.name for each in config.sources if _POSITION & set(each.channels)),
+            {each.name: each.mounting for each in config.sources},
+            config.magnetic_variation_deg,
+        )
+        self._selector = Selector(config.sources)
+        self._seeks_origin = config.trial.origin is None
+        self._in_storm: set[str] = set()
+        self._allowances = {each.name: _Allowance() for each in config.sources}
+
+    def mute_clocks(self, origin: str) -> None:
+        """Tell nothing of this source's clocks: its frames have no times that they could be compared with."""
+        for decoder in self._decoders[origin]:
+            if (clock := getattr(decoder, "clock", None)) is not None:
+                clock.muted = True
+
+    def process(self, frame: Frame) -> None:
+        """Record the frame raw and every channel sample that is in it."""
+        self._writer.write_raw(frame)
+        if self._in_storm:
+            self._end_storm(frame)
+        health = self._health.sources[frame.origin]
+        for decoder in self._decoders[frame.origin]:
+            for group in self._decoded(decoder, frame):
+                samples, impossible = self._derivation.channels(group)
+                health.impossible += impossible
+                self._record(samples, frame)
+            while decoder.notices:
+                level, text = decoder.notices.popleft()
+                self._tell(frame, f"{frame.origin}: {text}", level)
+
+    def _decoded(self, decoder: Decoder, frame: Frame) -> list[Group]:
+        """The frame's groups. What a decoder trips over is kept raw and must not end the recording."""
+        try:
+            return decoder.decode(frame)
+        except Exception as error:
+            if not decoder.refused["decoder failed"]:
+                text = f"{frame.origin}: a frame broke the decoder: {type(error).__name__} {error}"
+                self.note(text, frame.received_ns, "error", DECODED)
+            decoder.refused["decoder failed"] += 1
+            return []
+
+    def _record(self, samples: list[Sample], frame: Frame) -> None:
+        has_position = False
+        for sample in samples:
+            accepted, change = self._selector.admit(sample)
+            if change:
+                self._tell(frame, change, "warning")
+            if accepted:
+                self._writer.write_sample(sample)
+                self._health.saw(sample)
+                self._derivation.admitted(sample)
+                has_position = has_position or sample.quantity in _POSITION
+        if has_position:
+            self._record_position({each.quantity: each for each in samples})
+        if self._seeks_origin and self._derivation.origin is not None:
+            self._keep_origin(*self._derivation.origin, frame.received_ns)
+
+    def _record_position(self, samples: dict[str, Sample]) -> None:
+        """The fix for the map, from the source that the position channels come from."""
+        latitude, longitude = samples.get("latitude_deg"), samples.get("longitude_deg")
+        if latitude is not None and longitude is not None:
+            self._writer.write_position(latitude.value, longitude.value, latitude.received_ns, latitude.measured_ns)
+
+    def _keep_origin(self, latitude_deg: float, longitude_deg: float, received_ns: int) -> None:
+        """The first fix became the origin: the recording must say so."""
+        self._seeks_origin = False
+        self._trial = replace(self._trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
+        self._writer.write_trial(self._trial)
+        text = f"the first fix is the origin: {latitude_deg:.7f}, {longitude_deg:.7f}"
+        self.note(text, received_ns, "info", DECODED)
+
+    def _tell(self, frame: Frame, text: str, level: str) -> None:
+        """Note what decoding told, within what a source may tell: rubbish can look like news without end."""
+        if self._allowances[frame.origin].allows(frame.monotonic_ns):
+            self.note(text, frame.received_ns, level, DECODED)
+        else:
+            self._in_storm.add(frame.origin)
+
+    def _end_storm(self, frame: Frame) -> None:
+        """Once the source may tell something again: how much it could not."""
+        allowance = self._allowances[frame.origin]
+        if frame.origin in self._in_storm and frame.monotonic_ns >= allowance.until_ns:
+            self._in_storm.remove(frame.origin)
+            text = f"{frame.origin}: {allowance.left_out:,} more events were left out"
+            self.note(text, frame.received_ns, "warning", DECODED)
+            allowance.left_out = 0
+
+    def note(self, text: str, received_ns: int, level: str = "info", name: str = "seatrial") -> None:
+        """Put a line into the recording's event log and the display."""
+        self._writer.write_event(text, received_ns, level, name)
+        self._health.events.append((received_ns, level, text))
+        LOG.log(_LOG_LEVELS[level], text, extra={"more": {"recording_time": received_ns / 1e9, "name": name}})

@@ -1,0 +1,130 @@
+"""One source's reception: read, pass on, and when it fails say so, back off and open it again."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame
+from acquisition.logger.health import SourceHealth
+from acquisition.logger.inbox import Inbox
+from acquisition.sources import Source
+
+POLL_S = 0.1
+_LONGEST_BACK_OFF_S = 10.0
+_TELL_EVERY_S = 10.0
+_SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
+
+Tell = Callable[[str, str], None]
+"""Somebody who puts (level, text) into the recording's event log; called from any thread."""
+
+
+class Receiver:
+    """What one thread does for one source until ``stopping`` is set. It raises nothing."""
+
+    def __init__(
+        self, source: Source, health: SourceHealth, inbox: Inbox, stopping: threading.Event, tell: Tell
+    ) -> None:
+        self.source, self._health, self._inbox, self._stopping, self._tell = source, health, inbox, stopping, tell
+        health.state = "opening"
+        self._back_off_s = POLL_S
+        self._dropped_before = self._lost_before = self._lost_untold = 0
+        self._told_lost_s = float("-inf")
+        self._opened_s = 0.0
+        self.tried = threading.Event()
+        self.opened = False
+        self.open_error: SourceError | None = None
+
+    def run(self) -> None:
+        """Receive until told to stop, or until the source says that nothing more will come."""
+        self._open()
+        self.tried.set()
+        while not self._stopping.is_set():
+            if self._health.state == "failed":
+                self._open_later()
+                continue
+            try:
+                frames = self.source.read(POLL_S)
+            except Exception as error:  # the other sources go on
+                self._failed(as_source_error(self.source, error))
+                self.close()
+                continue
+            if frames is None:
+                self._health.state = "ended"
+                break
+            if frames:
+                self._pass_on(frames)
+            if self._health.failed_ns is not None and (frames or time.monotonic() - self._opened_s > _SETTLED_S):
+                self._back(self._health.failed_ns)
+            if self.source.lost > self._lost_before:
+                self._tell_lost(self.source.lost - self._lost_before)
+        self.close()
+
+    def _open(self) -> None:
+        try:
+            self.source.open()
+        except Exception as error:  # drivers raise what they like
+            self.open_error = as_source_error(self.source, error)
+            self._failed(self.open_error)
+            return
+        self._health.state, self._opened_s = "open", time.monotonic()
+        self.opened = True
+
+    def _back(self, failed_ns: int) -> None:
+        """The source works again: it says something, or stays open; some can be opened and fail at once."""
+        gap_s = (time.monotonic_ns() - failed_ns) / 1e9
+        self._tell("warning", f"source {self.source.name!r} is back after {gap_s:.1f} s")
+        self._health.failed_ns = None
+        self._back_off_s = POLL_S
+
+    def close(self) -> None:
+        """Let go of the source."""
+        try:
+            self.source.close()
+        except Exception as error:  # a cable that was pulled may refuse even this
+            self._tell("warning", str(as_source_error(self.source, error)))
+
+    def _pass_on(self, frames: list[Frame]) -> None:
+        self._health.saw(len(frames), frames[-1].monotonic_ns)
+        accepted = self._inbox.put(self._health.name, frames)
+        dropped = len(frames) - accepted
+        if dropped and self._health.dropped == self._dropped_before:
+            self._tell("error", f"{self._health.name}: the queue is full, frames are being dropped")
+        self._health.dropped += dropped
+        if not dropped and self._health.dropped > self._dropped_before:
+            count = self._health.dropped - self._dropped_before
+            self._tell("error", f"{self._health.name}: {count:,} frames were dropped; none any more")
+            self._dropped_before = self._health.dropped
+
+    def _tell_lost(self, count: int) -> None:
+        """The system has dropped what we did not fetch in time: as bad as a drop of our own; told in sums."""
+        self._health.dropped += count
+        self._dropped_before += count
+        self._lost_before += count
+        self._lost_untold += count
+        if time.monotonic() - self._told_lost_s > _TELL_EVERY_S:
+            text = f"{self._health.name}: the system had no room for {self._lost_untold:,} datagrams"
+            self._tell("error", text)
+            self._told_lost_s, self._lost_untold = time.monotonic(), 0
+
+    def _failed(self, error: SourceError) -> None:
+        if self._health.failed_ns is None:
+            self._health.failed_ns = time.monotonic_ns()
+            self._tell("error", str(error))
+        self._health.state = "failed"
+
+    def _open_later(self) -> None:
+        """Wait and try again; the next wait is twice as long."""
+        if self._stopping.wait(self._back_off_s):
+            return
+        self._back_off_s = min(2 * self._back_off_s, _LONGEST_BACK_OFF_S)
+        self._open()
+
+
+def as_source_error(source: Source, error: Exception) -> SourceError:
+    """What a driver raised, as an error of ours."""
+    if isinstance(error, SourceError):
+        return error
+    return SourceError("failed", where=f"source {source.name!r}", why=f"{type(error).__name__} {error}")

@@ -1,0 +1,143 @@
+"""``seatrial redecode``: the channels of a recording anew from its raw input, with a corrected configuration.
+
+The raw input is copied as it is, and so is what people and the recorder noted and what was foretold; everything
+else (channels, fixes, what decoding told) comes from decoding again.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import orjson
+
+from acquisition.config.configuration import CONFIGURATION, TrialConfig, parse_config
+from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.frames import Frame
+from acquisition.core.progress import Progress
+from acquisition.logger.health import Health
+from acquisition.logger.pipeline import health_of
+from acquisition.logger.processing import DECODED, Processing
+from acquisition.recording.beginning import trial_at_beginning
+from acquisition.recording.messages import frame_of
+from acquisition.recording.reader import Entry, MessageStream
+from acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
+from acquisition.recording.writer import RecordingWriter
+
+_FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in memory
+
+
+@dataclass(slots=True)
+class Redecoded:
+    """What was decoded again: raw frames in, samples out, and frames of sources that are not configured."""
+
+    health: Health
+    frames: int = 0
+    unknown: dict[str, int] = field(default_factory=dict)
+
+
+def redecode(
+    paths: list[Path], target: Path, config: TrialConfig | None = None, progress: Progress | None = None
+) -> Redecoded:
+    """Decode the raw input of a recording's parts, given in order, into ``target``.
+
+    Without ``config`` the recording's own serves: the same decoding with today's software. Raises
+    :class:`InputError` for recordings without raw input or configuration, :class:`StorageError`.
+    """
+    if target.exists():
+        raise StorageError("exists already", where=str(target), fix="name a file that does not, or delete it")
+    with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
+        config = config or _own_configuration(paths[0], Path(scratch))
+        partial = target.with_name(f".{target.name}.part")
+        try:
+            with RecordingWriter(partial, config.trial, config.attachments) as writer:
+                result = _decode_all(paths, config, writer, progress or (lambda share: None))
+            if result.frames == 0:
+                raise InputError("holds no raw input to decode", where=str(paths[0]))
+            partial.replace(target)
+        except OSError as error:
+            if isinstance(error, StorageError):
+                raise
+            raise storage_error(target, error) from error
+        finally:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
+    return result
+
+
+def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
+    """The configuration that a recording carries, its DBC files laid out in ``scratch``."""
+    stream = MessageStream(path)
+    next(iter(stream), None)
+    text = stream.attachments.get(CONFIGURATION)
+    if text is None:
+        raise InputError(
+            "carries no configuration", where=str(path), fix="give one with --config, as `seatrial record` takes it"
+        )
+    files: dict[str, Path] = {}
+    for name, data in stream.attachments.items():
+        if name.endswith(".dbc"):
+            files[name.removesuffix(".dbc")] = scratch / f"{len(files)}.dbc"
+            files[name.removesuffix(".dbc")].write_bytes(data)
+    return _on_the_same_plane(parse_config(text.decode("utf-8", "replace"), path, files), path)
+
+
+def _on_the_same_plane(config: TrialConfig, path: Path) -> TrialConfig:
+    """With the origin that a fix in an earlier part of the recording gave it, if there was one."""
+    known = trial_at_beginning(path)
+    if config.trial.origin is not None or known.origin is None:
+        return config
+    latitude_deg, longitude_deg = known.origin
+    trial = replace(config.trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
+    return replace(config, trial=trial)
+
+
+def _decode_all(paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress) -> Redecoded:
+    result = Redecoded(health_of(config))
+    processing = Processing(config, writer, result.health)
+    last_ns = 0
+    for number, entry in enumerate(_entries(paths, progress), start=1):
+        if number % _FLUSH_EVERY == 0:
+            writer.flush()
+        last_ns = max(last_ns, entry.log_ns)
+        if entry.topic.startswith(RAW_PREFIX):
+            frame = _frame(entry, paths)
+            if frame.origin in result.health.sources:
+                result.health.sources[frame.origin].saw(1, frame.monotonic_ns)
+                processing.process(frame)
+                result.frames += 1
+            else:
+                writer.write_raw(frame)
+                result.unknown[frame.origin] = result.unknown.get(frame.origin, 0) + 1
+        elif _is_kept(entry):
+            writer.write(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
+    names = ", ".join(path.name for path in paths)
+    processing.note(f"decoded again from {names}", last_ns)
+    return result
+
+
+def _is_kept(entry: Entry) -> bool:
+    """Whether a message was no product of decoding: what was noted, and what was foretold at the time."""
+    if entry.topic == EVENT_TOPIC:
+        return bool(orjson.loads(entry.data).get("name") != DECODED)
+    return entry.topic in (PREDICTION_TOPIC, PREDICTED_TRACK_TOPIC)
+
+
+def _entries(paths: list[Path], progress: Progress) -> Iterator[Entry]:
+    for number, path in enumerate(paths):
+        yield from MessageStream(path)
+        progress((number + 1) / len(paths))
+
+
+def _frame(entry: Entry, paths: list[Path]) -> Frame:
+    try:
+        return frame_of(entry.topic, entry.data, entry.log_ns, entry.publish_ns)
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"topic {entry.topic} holds a message that is no raw input of ours",
+            where=", ".join(map(str, paths)),
+            why=f"{type(error).__name__} {error}",
+        ) from error

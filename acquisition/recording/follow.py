@@ -1,0 +1,160 @@
+"""What a recorder writes, followed from outside: through all parts, and from one recording to the next."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from acquisition.core.errors import InputError
+from acquisition.logger.requests import Running, recorders
+from acquisition.logger.timescale import NEW_PART_NS
+from acquisition.recording.batches import Samples
+from acquisition.recording.tail import Tail
+from acquisition.recording.trial import Trial
+
+_QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
+_ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end
+_OFFSET = "utc_minus_monotonic_ns"
+
+Tell = Callable[[str, str], None]
+"""Somebody who wants to know whom we follow: level, text."""
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """The samples that are new, by channel, in pieces as they were written.
+
+    ``anew`` says that nothing before them belongs to them: another recording, or another clock. ``again`` says
+    that part of them may have been there before, as the recorder had to give a file up.
+    """
+
+    samples: list[dict[str, Samples]] = field(default_factory=list)
+    anew: bool = False
+    again: bool = False
+
+
+def choose(found: list[tuple[Path, Running]], trial: str, configuration: Path) -> tuple[Path, Running] | None:
+    """The recorder of a trial: of several the one with the same configuration file, then the one begun last."""
+    fitting = [each for each in found if each[1].trial == trial]
+    same = [each for each in fitting if Path(each[1].configuration) == configuration]
+    return max(same or fitting, key=lambda each: each[0].stem.rpartition("-")[2].zfill(16), default=None)
+
+
+def nobody(found: list[tuple[Path, Running]], trial: str) -> str:
+    """Why there is nobody to follow, in words."""
+    others = ", ".join(f"{each.trial!r} ({each.configuration})" for _, each in found)
+    there = f"; what runs is the recorder of {others}" if others else ""
+    return f"no recorder of the trial {trial!r} runs here{there}; waiting for one"
+
+
+class Follower:
+    """Follows the recorder of one trial; to be closed. Nothing it does can hold up the recorder.
+
+    ``recent_s`` is how much of a recording is wanted of what was there before. ``recorder`` is whom it follows, and
+    the socket it can be spoken to by; ``trial`` and ``clock`` are those of the part that is read.
+    """
+
+    def __init__(
+        self, trial: str, configuration: Path, recent_s: float, tell: Tell, folder: Path | None = None
+    ) -> None:
+        self.recorder: tuple[Path, Running] | None = None
+        self.trial = Trial()
+        self._name, self._configuration, self._recent_s = trial, configuration.absolute(), recent_s
+        self._tell, self._folder = tell, folder
+        self._tail: Tail | None = None
+        self._told = ""
+        self._asked_s = self._heard_s = -_QUIET_S
+
+    @property
+    def utc_ns(self) -> int:
+        """This moment by the clock of the recording [ns]: the host's clock as the part's beginning found it."""
+        clock = self._tail.metadata.get("clock", {}) if self._tail is not None else {}
+        with suppress(KeyError, ValueError):
+            return time.monotonic_ns() + int(clock[_OFFSET])
+        return time.time_ns()
+
+    @property
+    def path(self) -> Path | None:
+        """The part that is read."""
+        return None if self._tail is None else self._tail.path
+
+    def news(self) -> News:
+        """What has come since the last time."""
+        pieces, now_s = self._read(), time.monotonic()
+        if pieces:
+            self._heard_s = now_s
+            return News(pieces)
+        over = self._tail is not None and (self._tail.ended or self._tail.cut)
+        quiet = now_s - self._heard_s >= _QUIET_S
+        if (over or quiet) and now_s - self._asked_s >= (_ASK_EVERY_S if quiet else _ASK_SOON_S):
+            self._asked_s = now_s
+            return self._go_on()
+        return News()
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._tail is not None:
+            self._tail.close()
+
+    def _read(self) -> list[dict[str, Samples]]:
+        if self._tail is None:
+            return []
+        try:
+            samples = self._tail.read()
+        except InputError as error:
+            self._say("warning", str(error))
+            return []
+        self.trial = self._tail.trial
+        return [samples] if samples else []
+
+    def _go_on(self) -> News:
+        """Ask who records what, and go on with that."""
+        found = recorders(self._folder)
+        self.recorder = choose(found, self._name, self._configuration)
+        if self.recorder is None:
+            self._say("info", nobody(found, self._name))
+            return News(self._read())
+        running = self.recorder[1]
+        path = Path(running.recording)
+        if self.path == path:
+            if running.paused:
+                self._say("warning", f"the recorder writes nothing at the moment to {path.name}")
+            return News(self._read())
+        return self._change_to(path)
+
+    def _change_to(self, path: Path) -> News:
+        """Read the rest of this part and go over to the next, or to another recording."""
+        rest, before = self._read(), self._tail
+        try:
+            self._tail = Tail(path, self._recent_s)
+        except InputError as error:  # deleted, or not there yet
+            self._say("warning", str(error))
+            return News(rest)
+        first = self._read()
+        follows = before is not None and _follows(self._tail, before)
+        again = before is not None and before.cut
+        if before is not None:
+            before.close()
+        self._say("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
+        self._heard_s = time.monotonic()
+        return News(rest + first, again=again) if follows else News(first, anew=True)
+
+    def _say(self, level: str, text: str) -> None:
+        """Tell what is new, once."""
+        if text != self._told:
+            self._told = text
+            self._tell(level, text)
+
+
+def _follows(part: Tail, before: Tail) -> bool:
+    """Whether a part goes on where another ended: the same recording and the same clock."""
+    if part.metadata.get("part", {}).get("follows") != before.path.name:
+        return False
+    try:
+        offsets = [int(each.metadata["clock"][_OFFSET]) for each in (part, before)]
+    except (KeyError, ValueError):
+        return True
+    return abs(offsets[0] - offsets[1]) < NEW_PART_NS

@@ -1,0 +1,198 @@
+"""Tables to recordings: CSV, Parquet and .mat, with the contract's columns or through a column map.
+
+Nothing is dropped or put in order: rows stay as they are, values that a channel cannot hold are kept and
+flagged bad, and what was found is counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import InputError
+from acquisition.core.frames import Quality
+from acquisition.recording.tables import write_table
+from acquisition.recording.trial import Trial
+from acquisition.tables.column_map import load_column_map
+from acquisition.tables.mapped_table import mapped
+from acquisition.tables.table_files import RawTable, numbers, read_raw, times
+
+LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
+"""Columns of our own exports that are no channels; they are passed over."""
+
+BESIDE = ("_flag", "_sigma")
+"""How columns of our own exports end that say something of a channel; they are passed over too."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableFile:
+    """A table file in the contract's columns and units.
+
+    ``table`` has a UTC index in the file's order; ``sources`` says for each column where it comes from, and
+    ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used.
+    """
+
+    table: pd.DataFrame
+    trial: Trial
+    sources: dict[str, str]
+    passed_over: tuple[str, ...] = ()
+
+    @property
+    def assumed(self) -> dict[str, float]:
+        """The channels that a map gave a constant, with its value in the channel's unit."""
+        return {
+            name: float(self.table[name].iloc[0]) for name, source in self.sources.items() if source == "assumed"
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What an import did."""
+
+    rows: int
+    samples: int
+    channels: tuple[str, ...]
+    out_of_range: dict[str, int] = field(default_factory=dict)
+    infinite: dict[str, int] = field(default_factory=dict)
+    times_backwards: int = 0
+    times_twice: int = 0
+    assumed: dict[str, float] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    passed_over: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        parts = [f"{self.rows:,} rows, {self.samples:,} samples of {len(self.channels)} channels"]
+        parts += [
+            f"{count} values of {name} out of range, flagged bad" for name, count in self.out_of_range.items()
+        ]
+        parts += [f"{count} values of {name} infinite, not recorded" for name, count in self.infinite.items()]
+        if self.times_backwards:
+            parts.append(f"{self.times_backwards} times go backwards")
+        if self.times_twice:
+            parts.append(f"{self.times_twice} times come twice")
+        if self.assumed:
+            parts.append("assumed: " + ", ".join(f"{name} = {value:g}" for name, value in self.assumed.items()))
+        if self.missing:
+            parts.append(f"missing: {', '.join(self.missing)}")
+        if self.passed_over:
+            parts.append(f"passed over: {', '.join(self.passed_over)}")
+        return "; ".join(parts)
+
+
+def import_table(
+    path: Path | str,
+    output: Path | str,
+    map_path: Path | str | None = None,
+    allow_missing: bool = False,
+    ignore_unknown: bool = False,
+) -> Imported:
+    """Write a table file as a recording and say what was found in it.
+
+    Raises as :func:`read_table_file`, and :class:`StorageError` when the recording cannot be written.
+    """
+    file = read_table_file(path, map_path, allow_missing, ignore_unknown)
+    flags = quality_flags(file.table)
+    samples = write_table(file.table, output, file.trial, file.sources, flags)
+    step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
+    infinite = {str(name): int(np.isinf(column).sum()) for name, column in file.table.items()}
+    outside = {name: int((flag == Quality.BAD).sum()) for name, flag in flags.items()}
+    return Imported(
+        rows=len(file.table),
+        samples=samples - sum(infinite.values()),  # JSON has no infinity, so these are not in the recording
+        channels=tuple(map(str, file.table.columns)),
+        out_of_range={name: count for name, count in outside.items() if count},
+        infinite={name: count for name, count in infinite.items() if count},
+        times_backwards=int((step_ns < 0).sum()),
+        times_twice=int((step_ns == 0).sum()),
+        assumed=file.assumed,
+        missing=tuple(name for name in NAMES if name not in file.table),
+        passed_over=file.passed_over,
+    )
+
+
+def read_table_file(
+    path: Path | str,
+    map_path: Path | str | None = None,
+    allow_missing: bool = False,
+    ignore_unknown: bool = False,
+) -> TableFile:
+    """A CSV, Parquet or .mat file in the contract's columns and units.
+
+    Without a map the columns are named as the channels and ``time``. Raises :class:`InputError` for what
+    cannot be read, for columns that are no channels unless ``ignore_unknown``, and for a table that lacks
+    one of the 13 channels unless ``allow_missing``; :class:`ConfigurationError` for a wrong map.
+    """
+    raw = read_raw(path)
+    if map_path is None:
+        file = _standard(raw, ignore_unknown)
+        fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
+    else:
+        columns = load_column_map(map_path)
+        parts = mapped(raw, columns, map_path)
+        trial = parts.trial if parts.trial.name else replace(parts.trial, name=raw.path.stem)
+        file = TableFile(_in_order(parts.table), trial, parts.sources, parts.passed_over)
+        allow_missing = allow_missing or set(NAMES) - set(file.table.columns) <= set(columns.absent)
+        fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
+    missing = [name for name in NAMES if name not in file.table]
+    if missing and not allow_missing:
+        raise InputError(f"has no {', '.join(missing)}", where=str(path), fix=fix)
+    if file.table.columns.empty:
+        raise InputError("has no column that is a channel", where=str(path), fix="give a map with --columns")
+    return file
+
+
+def _standard(raw: RawTable, ignore_unknown: bool) -> TableFile:
+    """A table whose columns are named as the channels."""
+    given = list(map(str, raw.columns.columns))
+    if "time" not in given:
+        near = get_close_matches("time", given, n=1)
+        raise InputError(
+            "has no column `time`",
+            where=str(raw.path),
+            why=f"it has {', '.join(near or given[:6])}",
+            fix="name it so, or say with a map which it is (--columns)",
+        )
+    unknown = tuple(name for name in given if name not in BY_NAME and name != "time" and not _is_ours(name))
+    if unknown and not ignore_unknown:
+        raise InputError(
+            f"has unknown columns {', '.join(_with_hint(name) for name in unknown)}",
+            where=str(raw.path),
+            fix="rename them, map them with --columns MAP.toml, or say --ignore-unknown",
+        )
+    names = [name for name in BY_NAME if name in given]
+    table = pd.DataFrame({name: numbers(raw, name) for name in names}, index=times(raw, "time"))
+    trial = raw.trial if raw.trial.name else replace(raw.trial, name=raw.path.stem)
+    return TableFile(table, trial, dict.fromkeys(names, "table"), unknown)
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a column is one of our own exports that is no channel."""
+    stems = {name, *(name.removesuffix(ending) for ending in BESIDE)}
+    return not stems.isdisjoint(LABELS) or (name not in BY_NAME and not stems.isdisjoint(BY_NAME))
+
+
+def _with_hint(name: str) -> str:
+    near = get_close_matches(name.lower(), BY_NAME, n=1, cutoff=0.5)
+    return f"{name} (did you mean {near[0]}?)" if near else name
+
+
+def _in_order(table: pd.DataFrame) -> pd.DataFrame:
+    return table[[name for name in BY_NAME if name in table]]
+
+
+def quality_flags(table: pd.DataFrame) -> dict[str, NDArray[np.uint8]]:
+    """Bools by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others."""
+    flags = {}
+    for name, column in table.items():
+        channel, values = BY_NAME[str(name)], column.to_numpy(dtype=float)
+        outside = np.isfinite(values) & ((values < channel.low) | (values > channel.high))
+        if channel.circular:
+            outside |= values == (channel.low if channel.low < 0 else channel.high)
+        flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
+    return flags

@@ -1,0 +1,231 @@
+"""Table files as they are: CSV, Parquet and .mat to a frame of raw columns, cells to numbers and times.
+
+Rows keep their order and their number. What cannot be read is one :class:`InputError` that says where.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import warnings
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import InputError
+from acquisition.recording.trial import Trial
+
+SUFFIXES = (".csv", ".parquet", ".mat")
+_NANO, _MICRO = 1_000_000_000, 1_000_000
+_DELIMITERS = (",", ";", "\t")
+_PROBE_BYTES = 8192
+_ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
+
+
+@dataclass(frozen=True, slots=True)
+class RawTable:
+    """The columns of a file under their own names, and the trial if the file tells of one."""
+
+    path: Path
+    columns: pd.DataFrame
+    trial: Trial = field(default_factory=Trial)
+
+
+def read_raw(path: Path | str) -> RawTable:
+    """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if not path.is_file():
+        raise InputError("is no file", where=str(path), fix="check the path")
+    if suffix not in SUFFIXES:
+        raise InputError("is of no kind that can be imported", where=str(path), fix="give .csv, .parquet or .mat")
+    if path.stat().st_size == 0:
+        raise InputError("is an empty file", where=str(path), fix="give a table that holds data")
+    reader = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}[suffix]
+    try:
+        raw = reader(path)
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file makes scipy and pyarrow fail in every possible way
+        why = (str(error).strip().splitlines() or [type(error).__name__])[0]
+        raise InputError(f"is no readable {suffix} table", where=str(path), why=why) from error
+    if raw.columns.empty:
+        raise InputError("holds no rows", where=str(path), fix="give a table that holds data")
+    return raw
+
+
+def _read_csv(path: Path) -> RawTable:
+    """Comma, semicolon or tab between the cells; with semicolons a comma in a number is the decimal point."""
+    with path.open("rb") as stream:
+        probe = stream.read(_PROBE_BYTES)
+    if b"\0" in probe:
+        raise InputError("is no text", where=str(path), why="it holds zero bytes", fix="save it as CSV in UTF-8")
+    first, *rest = probe.decode("utf-8-sig", errors="ignore").splitlines()
+    delimiter = max(_DELIMITERS, key=first.count)
+    _refuse_twins([name.strip() for name in next(csv.reader([first], delimiter=delimiter))], path)
+    decimal = "," if delimiter == ";" and any("," in line for line in rest) else "."
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
+        frame = pd.read_csv(
+            path, sep=delimiter, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig", low_memory=False,
+            index_col=False,
+        )  # fmt: skip
+    frame.columns = pd.Index([str(name).strip() for name in frame.columns])
+    nameless = [name for name in frame.columns if name.startswith("Unnamed:") and frame[name].isna().all()]
+    frame = frame.drop(columns=nameless)  # what a delimiter at the end of every line leaves
+    return RawTable(path, frame)
+
+
+def _refuse_twins(names: list[str], path: Path) -> None:
+    twins = [name for name, count in Counter(names).items() if count > 1]
+    if twins:
+        raise InputError(
+            f"has more than one column {', '.join(map(repr, twins))}", where=str(path), fix="rename one of them"
+        )
+
+
+def _read_parquet(path: Path) -> RawTable:
+    """A time index becomes the column ``time``; the trial is in the metadata of our own exports."""
+    import pyarrow.parquet as pq
+
+    arrow = pq.read_table(path)
+    frame = arrow.to_pandas()
+    if isinstance(frame.index, pd.DatetimeIndex) and "time" not in frame:
+        frame = frame.rename_axis("time").reset_index()
+    frame.columns = pd.Index([str(name).strip() for name in frame.columns])
+    _refuse_twins(list(frame.columns), path)
+    written = (arrow.schema.metadata or {}).get(b"seatrial.trial")
+    return RawTable(path, frame, _trial(json.loads(written)) if written else Trial())
+
+
+def _read_mat(path: Path) -> RawTable:
+    """Vectors of one length, at the top or in the one struct that holds them.
+
+    The structs ``units`` and ``trial`` of our own exports are understood; a vector of another length is an
+    error, for which of the two is wrong nobody can tell.
+    """
+    from scipy.io import loadmat
+
+    try:
+        loaded: dict[str, Any] = loadmat(path, simplify_cells=True)
+    except NotImplementedError as error:
+        raise InputError(
+            "is a MATLAB 7.3 file", where=str(path), fix="save it with -v7, or export it as CSV or Parquet"
+        ) from error
+    content = {key: value for key, value in loaded.items() if not key.startswith("__")}
+    trial = content.pop("trial", {})
+    content.pop("units", None)
+    vectors = _vectors(content)
+    if not vectors:
+        structs = [
+            vectors for value in content.values() if isinstance(value, dict) and (vectors := _vectors(value))
+        ]
+        if len(structs) != 1:
+            what = "holds no vectors" if not structs else f"holds {len(structs)} structs of vectors"
+            raise InputError(what, where=str(path), fix="save one struct of vectors, or the vectors themselves")
+        vectors = structs[0]
+    lengths = Counter(len(vector) for vector in vectors.values())
+    usual = lengths.most_common(1)[0][0]
+    odd = [f"{name} ({len(vector)})" for name, vector in vectors.items() if len(vector) != usual]
+    if odd:
+        raise InputError(
+            f"holds vectors that are not {usual} long: {', '.join(odd)}", where=str(path), fix="leave them out"
+        )
+    return RawTable(path, pd.DataFrame(vectors), _trial(trial) if isinstance(trial, dict) else Trial())
+
+
+def _vectors(content: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """The numeric and text vectors among a file's variables; a single number is a vector of one."""
+    found = {}
+    for name, value in content.items():
+        if name == "units" or isinstance(value, dict | str):
+            continue
+        array = np.atleast_1d(np.asarray(value))
+        if array.ndim == 1 and array.size and array.dtype.kind in "biufUO":
+            found[name] = array
+    return found
+
+
+def _trial(values: Mapping[str, Any]) -> Trial:
+    texts = {str(key): str(value) for key, value in values.items() if value is not None and np.size(value)}
+    if "name" in texts:
+        texts["trial"] = texts.pop("name")
+    return Trial.from_metadata(texts)
+
+
+def numbers(raw: RawTable, name: str) -> Floats:
+    """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
+    column = raw.columns[name]
+    values = pd.to_numeric(column, errors="coerce")
+    wrong = np.flatnonzero(values.isna().to_numpy() & column.notna().to_numpy())
+    if wrong.size:
+        raise InputError(
+            f"row {wrong[0] + 1} of column {name!r} is no number but {column.iloc[wrong[0]]!r}",
+            where=str(raw.path),
+            why=f"{wrong.size} cells of the column are no numbers",
+            fix="write missing values as empty cells",
+        )
+    return values.to_numpy(dtype=float)
+
+
+def times(
+    raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
+) -> pd.DatetimeIndex:
+    """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or since ``start``.
+
+    Text without a zone is in ``zone``, or an :class:`InputError` where that is None: local time is ambiguous
+    twice a year. Numbers are seconds; ``seconds`` says that nothing else will do. Every row needs a time.
+    """
+    column = raw.columns[name]
+    if seconds or pd.api.types.is_numeric_dtype(column):
+        index = _from_seconds(numbers(raw, name), start)
+    elif isinstance(column.dtype, pd.DatetimeTZDtype):
+        index = pd.DatetimeIndex(column)
+    else:
+        index = _from_text(raw, column, zone)
+    empty = np.flatnonzero(index.isna())
+    if empty.size:
+        given = column.iloc[empty[0]]
+        what = "has no time" if pd.isna(given) else f"holds {given!r}, which is no ISO 8601 time"
+        raise InputError(
+            f"row {empty[0] + 1} of column {name!r} {what}", where=str(raw.path), why=f"{empty.size} such rows",
+            fix="give every row a time like 2026-05-17T12:00:00Z",
+        )  # fmt: skip
+    return index.tz_convert("UTC").as_unit("ns").rename("time")
+
+
+def _from_text(raw: RawTable, column: pd.Series[Any], zone: str | None) -> pd.DatetimeIndex:
+    """ISO 8601 text, or times without a zone from Parquet; NaT for what cannot be read."""
+    text = column.astype("str")
+    zoned = text.str.contains(_ZONED, regex=True, na=False)
+    times = pd.to_datetime(text.where(zoned), format="ISO8601", utc=True, errors="coerce")
+    naive = pd.to_datetime(text.mask(zoned), format="ISO8601", errors="coerce")
+    if zone is not None:
+        local = naive.dt.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
+        return pd.DatetimeIndex(times.fillna(local.dt.tz_convert("UTC")))
+    if naive.notna().any():
+        row = int(np.flatnonzero(naive.notna())[0])
+        raise InputError(
+            f"row {row + 1} of column {column.name!r} has no zone: {text.iloc[row]}",
+            where=str(raw.path),
+            fix='write times like 2026-05-17T12:00:00Z, or give zone = "UTC" in a column map',
+        )
+    return pd.DatetimeIndex(times)
+
+
+def _from_seconds(seconds: Floats, start: str | None) -> pd.DatetimeIndex:
+    """Seconds as UTC. A float of today's seconds since 1970 is good to 0.2 microseconds: it is rounded to one."""
+    begin = pd.Timestamp(start) if start else pd.Timestamp(0, tz="UTC")
+    valid = np.isfinite(seconds) & (np.abs(seconds) < 9e9)
+    whole = np.floor(np.where(valid, seconds, 0.0))
+    unit = _MICRO if start is None else _NANO
+    part = np.rint((np.where(valid, seconds, 0.0) - whole) * unit).astype(np.int64) * (_NANO // unit)
+    time_ns = whole.astype(np.int64) * _NANO + part + begin.as_unit("ns").value
+    return pd.DatetimeIndex(np.where(valid, time_ns.astype("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")

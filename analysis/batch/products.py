@@ -1,0 +1,117 @@
+"""The analysis of one recording, step by step: checked, mended, at 1 Hz, smoothed, windows and manoeuvres."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+
+from acquisition.core.errors import SeatrialError
+from acquisition.recording.reader import Recording, read_recording
+from analysis.estimation.smooth import Smoothed, smooth
+from analysis.manoeuvres import Manoeuvre, find_manoeuvres
+from analysis.quality.check import DataQuality, check_recording
+from analysis.quality.repairs import Repair, Repaired, repair
+from analysis.tables.export import SIGMA_SUFFIX
+from analysis.tables.history import with_step
+from analysis.tables.resample import resample
+from analysis.tables.table import require, table_of
+from analysis.windows.held import HeldWindows, held_windows
+from analysis.windows.starts import with_starts
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What a result depends on besides its recording.
+
+    ``repair`` applies the repairs that are certain, ``smooth`` gives the motion its standard deviations,
+    ``pictures`` go on the page (the two that take time); windows cover ``horizon_s`` [s] and are tried every
+    ``stride_s`` [s]; ``length_m`` [m] is the ship's, for distances in ship lengths; ``rebuild_positions``, with the
+    repairs, takes the path that speeds and heading give for the positions.
+    """
+
+    repair: bool = True
+    smooth: bool = True
+    pictures: bool = True
+    horizon_s: int = 15
+    stride_s: int = 5
+    length_m: float | None = None
+    rebuild_positions: bool = False
+
+
+@dataclass(slots=True)
+class Products:
+    """All that came of one recording.
+
+    ``table`` has the raw samples, after repairs if there were any; ``one_hz`` is it once a second, motion from
+    the smoother with a column ``<name>_sigma`` beside each where that was made. ``shortfalls`` says in one line
+    each what could not be made, and why; ``remarks`` which of the smoother's bands are in doubt.
+    """
+
+    recording: Recording
+    quality: DataQuality
+    table: pd.DataFrame
+    one_hz: pd.DataFrame
+    repairs: tuple[Repair, ...] = ()
+    windows: HeldWindows | None = None
+    manoeuvres: tuple[Manoeuvre, ...] = ()
+    shortfalls: list[str] = field(default_factory=list)
+    remarks: tuple[str, ...] = ()
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """A step that may turn out to be impossible: that is a shortfall, said once, and not the end."""
+        try:
+            yield
+        except SeatrialError as error:
+            if (cause := cause_of(error)) not in self.shortfalls:
+                self.shortfalls.append(cause)
+
+
+def analysed(path: Path, options: Options, name: str = "") -> Products:
+    """The analysis of one recording, step by step; what its channels do not allow is left out and said."""
+    recording = read_recording(path)
+    raw = table_of(recording)
+    raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
+    quality = check_recording(recording, raw)
+    mended = Repaired(raw, ())
+    if options.repair:
+        mended = repair(
+            raw, quality.findings, quality.flags, recording, rebuild_positions=options.rebuild_positions
+        )
+    one_hz = resample(mended.table, 1.0)
+    products = Products(recording, quality, mended.table, one_hz, mended.repairs)
+    with products.step():
+        require(one_hz)
+        products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name or path.stem)
+    with products.step():
+        products.manoeuvres = find_manoeuvres(mended.table, options.length_m, recording.events)
+    if options.smooth:
+        with products.step():
+            motion = smooth(mended.table, 1.0)
+            products.one_hz, products.remarks = _with_motion(one_hz, motion), motion.remarks
+            if products.windows is not None:
+                products.windows = with_starts(products.windows, {name or path.stem: motion})
+    return products
+
+
+def _with_motion(one_hz: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
+    """The motion and its rates of change from the smoother, the standard deviation of each beside it."""
+    states, sigmas = (each.reindex(one_hz.index) for each in (motion.states, motion.standard_deviations()))
+    both = {str(name): states[name] for name in states}
+    both |= {f"{name}{SIGMA_SUFFIX}": sigmas[name] for name in sigmas}
+    return with_step(one_hz, "smooth", rate_hz=1.0).assign(**both)
+
+
+def cause_of(error: BaseException) -> str:
+    """What failed in one line that is the same for all recordings of one fault: without the file's path."""
+    if isinstance(error, SeatrialError):
+        return str(type(error)(error.what, why=error.why, fix=error.fix))
+    trace, where = error.__traceback__, ""
+    while trace is not None:
+        where = f"{Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
+        trace = trace.tb_next
+    return " ".join(f"{type(error).__name__}: {error} ({where})".split())

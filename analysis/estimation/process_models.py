@@ -1,0 +1,194 @@
+"""How a quantity moves when nobody measures it: slow motion by white jerk, waves by a damped oscillator.
+
+Both are linear, and their states are the quantity and its derivatives, so that a sum of both is seen through the
+same row twice. A ship's observer that keeps waves apart from the ship's
+own motion goes back to Balchen, Jenssen and Saelid 1976; Fossen 2011, chapter 11.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from acquisition.core.arrays import Floats
+
+QUANTITIES, LARGEST = 3, 5
+_SAME_S = 1e-9
+_CORNER = 1.1  # of a swing's low-pass, in its frequencies
+
+
+class Law(Protocol):
+    """What a model asks of a law of motion."""
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether the quantity may be anywhere, as slow motion may and a swing about zero may not."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """The number of states: the quantity and its first derivatives, two at least."""
+        ...
+
+    @property
+    def covariance(self) -> Floats | None:
+        """The covariance at any time [size, size], None where it grows for ever."""
+        ...
+
+    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """Transition and added covariance over each of ``dt_s`` [k]: twice [k, size, size]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class WhiteJerk:
+    """The third derivative is white noise; ``jerk`` is the root of its spectral density, unit/s3 per root Hz.
+
+    Bar-Shalom, Li and Kirubarajan 2001, section 6.2.3: the Wiener process acceleration model.
+    """
+
+    jerk: float
+    may_jump: bool = True
+    size: int = 3
+    covariance: None = None
+
+    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """As :class:`Law` says."""
+        forward, added = np.zeros((2, dt_s.size, 3, 3))
+        forward[:, [0, 1, 2], [0, 1, 2]] = 1.0
+        forward[:, 0, 1] = forward[:, 1, 2] = dt_s
+        forward[:, 0, 2] = dt_s**2 / 2.0
+        powers = {(0, 0): (5, 20), (0, 1): (4, 8), (0, 2): (3, 6), (1, 1): (3, 3), (1, 2): (2, 2), (2, 2): (1, 1)}
+        for (i, j), (power, divisor) in powers.items():
+            added[:, i, j] = added[:, j, i] = self.jerk**2 * dt_s**power / divisor
+        return forward, added
+
+
+@dataclass(frozen=True, slots=True)
+class WaveMotion:
+    """A swing about zero: a damped oscillator, driven by noise that a low-pass has made smooth.
+
+    ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` where the oscillator swings
+    and ``damping`` its share of critical damping, which is the spectrum's width. The low-pass (Butterworth, of
+    order 2 or 3) has its corner a little above, so that no two roots are the same. The spectrum of position falls
+    with the power 4 + 2 ``order`` of frequency above the peak: that of a sea's surface falls with the fifth, and
+    a hull, longer and deeper than short waves, averages them over her draught and, what turns her more than
+    what shifts her, along her length. The state has derivatives up to ``order`` + 1.
+    """
+
+    speed: float
+    frequency_radps: float
+    damping: float
+    order: int = 2
+    may_jump: bool = False
+
+    @property
+    def size(self) -> int:
+        """The number of states."""
+        return 2 + self.order
+
+    @property
+    def _system(self) -> Floats:
+        """The system with the time in units of 1 / frequency."""
+        angles = np.pi * (2 * np.arange(self.order) + self.order + 1) / (2 * self.order)
+        low_pass = np.real(np.poly(_CORNER * np.exp(1j * angles)))
+        polynomial = np.polymul([1.0, 2 * self.damping, 1.0], low_pass)
+        system = np.eye(self.size, k=1)
+        system[-1] = -polynomial[:0:-1]
+        return system
+
+    @property
+    def _powers(self) -> Floats:
+        """What turns derivatives by the system's own time into those by seconds [size]."""
+        return np.asarray(self.frequency_radps ** np.arange(self.size))
+
+    @property
+    def covariance(self) -> Floats:
+        """The covariance of the swing at any time [size, size]."""
+        identity, system, drive = np.eye(self.size), self._system, np.zeros((self.size, self.size))
+        drive[-1, -1] = 1.0
+        lyapunov = np.kron(system, identity) + np.kron(identity, system)
+        unit = np.linalg.solve(lyapunov, -drive.ravel()).reshape(drive.shape) * np.outer(self._powers, self._powers)
+        return np.asarray(unit * self.speed**2 / unit[1, 1])
+
+    def over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """As :class:`Law` says."""
+        roots, vectors = np.linalg.eig(self._system)
+        powers = np.exp(roots * self.frequency_radps * dt_s[:, None])
+        forward = np.real(np.einsum("ij,kj,jl->kil", vectors, powers, np.linalg.inv(vectors)))
+        forward *= self._powers[:, None] / self._powers
+        stationary = self.covariance
+        added = stationary - forward @ stationary @ forward.transpose(0, 2, 1)
+        return forward, (added + added.transpose(0, 2, 1)) / 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """Blocks of states, each a law by which one of the three quantities, or a part of it, moves.
+
+    Swings of quantity 1 and 2, north and east, are along and across ``direction_rad`` instead.
+    """
+
+    quantities: tuple[int, ...]
+    laws: tuple[Law, ...]
+    direction_rad: float = 0.0
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """The number of states of each block."""
+        return np.array([law.size for law in self.laws], dtype=np.int64)
+
+    @property
+    def blocks(self) -> list[slice]:
+        """Where each block's states are."""
+        ends = np.cumsum(self.sizes).tolist()
+        return [slice(end - law.size, end) for end, law in zip(ends, self.laws, strict=True)]
+
+    @property
+    def may_jump(self) -> NDArray[np.bool_]:
+        """For each state, whether it may jump."""
+        return np.repeat([law.may_jump for law in self.laws], self.sizes)
+
+    @property
+    def sums(self) -> Floats:
+        """The matrix [9, states] that adds up each quantity and its two derivatives."""
+        matrix = np.zeros((3 * QUANTITIES, int(self.sizes.sum())))
+        cos, sin = np.cos(self.direction_rad), np.sin(self.direction_rad)
+        turned = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+        for quantity, law, block in zip(self.quantities, self.laws, self.blocks, strict=True):
+            shares = np.eye(QUANTITIES)[quantity] if law.may_jump else turned[:, quantity]
+            for derivative in range(3):
+                matrix[derivative::3, block.start + derivative] = shares
+        return matrix
+
+    def blocks_over(self, dt_s: Floats) -> tuple[Floats, Floats]:
+        """Transition and added covariance over each of ``dt_s`` [k], block by block: twice [k, blocks, 5, 5].
+
+        A smaller block fills the first rows and columns of its matrices.
+        """
+        rounded, which = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
+        forward, added = np.zeros((2, rounded.size, len(self.laws), LARGEST, LARGEST))
+        done = {law: law.over(rounded) for law in set(self.laws)}
+        for number, law in enumerate(self.laws):
+            some = slice(0, law.size)
+            forward[:, number, some, some], added[:, number, some, some] = done[law]
+        return forward[which], added[which]
+
+    def transition(self, dt_s: Floats) -> Floats:
+        """The state's transition over each of ``dt_s`` [k]: [k, states, states]."""
+        return self._on_diagonal(self.blocks_over(dt_s)[0])
+
+    def process_noise(self, dt_s: Floats) -> Floats:
+        """The covariance that is added over each of ``dt_s`` [k]: [k, states, states]."""
+        return self._on_diagonal(self.blocks_over(dt_s)[1])
+
+    def _on_diagonal(self, blocks: Floats) -> Floats:
+        states = int(self.sizes.sum())
+        full = np.zeros((blocks.shape[0], states, states))
+        for number, some in enumerate(self.blocks):
+            size = some.stop - some.start
+            full[:, some, some] = blocks[:, number, :size, :size]
+        return full

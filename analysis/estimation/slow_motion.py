@@ -1,0 +1,69 @@
+"""Waves and noise taken off the ship's motion: where she is and how she moves, without the sea's swing.
+
+A prediction over half a minute starts from a speed and a heading. In waves of five seconds the measured ones
+swing by decimetres a second and tenths of a degree, which is no course to predict from. Here each motion
+channel is replaced by a local second-degree polynomial fitted to the samples within 10 s on either side,
+weighted with a raised cosine (Savitzky and Golay 1964, with weights; Cleveland 1979): slow motion and its
+curvature come out exactly, waves of 4 to 8 s are taken down by a factor of ten and more.
+
+The fit looks ahead as well as back, as a smoother does. All methods that go on from a start state get the same, so
+that they compare fairly; a prediction aboard, which cannot look ahead, starts from a less certain state.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.angles import unwrap, wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import CIRCULAR, POSE, VELOCITY
+
+MOTION = (*POSE, *VELOCITY)
+HALF_WIDTH_S = 10.0
+_LEAST_SAMPLES = 5
+
+
+def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
+    """The motion channels of a table with evenly spaced rows, smoothed; a NaN stays a NaN.
+
+    Near gaps and ends the fit is one-sided; where fewer than five samples are near, values stay as they are.
+    """
+    times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+    step_s = float(np.median(np.diff(times_ns))) / 1e9 if len(table) > 1 else 1.0
+    columns = {}
+    for name in MOTION:
+        values = table[name].to_numpy(dtype=float)
+        smooth = local_quadratic(unwrap(values) if name in CIRCULAR else values, half_width_s / step_s)
+        columns[name] = wrap_360(smooth) if name in CIRCULAR else smooth
+    return pd.DataFrame(columns, index=table.index)
+
+
+def local_quadratic(values: Floats, half_width: float) -> Floats:
+    """A weighted second-degree fit around each sample [rows], evaluated there; ``half_width`` in samples.
+
+    The normal equations of all fits are nine convolutions; each is then a 3 by 3 system.
+    """
+    reach = int(np.ceil(half_width))
+    offset = np.arange(-reach, reach + 1) / max(half_width, 1.0)
+    weight = 0.5 + 0.5 * np.cos(np.pi * np.clip(offset, -1.0, 1.0))
+    present = np.isfinite(values)
+    if not present.any() or reach < 1:
+        return values.copy()
+    centre = float(values[present].mean())
+    filled = np.where(present, values - centre, 0.0)
+    moments = [_around(present.astype(float), weight * offset**k) for k in range(5)]
+    products = [_around(filled, weight * offset**k) for k in range(3)]
+    near = _around(present.astype(float), (weight > 0).astype(float))
+    normal = np.stack([np.stack([moments[i + j] for j in range(3)], axis=-1) for i in range(3)], axis=-2)
+    right = np.stack(products, axis=-1)[..., None]
+    fitted = values.copy()
+    enough = present & (near >= _LEAST_SAMPLES)
+    fitted[enough] = np.linalg.solve(normal[enough], right[enough])[:, 0, 0] + centre
+    return fitted
+
+
+def _around(values: Floats, kernel: Floats) -> Floats:
+    """The sum of ``values`` around each sample, weighted with a kernel of odd length."""
+    reach = kernel.size // 2
+    return np.asarray(np.convolve(values, kernel[::-1])[reach : reach + values.size])

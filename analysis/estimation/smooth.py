@@ -1,0 +1,295 @@
+"""The ship's motion from raw samples at any rate, with how sure it is: a Kalman smoother over all six channels.
+
+Every sample counts at its own time, channels may come at different rates, irregularly and with gaps, and any of
+the velocities may be absent. Noise and jerk are estimated from the data (:mod:`.noise_levels`); a sample
+far off is refused and flagged (:mod:`.kalman`); what the states are is in :mod:`.motion_model`.
+
+Systematic errors are no noise: a speed that is 2 % low, or a position that comes late, is not found here. It
+shows in :attr:`Smoothed.consistency`; check and repair a recording first.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import POSE
+from analysis.estimation.consistency import Consistency, consistency_of, remarks_of
+from analysis.estimation.gaps import in_gaps
+from analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
+from analysis.estimation.motion_model import (
+    BODY,
+    CHANNELS,
+    Binned,
+    apart_from,
+    binned,
+    body_states,
+    first_state,
+    heading_steps,
+    motion_steps,
+    motion_values,
+)
+from analysis.estimation.noise_levels import NoiseLevels, estimate_levels
+from analysis.estimation.slow_motion import local_quadratic, smooth_motion
+from analysis.tables.history import with_step
+from analysis.tables.parquet import write_parquet
+from analysis.tables.provenance import provenance_of
+from analysis.tables.resample import checked_rate, grid
+from analysis.tables.table import require
+from analysis.tables.time_index import NANO, index_of, times_ns
+from analysis.tables.time_span import refuse_endless
+
+__all__ = ["Smoothed", "local_quadratic", "smooth", "smooth_motion"]
+
+COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
+"""The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
+
+_RESTART_S = 300.0  # the covariance grows with the fifth power of time: beyond this nothing is left to carry on
+_BLOCK_STEPS, _OVERLAP_STEPS = 6_000, 400
+_IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for name in BODY])
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """The motion on whole multiples of 1 / rate in UTC.
+
+    ``states`` [rows] has the columns :data:`.motion_model.BODY`: pose and velocity in the units of the
+    channels, and the rates of change of surge, sway [m/s2] and yaw rate [deg/s2]. ``covariance`` [rows, 9, 9] is
+    theirs in the same order in SI, angles in radians. ``slow`` and ``slow_covariance`` are the same without the
+    swing in waves, and the same altogether where the data show none. Rows inside long gaps are NaN. ``rejected``
+    has the index of the table it was made from and a column for each motion channel, true where a sample was
+    refused.
+    """
+
+    states: pd.DataFrame
+    covariance: Floats
+    slow: pd.DataFrame
+    slow_covariance: Floats
+    noise: NoiseLevels
+    rejected: pd.DataFrame
+    consistency: Consistency
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """One line for each channel whose uncertainties are in doubt, and why."""
+        return remarks_of(self.consistency, self.noise.at_bounds)
+
+    def standard_deviations(self) -> pd.DataFrame:
+        """The standard deviation of each state, in the unit of its column."""
+        deviation = np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+        factor = np.where(_IN_DEGREES, 180.0 / np.pi, 1.0)
+        return pd.DataFrame(deviation * factor, index=self.states.index, columns=list(BODY))
+
+    def covariance_columns(self) -> pd.DataFrame:
+        """The 21 distinct elements of the covariance of pose and velocity [rows], SI and radians."""
+        upper = np.triu_indices(6)
+        return pd.DataFrame(
+            self.covariance[:, upper[0], upper[1]], index=self.states.index, columns=list(COVARIANCE_NAMES)
+        )
+
+
+def smooth(
+    table: pd.DataFrame,
+    rate_hz: float = 1.0,
+    *,
+    longest_gap_s: float | None = None,
+    levels: NoiseLevels | None = None,
+    gate: Gate | None = None,
+    engine: Engine = "auto",
+) -> Smoothed:
+    """Smooth the raw samples of a table and give the motion ``rate_hz`` times a second.
+
+    Rows may be unsorted and hold NaN where a channel has no sample. Rows further inside a gap in which neither
+    heading nor yaw rate, or neither position nor speed, has a sample for longer than ``longest_gap_s`` are NaN;
+    without it the limit is that of :func:`analysis.tables.resample.resample`. With a long limit they hold the
+    prediction with its grown covariance, up to 300 s, beyond which the filter starts anew. ``levels`` gives
+    noise levels that are known; else they are estimated. Raises :class:`InputError` for a table
+    without position or heading.
+    """
+    require(table, POSE)
+    _refuse_endless(table)
+    rules = gate or Gate()
+    data = binned(table)
+    noise = levels or estimate_levels(data, rules)
+    grid_ns = _grid(data, rate_hz)
+    grid_s = (grid_ns - data.epoch_ns) / NANO
+    motion, slow = _Motion.empty(grid_ns.size), _Motion.empty(grid_ns.size)
+    innovations = _Innovations.empty(data)
+    for block in _blocks(data.time_s):
+        track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
+        innovations.keep(block, track)
+        some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
+        mean, covariance = track.at(grid_s[some])
+        motion.keep(some, track.model.sums, mean, covariance)
+        slow.keep(some, track.model.sums * track.model.may_jump, mean, covariance)
+    hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
+    for each in (motion, slow):
+        each.mean[hidden], each.covariance[hidden] = np.nan, np.nan
+    return Smoothed(
+        _as_table(motion.mean, grid_ns, rate_hz, table),
+        motion.covariance,
+        _as_table(slow.mean, grid_ns, rate_hz, table),
+        slow.covariance,
+        noise,
+        _rejected(table, data, noise, rules, innovations),
+        consistency_of(data.time_s, innovations.innovation, innovations.spread, innovations.refused),
+    )
+
+
+def _refuse_endless(table: pd.DataFrame) -> None:
+    times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
+    refuse_endless(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
+
+
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """Body-fixed motion on the grid [rows, 9] with its covariance [rows, 9, 9]."""
+
+    mean: Floats
+    covariance: Floats
+
+    @classmethod
+    def empty(cls, rows: int) -> _Motion:
+        return cls(np.full((rows, 9), np.nan), np.full((rows, 9, 9), np.nan))
+
+    def keep(self, some: slice, sums: Floats, mean: Floats, covariance: Floats) -> None:
+        """Add up the blocks of each quantity and turn the result into the ship's axes."""
+        self.mean[some], self.covariance[some] = body_states(mean @ sums.T, sums @ covariance @ sums.T)
+
+
+def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
+    values = np.where(_IN_DEGREES, np.rad2deg(mean), mean)
+    states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(BODY))
+    states["heading_deg"] = wrap_360(states["heading_deg"])
+    states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
+    return with_step(states, "smooth", rate_hz=float(rate_hz))
+
+
+def _grid(data: Binned, rate_hz: float) -> Ints:
+    """Whole multiples of 1 / rate from the first to the last step [ns]."""
+    first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
+    return grid(first_ns, last_ns, checked_rate(rate_hz))
+
+
+def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
+    """Two passes: the heading by itself, then everything about it."""
+    begin, model = first_state(data), noise.heading_model
+    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).seen_by(model)
+    heading = smooth_steps(alone, begin.seen_by(model), model, gate, engine)
+    everything = noise.motion_model
+    steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).seen_by(everything)
+    return smooth_steps(steps, begin.seen_by(everything), everything, gate, engine)
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """Steps ``first`` to ``last`` are smoothed together; ``core_first`` to ``core_last`` count."""
+
+    first: int
+    last: int
+    core_first: int
+    core_last: int
+
+    def until_s(self, time_s: Floats) -> float:
+        """The end of the time this block speaks for: the next step's, or just past the last one's."""
+        if self.core_last < self.last:
+            return float(time_s[self.core_last])
+        return float(np.nextafter(time_s[self.last - 1] + 1e-6, np.inf))
+
+
+def _blocks(time_s: Floats) -> list[_Block]:
+    """Stretches between gaps that are too long to carry on over, in blocks that overlap: memory stays bounded."""
+    edges = [0, *(np.flatnonzero(np.diff(time_s) > _RESTART_S) + 1).tolist(), time_s.size]
+    return [
+        _Block(
+            max(core - _OVERLAP_STEPS, first), min(core + _BLOCK_STEPS + _OVERLAP_STEPS, last),
+            core, min(core + _BLOCK_STEPS, last),
+        )
+        for first, last in itertools.pairwise(edges)
+        for core in range(first, last, _BLOCK_STEPS)
+    ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Innovations:
+    """What each step made of its values, gathered over the blocks; ``expected`` is the smoothed value."""
+
+    innovation: Floats
+    spread: Floats
+    refused: Bools
+    mean: Floats
+
+    @classmethod
+    def empty(cls, data: Binned) -> _Innovations:
+        shape = data.value.shape
+        return cls(
+            np.full(shape, np.nan),
+            np.full(shape, np.nan),
+            np.zeros(shape, dtype=bool),
+            np.full((shape[0], 9), np.nan),
+        )
+
+    def keep(self, block: _Block, track: Track) -> None:
+        core = slice(block.core_first, block.core_last)
+        local = slice(block.core_first - block.first, block.core_last - block.first)
+        self.innovation[core] = track.filtered.innovation[local]
+        self.spread[core] = track.filtered.spread[local]
+        self.refused[core] = track.filtered.refused[local]
+        self.mean[core] = track.mean[local] @ track.model.sums.T
+
+
+def _rejected(
+    table: pd.DataFrame, data: Binned, noise: NoiseLevels, gate: Gate, innovations: _Innovations
+) -> pd.DataFrame:
+    """Which samples were refused: those of a refused step that lie off themselves, or all where none does."""
+    flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
+    concerned: Bools = np.asarray(innovations.refused.any(axis=1))
+    rows = np.flatnonzero((data.step_of >= 0) & concerned[data.step_of])
+    values, step = motion_values(table.iloc[rows]), data.step_of[rows]
+    refused = innovations.refused[step] & np.isfinite(values)
+    offset_s = (times_ns(table)[rows] - data.epoch_ns) / NANO - data.time_s[step]
+    off = np.abs(apart_from(values, innovations.mean[step], offset_s)) > np.sqrt(gate.limit) * noise.by_channel
+    for channel in range(len(CHANNELS)):
+        some = refused[:, channel] & off[:, channel]
+        explained = np.bincount(step[some], minlength=data.time_s.size) > 0
+        flags[rows, channel] = some | (refused[:, channel] & ~explained[step])
+    return pd.DataFrame(flags, index=table.index, columns=list(CHANNELS))
+
+
+def summary_of(smoothed: Smoothed) -> dict[str, Any]:
+    """The figures of a result for a person or a program: rows, levels, refusals, consistency."""
+    return {
+        "rows": len(smoothed.states),
+        "missing": int(smoothed.states["north_m"].isna().sum()),
+        "noise": smoothed.noise.as_json(),
+        "rejected": {str(name): int(count) for name, count in smoothed.rejected.sum().items()},
+        "consistency": smoothed.consistency.as_json(),
+    }
+
+
+def write_smoothed(smoothed: Smoothed, path: Path | str) -> None:
+    """Write a result as Parquet: states, the standard deviation of each in its unit as
+    ``<name>_sigma``, the 21 elements of the covariance of pose and velocity in SI, and the slow states.
+
+    Units stand on the columns, the figures of :func:`summary_of` and the provenance in the metadata. Raises
+    :class:`acquisition.core.errors.StorageError` when the file cannot be written.
+    """
+    slow, deviations = smoothed.slow.add_prefix("slow_"), smoothed.standard_deviations()
+    sigmas = deviations.add_suffix("_sigma")
+    rows = pd.concat([smoothed.states, sigmas, smoothed.covariance_columns(), slow], axis=1)
+    names = (*BODY, *map(str, sigmas.columns), *map(str, slow.columns))
+    units = {name: _UNITS[name.removesuffix("_sigma").rsplit("_", 1)[1]] for name in names}
+    provenance = provenance_of(smoothed.states, {"rate_hz": smoothed.states.attrs["rate_hz"]})
+    figures = {"smoothing": summary_of(smoothed), "history": provenance["history"], "provenance": provenance}
+    write_parquet(rows, path, units, {key: json.dumps(each) for key, each in figures.items()})
+
+
+_UNITS = {"m": "m", "deg": "deg", "mps": "m/s", "dps": "deg/s", "mps2": "m/s2", "dps2": "deg/s2"}

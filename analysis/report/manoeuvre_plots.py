@@ -1,0 +1,233 @@
+"""Pictures of manoeuvres: a zigzag against time, a circle as a track to scale, the rest as both.
+
+Each function fills a figure; those that draw into one axes return the artists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from acquisition.core.arrays import Floats
+from analysis.manoeuvres.current import without_current
+from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.motion import Motion
+from analysis.manoeuvres.noise import half_width_s, smoothed
+from analysis.manoeuvres.tracks import along_and_across, approach_of, crossing_s, peak
+from analysis.report.plots import FAINT, PALETTE, ship
+
+BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
+_MARGIN_S = 15.0
+_MARGINS = {"left": 0.09, "right": 0.92, "bottom": 0.1, "top": 0.88, "hspace": 0.22, "wspace": 0.22}
+
+
+def seconds_of(motion: Motion, manoeuvre: Manoeuvre) -> tuple[float, float]:
+    """Execute and end of a manoeuvre on the motion's clock [s]."""
+    start, end = ((time.value - motion.origin_ns) / 1e9 for time in (manoeuvre.start, manoeuvre.end))
+    return start, end
+
+
+def counted_s(motion: Motion, manoeuvre: Manoeuvre) -> float:
+    """What a turn's indices count from: its execute, or half of the change where orders are events [s]."""
+    start = seconds_of(motion, manoeuvre)[0]
+    return start + manoeuvre.settings["half_command_s"] if motion.orders_are_events else start
+
+
+def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+    """The picture of a manoeuvre, as its kind has it."""
+    start, end = seconds_of(motion, manoeuvre)
+    part = motion.around(start, end, _MARGIN_S)
+    smooth = smoothed(part, half_width_s(part, 0.1 * (end - start)))
+    drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
+    figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
+    drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre, length_m)
+    figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=11)
+
+
+def title_of(manoeuvre: Manoeuvre) -> str:
+    """Name, side and time in one line."""
+    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
+    return f"{manoeuvre.name}{side} · {manoeuvre.start:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+    """Heading and helm with the overshoots, over yaw rate and speed, against the time from the execute."""
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3), gridspec_kw=_MARGINS)
+    start, end = seconds_of(motion, manoeuvre)
+    time_s = motion.time_s - start
+    base = approach_of(motion, start)["approach_unwrapped_deg"]
+    heading = motion.heading_deg - base
+    above.plot(time_s, heading, color=BLUE, linewidth=1.8, label="heading off the approach")
+    above.plot(time_s, motion.helm_deg, color=ORANGE, label="azimuth")
+    _mark_overshoots(above, motion, manoeuvre, heading)
+    above.set_ylabel("[deg], starboard positive")
+    above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    _rate_and_speed(below, motion, time_s)
+    above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
+
+
+def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> list[Artist]:
+    """From the heading at each execute to its extreme: a bar with the overshoot beside it."""
+    start, end = seconds_of(motion, manoeuvre)
+    executes = np.array([(each.value - motion.origin_ns) / 1e9 for each in manoeuvre.executes])
+    towards = 1.0 if manoeuvre.side == "starboard" else -1.0
+    few = len(executes) <= 10
+    artists: list[Artist] = [axes.axvline(0.0, color=FAINT, linewidth=0.8)]
+    for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
+        side = towards if number % 2 else -towards
+        index = manoeuvre.indices.get(f"overshoot_{number}_deg")
+        artists.append(axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":"))
+        if index is None:
+            continue
+        time_s, top = peak(motion.time_s, side * heading, execute, following)
+        at_execute = float(np.interp(execute, motion.time_s, heading))
+        where = time_s - start
+        artists.append(axes.vlines(where, at_execute, side * top, color=RED, linewidth=2.4))
+        artists.append(axes.hlines(at_execute, execute - start, where, color=RED, linewidth=0.8))
+        text = f"{index.value:.1f}±{0.5 * (index.high - index.low):.1f}°" if few else f"{index.value:.1f}°"
+        artists.append(
+            axes.annotate(
+                text,
+                (where, side * top),
+                xytext=(0, 5 * side),
+                fontsize=8 if few else 7,
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if side > 0 else "top",
+                color=RED,
+            )
+        )
+    axes.margins(y=0.15)
+    return artists  # fmt: skip
+
+
+def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> list[Artist]:
+    """Yaw rate on the left, speed on the right."""
+    other = axes.twinx()
+    other.spines["right"].set_visible(True)
+    other.grid(visible=False)
+    lines = [*axes.plot(time_s, motion.yaw_rate_dps, color=GREEN, label="yaw rate [deg/s]"),
+             *other.plot(time_s, motion.speed_mps, color=PURPLE, label="speed over ground [m/s]")]  # fmt: skip
+    other.set_ylim(bottom=0.0)
+    axes.set_ylabel("yaw rate [deg/s]", color=GREEN)
+    other.set_ylabel("speed [m/s]", color=PURPLE)
+    axes.set_xlabel("time since the execute [s]")
+    return list(lines)
+
+
+def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+    """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
+    left, right = figure.subplots(1, 2, width_ratios=(1.7, 1), gridspec_kw=_MARGINS)
+    first, end = seconds_of(motion, manoeuvre)
+    ahead_deg = approach_of(motion, first)["approach_unwrapped_deg"]
+    start = counted_s(motion, manoeuvre)
+    shown = motion.between(motion.time_s[0], end)
+    current = manoeuvre.current
+    main = shown
+    if current:
+        main = without_current(shown, current.north_mps, current.east_mps, start)
+        left.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
+    left.plot(*_across_ahead(main, start, ahead_deg), color=BLUE, linewidth=1.8,
+              label="current removed" if current else "track")  # fmt: skip
+    _outlines(left, main, start, ahead_deg, length_m)
+    _dimensions(left, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
+    left.plot(0.0, 0.0, "o", color=RED, markersize=5, label="execute")
+    left.set_aspect("equal", adjustable="datalim")
+    left.set_xlabel("to starboard of the approach [m]")
+    left.set_ylabel("ahead of the execute [m]")
+    left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+    _rate_and_speed(right, motion, motion.time_s - start)
+    right.axvline(0.0, color=FAINT, linewidth=0.8)
+
+
+def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Floats, Floats]:
+    north, east = motion.north_m - motion.at("north_m", start), motion.east_m - motion.at("east_m", start)
+    ahead = np.deg2rad(ahead_deg)
+    return east * np.cos(ahead) - north * np.sin(ahead), north * np.cos(ahead) + east * np.sin(ahead)
+
+
+def _outlines(
+    axes: Axes, motion: Motion, start: float, ahead_deg: float, length_m: float | None, every_deg: float = 45.0
+) -> list[Artist]:
+    """The ship to scale at the execute and every 45 deg of turn; a thirtieth of the picture without a length."""
+    across, ahead = _across_ahead(motion, start, ahead_deg)
+    length = length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
+    turned = np.abs(motion.heading_deg - motion.at("heading_deg", start))
+    turned[motion.time_s < start] = 0.0
+    steps = np.floor(np.maximum.accumulate(turned) / every_deg)
+    rows = [int(np.searchsorted(motion.time_s, start)), *(np.flatnonzero(np.diff(steps) > 0) + 1)]
+    return [
+        ship(axes, across[row], ahead[row], np.deg2rad(motion.heading_deg[row] - ahead_deg), length)
+        for row in rows[:17]
+    ]
+
+
+def _dimensions(
+    axes: Axes, motion: Motion, manoeuvre: Manoeuvre, start: float, end: float, ahead_deg: float, suffix: str
+) -> list[Artist]:
+    """Arrows for advance, transfer and tactical diameter with their values."""
+    turned = np.abs(motion.heading_deg - ahead_deg)
+    side = 1.0 if manoeuvre.side == "starboard" else -1.0
+    artists: list[Artist] = []
+    quarter_s, half_s = (crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
+    if np.isfinite(quarter_s):
+        ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
+        away = -side * 0.12 * max(abs(ahead), abs(across))
+        artists.append(_dimension(axes, (away, 0.0), (away, ahead), _said(manoeuvre, "advance_m" + suffix)))
+        above = ahead - 0.12 * ahead
+        artists.append(_dimension(axes, (0.0, above), (across, above), _said(manoeuvre, "transfer_m" + suffix)))
+        artists += axes.plot([away, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
+    if np.isfinite(half_s):
+        ahead, across = along_and_across(motion, start, half_s, ahead_deg)
+        text = _said(manoeuvre, "tactical_diameter_m" + suffix)
+        artists.append(_dimension(axes, (0.0, ahead), (across, ahead), text))
+    return artists
+
+
+def _said(manoeuvre: Manoeuvre, name: str) -> str:
+    index = manoeuvre.indices[name]
+    words = name.removesuffix("_current_removed").removesuffix("_m").replace("_", " ")
+    return f"{words}\n{index.value:.1f}±{max(0.5 * (index.high - index.low), 0.1):.1f} m"
+
+
+def _dimension(axes: Axes, begin: tuple[float, float], end: tuple[float, float], text: str) -> Artist:
+    axes.annotate("", end, begin, arrowprops={"arrowstyle": "<->", "color": RED, "linewidth": 1.0})
+    middle = ((begin[0] + end[0]) / 2.0, (begin[1] + end[1]) / 2.0)
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.0}
+    return axes.annotate(text, middle, color=RED, fontsize=8, ha="center", va="center", bbox=box, zorder=4)
+
+
+def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+    """Speed, shafts and heading against time, of what goes straight or is a test of a drive."""
+    above, middle, below = figure.subplots(3, 1, sharex=True, gridspec_kw=_MARGINS)
+    start, end = seconds_of(motion, manoeuvre)
+    time_s = motion.time_s - start
+    above.plot(time_s, motion.surge_mps, color=BLUE, label="surge")
+    above.plot(time_s, motion.sway_mps, color=ORANGE, label="sway")
+    above.set_ylabel("speed [m/s]")
+    for name, colour in (("port_rpm", BLUE), ("starboard_rpm", ORANGE), ("tunnel_rpm", GREEN)):
+        if np.abs(getattr(motion, name)).max() > 0.0:
+            middle.plot(time_s, getattr(motion, name), color=colour, label=name.removesuffix("_rpm"))
+    middle.set_ylabel("shafts [rpm]")
+    below.plot(time_s, motion.heading_deg - motion.at("heading_deg", start), color=PURPLE)
+    below.set_ylabel("heading off\nthe start [deg]")
+    below.set_xlabel("time since the start [s]")
+    for axes in (above, middle, below):
+        axes.axvspan(0.0, end - start, color="#56B4E9", alpha=0.12, linewidth=0)
+    for axes in (above, middle):
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
+
+
+SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (10.0, 5.5), "turning_circle": (10.5, 6.0)}
+_OTHER_INCH = (9.0, 5.5)
+
+
+def drawer(
+    motion: Motion, manoeuvre: Manoeuvre, length_m: float | None
+) -> tuple[Callable[[Figure], None], tuple[float, float]]:
+    """What fills a page's figure with a manoeuvre, and the figure's size."""
+    return (lambda figure: draw(figure, motion, manoeuvre, length_m)), SIZES_INCH.get(manoeuvre.kind, _OTHER_INCH)

@@ -1,0 +1,247 @@
+"""Figures of tables and windows in one style: functions take axes and data and return the artists they drew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.dates as dates
+import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.transforms import Affine2D, ScaledTranslation
+from numpy.typing import NDArray
+
+from acquisition.core.angles import difference
+from acquisition.core.channels import BY_NAME
+from analysis.tables.time_index import utc_index
+from analysis.wind import mean_wind
+
+PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
+"""The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""
+INK, FAINT, HELD = "#333333", "#B8B8B8", "#56B4E9"
+
+STYLE: dict[str, object] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": INK,
+    "axes.grid": True,
+    "axes.labelcolor": INK,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "figure.constrained_layout.use": True,
+    "figure.dpi": 120,
+    "font.size": 9.0,
+    "grid.color": "#E6E6E6",
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "xtick.color": INK,
+    "ytick.color": INK,
+}
+"""The house's style, for ``matplotlib.rc_context(STYLE)``."""
+
+
+def label(name: str) -> str:
+    """A channel's name for an axis, with its unit.
+
+    >>> label("port_angle_deg")
+    'port angle [deg]'
+    """
+    channel = BY_NAME[name]
+    return f"{name.rsplit('_', 1)[0].replace('_', ' ')} [{channel.unit}]"
+
+
+def track(
+    axes: Axes,
+    table: pd.DataFrame,
+    windows: pd.DataFrame | None = None,
+    tick_every_s: float = 300.0,
+    length_m: float | None = None,
+    executes: Sequence[pd.Timestamp] = (),
+) -> list[Artist]:
+    """The ship's track, north up and to scale, held windows in one colour a leg, the time along it.
+
+    ``table`` holds ``north_m`` and ``east_m`` [m]; ``windows`` is the long table of held windows. Of a ship of
+    ``length_m`` [m] the outline is drawn at each time, enlarged where it would not be seen, which the legend says.
+    ``executes`` are the times at which manoeuvres begin. Where the wind is known, an arrow shows where it blows to.
+    """
+    artists: list[Artist] = list(axes.plot(table["east_m"], table["north_m"], color=FAINT, label="track"))
+    if windows is not None:
+        for number, (_, leg) in enumerate(windows.groupby("leg", sort=False)):
+            colour = PALETTE[number % len(PALETTE)]
+            artists.append(_leg(axes, leg, colour))
+            artists[-1].set_label(f"_leg {number + 1}")
+    ticks = _ticks(table, tick_every_s)
+    if length_m is not None and "heading_deg" in table:
+        artists += _ships(axes, table, ticks, length_m)
+    artists += _time_ticks(axes, ticks)
+    artists += _executes(axes, table, executes)
+    artists += wind_arrow(axes, table)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(label("east_m"))
+    axes.set_ylabel(label("north_m"))
+    return artists
+
+
+HULL_OUTLINE = np.array([[-0.5, -0.13], [0.25, -0.13], [0.5, 0.0], [0.25, 0.13], [-0.5, 0.13], [-0.5, -0.13]])
+"""A ship's outline, ahead and to starboard, in lengths."""
+_CALM_MPS = 0.1  # no arrow for a calm, nor for a wind that was not recorded
+_LEAST_SHARE = 0.02  # of the track's extent: a ship shorter than that is not seen on the page
+
+
+def ship(
+    axes: Axes, across: float, up: float, heading_rad: float, length_m: float, words: str | None = None
+) -> Artist:
+    """A ship's outline with her middle at a point of the axes and her bow ``heading_rad`` clockwise from
+    upwards."""
+    forward, aside = length_m * HULL_OUTLINE[:, 0], length_m * HULL_OUTLINE[:, 1]
+    x = across + forward * np.sin(heading_rad) + aside * np.cos(heading_rad)
+    y = up + forward * np.cos(heading_rad) - aside * np.sin(heading_rad)
+    (outline,) = axes.fill(x, y, facecolor="#DCE9F2", edgecolor=INK, linewidth=0.8, zorder=3, label=words)
+    return outline
+
+
+def _ships(axes: Axes, table: pd.DataFrame, ticks: pd.DataFrame, length_m: float) -> list[Artist]:
+    """The outline at every tick; ten, twenty or fifty times as large as the ship where she would not be seen."""
+    extent = max(float(np.ptp(table[name].dropna())) if len(table) else 0.0 for name in ("north_m", "east_m"))
+    times = next((each for each in (1, 2, 5, 10, 20, 50) if each * length_m >= _LEAST_SHARE * extent), 100)
+    words = f"ship of {length_m:g} m" + (f", {times} times her size" if times > 1 else ", to scale")
+    placed = ticks.dropna(subset=["heading_deg"])
+    return [
+        ship(axes, row["east_m"], row["north_m"], np.deg2rad(row["heading_deg"]), times * length_m,
+             words if number == 0 else None)
+        for number, (_, row) in enumerate(placed.iterrows())
+    ]  # fmt: skip
+
+
+def _executes(axes: Axes, table: pd.DataFrame, executes: Sequence[pd.Timestamp]) -> list[Artist]:
+    """A cross where each manoeuvre began."""
+    placed = table[["north_m", "east_m"]].dropna()
+    if not len(executes) or placed.empty:
+        return []
+    at = placed.iloc[placed.index.get_indexer(pd.DatetimeIndex(list(executes)), method="nearest")]
+    return list(
+        axes.plot(at["east_m"], at["north_m"], "X", color=PALETTE[4], markeredgecolor="white", markersize=8,
+                  linestyle="none", zorder=5, label="manoeuvre begins")
+    )  # fmt: skip
+
+
+def wind_arrow(axes: Axes, table: pd.DataFrame) -> list[Artist]:
+    """Where the mean wind blows to, in the upper left corner, with its speed and where it comes from."""
+    if not {"wind_speed_mps", "wind_direction_deg"} <= set(table.columns):
+        return []
+    air = table[["wind_speed_mps", "wind_direction_deg"]].dropna()
+    if air.empty:
+        return []
+    speed_mps, from_deg = mean_wind(air)
+    if speed_mps < _CALM_MPS:
+        return []
+    to_rad = np.deg2rad(from_deg + 180.0)
+    half, middle = 15.0 * np.array([np.sin(to_rad), np.cos(to_rad)]), np.array([26.0, -26.0])
+    corner = (
+        Affine2D().scale(1.0 / 72.0) + axes.figure.dpi_scale_trans + ScaledTranslation(0.0, 1.0, axes.transAxes)  # type: ignore[arg-type]
+    )
+    arrow = axes.annotate("", tuple(middle + half), tuple(middle - half), xycoords=corner, textcoords=corner,
+                          arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.4})  # fmt: skip
+    words = f"wind {speed_mps:.1f} m/s\nfrom {from_deg:.0f}°"
+    text = axes.text(50.0, -16.0, words, fontsize=8, va="top", color=INK, transform=corner)
+    return [arrow, text]
+
+
+def _leg(axes: Axes, rows: pd.DataFrame, colour: str) -> Line2D:
+    """All windows of a leg as one line, lifted between them: a line each takes most of a figure's time."""
+    begins = np.flatnonzero(np.diff(rows["window"].to_numpy()) != 0) + 1
+    east, north = (np.insert(rows[name].to_numpy(dtype=float), begins, np.nan) for name in ("east_m", "north_m"))
+    (line,) = axes.plot(east, north, color=colour, linewidth=2.2)
+    return line
+
+
+def _ticks(table: pd.DataFrame, every_s: float) -> pd.DataFrame:
+    """The first row with a position after every whole multiple of ``every_s``."""
+    placed = table.dropna(subset=["north_m", "east_m"])
+    seconds = utc_index(placed).asi8 // 1_000_000_000
+    return placed[np.append(True, np.diff(seconds // every_s) > 0)] if len(placed) else placed
+
+
+def _time_ticks(axes: Axes, ticks: pd.DataFrame) -> list[Artist]:
+    """A dot and the time of day at every tick."""
+    (dots,) = axes.plot(ticks["east_m"], ticks["north_m"], "o", color=INK, markersize=3, linestyle="none")
+    texts = [
+        axes.annotate(f"{time:%H:%M}", (row["east_m"], row["north_m"]), xytext=(5, 5), fontsize=7, color=INK,
+                      textcoords="offset points", zorder=4)
+        for time, row in ticks.iterrows()
+    ]  # fmt: skip
+    return [dots, *texts]
+
+
+def series(
+    axes: Axes,
+    table: pd.DataFrame,
+    names: Sequence[str],
+    windows: pd.DataFrame | None = None,
+) -> list[Artist]:
+    """Channels of one unit against UTC, the held windows as a shade behind them.
+
+    Angles are drawn without the line that would join one end of the turn with the other.
+    """
+    artists: list[Artist] = []
+    if windows is not None:
+        artists.append(held_shade(axes, windows))
+    for name, colour in zip(names, PALETTE, strict=False):
+        present = table[name].dropna()
+        shown = lifted(present) if BY_NAME[name].circular else present.to_numpy(dtype=float)
+        artists += axes.plot(present.index, shown, color=colour, label=label(name))
+    units = sorted({BY_NAME[name].unit for name in names})
+    axes.set_ylabel(label(names[0]) if len(names) == 1 else f"[{', '.join(units)}]")
+    axes.set_xlabel("time, UTC")
+    axes.xaxis.set_major_formatter(dates.DateFormatter("%H:%M", tz="UTC"))  # type: ignore[no-untyped-call]
+    axes.margins(x=0.01)
+    if len(names) > 1:
+        lines = [artist for artist in artists if isinstance(artist, Line2D)]
+        axes.legend(handles=lines, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(lines), borderpad=0.0)
+    return artists
+
+
+def lifted(angle_deg: pd.Series) -> NDArray[np.float64]:
+    """The values of an angle with NaN where the drawn line would cross the whole turn."""
+    values = angle_deg.to_numpy(dtype=float)
+    turned = np.abs(np.diff(values) - difference(values[1:], values[:-1])) > 1.0
+    return np.concatenate([values[:1], np.where(turned, np.nan, values[1:])])
+
+
+def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
+    """A shade over the full height of the axes wherever a window is held."""
+    corners = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0)] for a, b in _held_stretches(windows)]
+    shade = PolyCollection(
+        corners, facecolors=HELD, alpha=0.25, linewidths=0, label="held", transform=axes.get_xaxis_transform()
+    )
+    axes.add_collection(shade, autolim=False)
+    return shade
+
+
+def _held_stretches(windows: pd.DataFrame) -> list[tuple[float, float]]:
+    """Begin and end of every stretch of windows that overlap or touch, as matplotlib's dates."""
+    begin = np.sort(dates.date2num(windows.groupby("window")["start"].first().to_numpy()))  # type: ignore[no-untyped-call]
+    end = begin + (float(windows["second"].max()) if len(windows) else 0.0) / 86400.0
+    first = np.append(True, begin[1:] > end[:-1] + 1e-9) if begin.size else np.empty(0, dtype=bool)
+    last = np.append(first[1:], True) if begin.size else first
+    return list(zip(begin[first].tolist(), end[last].tolist(), strict=True))
+
+
+def consistency(axes: Axes, channels: Mapping[str, Mapping[str, float]]) -> list[Artist]:
+    """Mean NIS by channel with the bounds it should lie in; one is what a filter that is right has.
+
+    ``channels`` is :meth:`analysis.estimation.consistency.Consistency.as_json` of a smoothed recording.
+    """
+    names = list(channels)
+    places = np.arange(len(names), dtype=float)
+    low, high, nis = (np.array([channels[name][key] for name in names]) for key in ("low", "high", "nis"))
+    expected = axes.axhline(1.0, color=INK, linewidth=0.8)
+    bounds = axes.vlines(places, low, high, color=FAINT, linewidth=9.0, label="95 % bounds")
+    (points,) = axes.plot(places, nis, "o", color=PALETTE[0], label="mean NIS")
+    axes.set_xticks(places, [label(name).rsplit(" [", 1)[0] for name in names], rotation=20.0)
+    axes.set_ylabel("normalised innovation squared")
+    axes.set_ylim(bottom=0.0)
+    axes.legend()
+    return [expected, bounds, points]

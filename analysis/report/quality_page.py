@@ -1,0 +1,195 @@
+"""The quality of a recording as files: the contract's JSON, the flags as Parquet, and one HTML page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.frames import Quality
+from analysis.quality.runs import runs
+from analysis.quality.summary import ALL
+from analysis.quality.terminal import counts_of, missing_text, sentences
+from analysis.report.page import Page
+from analysis.tables.files import in_place_of
+from analysis.tables.parquet import write_parquet
+from analysis.tables.time_index import times_ns
+from analysis.tables.time_span import main_stretch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from analysis.quality.check import DataQuality
+    from analysis.quality.findings import Finding
+
+PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
+COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
+           Quality.BAD: "#D55E00"}  # fmt: skip
+_NAMES = {Quality.GOOD: "good", Quality.NOT_EVALUATED: "not evaluated", Quality.SUSPECT: "suspect",
+          Quality.BAD: "bad"}  # fmt: skip
+_BINS = 1200
+_GRAVER = (Quality.GOOD, Quality.NOT_EVALUATED, Quality.SUSPECT, Quality.BAD)
+
+
+def write_quality(
+    quality: DataQuality, folder: Path, trial: Mapping[str, str], provenance: Mapping[str, Any]
+) -> list[Path]:
+    """Write ``quality.json``, ``flags.parquet`` and ``quality.html`` into a folder; it is made if need be.
+
+    ``provenance`` (:func:`analysis.tables.provenance.provenance_of`) goes into both of the files for programs.
+
+    Raises :class:`StorageError` when they cannot be written.
+    """
+    found = quality.as_json()
+    report = folder / "quality.json"
+    with in_place_of(report) as partial:
+        partial.write_text(json.dumps({**found, "provenance": provenance}, indent=1) + "\n", encoding="utf-8")
+    flags = folder / "flags.parquet"
+    recording = str(provenance["recording"])
+    said = {"recording": recording, "findings": found["findings"], "provenance": provenance}
+    about = {key: json.dumps(value) for key, value in said.items()}
+    write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
+    return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
+
+
+def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str) -> Page:
+    """One page: how much is good, what was found, the flags over time, the counts by channel."""
+    page = Page("Data quality", recording)
+    page.headline(_headline(quality))
+    add_quality(page, quality)
+    page.heading("Run sheet")
+    page.table(["", ""], [[key.replace("_", " "), str(value)] for key, value in trial.items() if value])
+    return page
+
+
+def add_quality(page: Page, quality: DataQuality) -> None:
+    """What was found, the flags over time and the counts by channel, as sections of any page."""
+    page.heading("What was found in the data")
+    page.parts += [_paragraph(finding) for finding in quality.findings]
+    if not quality.findings:
+        page.text("Nothing: every check passed.")
+    page.heading("Over time")
+    height = 0.9 + 0.3 * len(quality.channels)
+    page.figure(
+        lambda figure: draw_flags(figure, quality),
+        (9.4, height),
+        "One line a channel: its flags in time, white where it has no samples. What a finding is about has a "
+        "line below it, in the colour of its code, from beginning to end.",
+        "data_quality",
+    )
+    page.heading("By channel")
+    header = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
+              "steps back", "flagged good"]  # fmt: skip
+    page.table(header, [[name, each.grade, *counts_of(each), _good_share(quality, name)]
+                        for name, each in quality.channels.items()])  # fmt: skip
+    if missing := missing_text(quality):
+        page.text(missing)
+
+
+def _headline(quality: DataQuality) -> dict[str, str]:
+    grades = [each.grade for each in quality.channels.values()]
+    counts = {f"channels {grade}": str(grades.count(grade)) for grade in ("good", "suspect", "bad")}
+    return {**counts, "findings": str(len(quality.findings))}
+
+
+def _paragraph(finding: Finding) -> str:
+    """A finding as HTML: what and where in bold, when, then in words."""
+    where = "all channels" if finding.channel == ALL else finding.channel
+    when = f"{finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
+    title = f"<b>{escape(finding.code.replace('_', ' '))}</b> · {escape(where)}"
+    return f'<p>{title} <span class="sub">· {when}</span><br>{escape(sentences(finding))}</p>'
+
+
+def _good_share(quality: DataQuality, name: str) -> str:
+    """The share of the samples that were due whose flag is good, as the strip shows them."""
+    flags = quality.flags[name].to_numpy()
+    due = int((flags != Quality.MISSING).sum()) + quality.channels[name].missing
+    return f"{(flags == Quality.GOOD).sum() / due:.1%}" if due else ""
+
+
+def draw_flags(figure: Figure, quality: DataQuality) -> None:
+    """Bools by channel over time, and the findings as lines."""
+    from matplotlib.dates import ConciseDateFormatter
+    from matplotlib.patches import Patch
+
+    axes = figure.subplots()
+    stamps = times_ns(quality.flags)
+    first, last = main_stretch(stamps)
+    edges = np.linspace(first, last + 1, _BINS + 1)
+    days = _days(edges.astype("datetime64[ns]"))
+    names = list(quality.channels)
+    for line, name in enumerate(names):
+        _draw_line(axes, line, days, binned_flags(stamps, quality.flags[name].to_numpy(), edges))
+    codes = list(dict.fromkeys(each.code for each in quality.findings))
+    _draw_findings(axes, quality.findings, names, codes)
+    axes.set_yticks(range(len(names)), names, fontsize=8)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(days[0], days[-1])
+    axes.xaxis_date()
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(axes.xaxis.get_major_locator()))  # type: ignore[no-untyped-call]
+    axes.tick_params(axis="y", length=0)
+    axes.grid(False)
+    for side in ("top", "right", "left"):
+        axes.spines[side].set_visible(False)
+    legend = [
+        Patch(color=COLOURS[flag], label=_NAMES[flag]) for flag in (Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+    ]
+    legend += [Patch(color=_colour(code, codes), label=code.replace("_", " ")) for code in codes]
+    axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
+
+
+def binned_flags(
+    stamps: NDArray[np.int64], flags: NDArray[np.uint8], edges: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """The gravest flag in each bin of time, 0 where the channel has no sample: [bins].
+
+    A bin without a sample between two that follow each other at the channel's own rate takes the one before.
+    """
+    present = flags != Quality.MISSING
+    bins = np.clip(np.searchsorted(edges, stamps[present], side="right") - 1, 0, edges.size - 2)
+    gravest = np.zeros(edges.size - 1, dtype=np.int64)
+    for flag in _GRAVER:
+        gravest[bins[flags[present] == flag]] = flag
+    usual = 2.5 * float(np.median(np.diff(bins))) if bins.size > 1 else 0.0
+    known = pd.Series(np.where(gravest, gravest, np.nan))
+    return np.asarray(known.ffill(limit=max(int(usual), 1)).fillna(0), dtype=np.int64)
+
+
+def _days(times: NDArray[np.datetime64]) -> NDArray[np.float64]:
+    from matplotlib.dates import date2num
+
+    days: NDArray[np.float64] = date2num(times)  # type: ignore[no-untyped-call]
+    return days
+
+
+def _colour(code: str, codes: list[str]) -> str:
+    return PALETTE[codes.index(code) % len(PALETTE)]
+
+
+def _draw_line(axes: Axes, line: int, days: NDArray[np.float64], flags: NDArray[np.int64]) -> None:
+    for flag, colour in COLOURS.items():
+        starts, ends = runs(flags == flag)
+        bars = [(days[a], days[b] - days[a]) for a, b in zip(starts, ends, strict=True)]
+        axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
+
+
+def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], codes: list[str]) -> None:
+    """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
+    low, high = axes.get_xlim()
+    for finding in findings:
+        start, end = _days(np.array([finding.start.value, finding.end.value]).astype("datetime64[ns]"))
+        start, end = min(start, end - 0.002 * (high - low)), max(end, start + 0.002 * (high - low))
+        colour = _colour(finding.code, codes)
+        if finding.channel == ALL:
+            axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
+        for line, name in enumerate(names):
+            if finding.channel == ALL or name in finding.channel:
+                bar = (line + 0.22 + 0.08 * (codes.index(finding.code) % 3), 0.08)
+                axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)

@@ -1,0 +1,1 @@
+"""A recording as a table, resampled, exported, with its provenance."""

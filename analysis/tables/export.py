@@ -1,0 +1,159 @@
+"""A table as Parquet, CSV or .mat, with the units and where it all comes from in or beside the file.
+
+Parquet carries both in its metadata and .mat in structs. CSV has no place for them and has to open anywhere
+without options, so that they stand in a second file beside it, the name with ``.json`` after it.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import Quality
+from acquisition.recording.trial import software_version
+from analysis.tables.files import expect_suffix, in_place_of
+from analysis.tables.parquet import write_parquet
+from analysis.tables.provenance import provenance_of
+from analysis.tables.table import checked_delays_ns
+from analysis.tables.time_index import NANO, times_ns, utc_index
+
+FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
+FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
+_RATE_UNITS = {"surge_mps2": "m/s2", "sway_mps2": "m/s2", "yaw_dps2": "deg/s2"}
+_LONGEST_MATLAB_NAME = 63
+_MAT_TITLE, _MAT_TITLE_BYTES = b"MATLAB 5.0 MAT-file, written by Seatrial", 116
+_RISING = (Quality.NOT_EVALUATED, Quality.GOOD, Quality.SUSPECT, Quality.BAD)
+
+
+def export_table(
+    table: pd.DataFrame, path: Path, rate_hz: float | None = None, options: Mapping[str, Any] | None = None
+) -> list[Path]:
+    """Write a table as Parquet, CSV or .mat by the suffix of ``path`` and return the files that were written.
+
+    Units, trial and :func:`analysis.tables.provenance.provenance_of` go with it. A file appears under its
+    name only when it is complete. Raises :class:`InputError` for another suffix and :class:`StorageError` when
+    it cannot be written.
+    """
+    path = Path(path)
+    kind = expect_suffix(path, *_WRITERS)
+    about = _about(table, rate_hz if rate_hz is not None else table.attrs.get("rate_hz"), options or {})
+    return _WRITERS[kind](table, path, about)
+
+
+def unit_of(column: str) -> str:
+    """The unit of an exported column; a standard deviation has its channel's, and an unknown column none."""
+    if column.endswith(FLAG_SUFFIX):
+        return FLAG_MEANING
+    name = column.removesuffix(SIGMA_SUFFIX)
+    return BY_NAME[name].unit if name in BY_NAME else _RATE_UNITS.get(name, "")
+
+
+def with_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
+    """The table with a column ``<name>_flag`` (uint8) beside all others for each of its channels that was judged.
+
+    ``flags`` belong to the raw samples, of which the delays [s by channel] were not taken off yet. A row of a
+    resampled table gets the gravest flag among the samples that are nearer to it than to any other row; where
+    the table has no value it says missing.
+    """
+    delay_ns = checked_delays_ns(delays or {})
+    result = table.copy(deep=False)
+    same = not delays and flags.index.equals(table.index)
+    for name in [str(name) for name in table.columns if name in flags.columns]:
+        column = flags[name].to_numpy(dtype=np.uint8)
+        if not same:
+            rows = _nearest_rows(times_ns(table), times_ns(flags) - delay_ns.get(name, 0))
+            column = _gravest(rows, column, len(table))
+            column[table[name].isna().to_numpy()] = Quality.MISSING
+        result[name + FLAG_SUFFIX] = column
+    return result
+
+
+def _nearest_rows(row_ns: NDArray[np.int64], time_ns: NDArray[np.int64]) -> NDArray[np.intp]:
+    """For each time the row that is nearest to it, the first of several; rows are in the order of time."""
+    middle = row_ns[:-1] + np.diff(row_ns) // 2
+    return np.searchsorted(middle, time_ns, side="left")
+
+
+def _gravest(rows: NDArray[np.intp], flags: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+    """The gravest flag that falls on each of ``count`` rows, missing where none does."""
+    result = np.full(count, Quality.MISSING, dtype=np.uint8)
+    for flag in _RISING:
+        result[rows[flags == flag]] = flag
+    return result
+
+
+def _about(table: pd.DataFrame, rate_hz: float | None, options: Mapping[str, Any]) -> dict[str, Any]:
+    units = {str(name): unit for name in table.columns if (unit := unit_of(str(name)))}
+    provenance = provenance_of(table, options)
+    return {
+        "units": units,
+        "trial": provenance.pop("trial"),
+        "recording": provenance["recording"],
+        "rate_hz": rate_hz,
+        "provenance": provenance,
+    }
+
+
+def _write_parquet(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """Units on the columns; trial, recording, rate and provenance as JSON in the file's metadata."""
+    texts = {key: json.dumps(value) for key, value in about.items()}
+    write_parquet(table.set_axis(utc_index(table), axis=0), path, about["units"], texts)
+    return [path]
+
+
+def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """ISO 8601 times to the nanosecond; what a CSV has no place for goes into a JSON file beside it."""
+    times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
+    index = pd.Index([f"{time}Z" for time in times])
+    beside = path.with_name(f"{path.name}.json")
+    with in_place_of(path) as partial:
+        table.set_axis(index, axis=0).to_csv(partial, index_label="time")
+    with in_place_of(beside) as partial:
+        partial.write_text(json.dumps({"file": path.name, **about}, indent=2) + "\n", encoding="utf-8")
+    return [path, beside]
+
+
+def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> list[Path]:
+    """One vector a column, ``time`` in seconds since 1970 (to 0.3 microseconds).
+
+    The structs ``units``, ``trial`` and ``provenance`` say the rest; the history and the options are JSON text
+    there, for ``jsondecode``.
+    """
+    from scipy.io import savemat
+
+    vectors = {matlab_name(str(name)): table[name].to_numpy() for name in table.columns}
+    provenance = {
+        key: value if isinstance(value, str) else json.dumps(value) for key, value in about["provenance"].items()
+    }
+    rate = {} if about["rate_hz"] is None else {"rate_hz": about["rate_hz"]}
+    structs = {
+        "units": {"time": "s since 1970 UTC", **about["units"]},
+        "trial": {**about["trial"], "software_version": software_version()},
+        "provenance": {**provenance, **rate},
+    }
+    named = {key: {matlab_name(name): value for name, value in each.items()} for key, each in structs.items()}
+    content = {"time": times_ns(table) / NANO, **vectors, **named}
+    with in_place_of(path) as partial, partial.open("wb") as stream:
+        savemat(stream, content, oned_as="column", long_field_names=True)
+        stream.seek(0)
+        stream.write(_MAT_TITLE.ljust(_MAT_TITLE_BYTES))  # scipy writes the time of day there
+    return [path]
+
+
+def matlab_name(name: str) -> str:
+    """A name that MATLAB takes: letters, digits and underscores, a letter first, at most 63 characters."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return (plain if plain[:1].isalpha() else f"x{plain}")[:_LONGEST_MATLAB_NAME]
+
+
+_WRITERS: dict[str, Callable[[pd.DataFrame, Path, Mapping[str, Any]], list[Path]]] = {
+    ".parquet": _write_parquet, ".csv": _write_csv, ".mat": _write_mat,
+}  # fmt: skip

@@ -1,0 +1,288 @@
+"""One row every so many seconds: irregular samples of many channels onto a common grid.
+
+A channel that is faster than the grid is low-pass filtered, or what is above half the output rate would come
+back as a slow motion that never happened. The filter is a polynomial fitted about each grid point to the samples
+near it, weighted by a power of a raised cosine in time (Savitzky and Golay 1964, with weights; Cleveland 1979).
+It has no phase shift, leaves constants and ramps as they are whatever the spacing of the samples, and leaves
+less than 3 % of anything above half the output rate. Motion and wind get a parabola over three output steps on
+either side: at a tenth of the output rate 1 % is lost, at a fifth 11 %. A setting is a staircase, and a parabola
+would overshoot at its steps: it gets a straight line over two output steps, which stays between the values that
+were set. A channel that is as fast as the grid or slower is interpolated linearly. Angles go through all of it
+on the circle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.angles import difference, in_turn
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
+from acquisition.core.errors import DataShortageError, InputError
+from acquisition.recording.reader import Recording
+from analysis.tables.history import with_step
+from analysis.tables.table import attributes_of, believed, bounds_ns, channels_of, checked_delays_ns
+from analysis.tables.time_index import NANO, index_of, times_ns
+from analysis.tables.time_span import refuse_endless
+
+Samples = tuple[Ints, Floats]
+
+_FASTER = 0.95  # of the output step: below this median interval there is something to filter
+_GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
+_LEAST_SPREAD = 1e-6  # of a fit's normal equations, scaled: below it its samples lie too close together
+
+
+@dataclass(frozen=True, slots=True)
+class Filter:
+    """A local polynomial of some degree over ``reach`` output steps to either side.
+
+    The weight is a raised cosine to the power of ``taper``.
+    """
+
+    degree: int
+    reach: int
+    taper: float
+
+
+MOTION_FILTER = Filter(degree=2, reach=3, taper=1.5)
+SETTING_FILTER = Filter(degree=1, reach=2, taper=1.0)
+SETTINGS = frozenset((*COMMAND, *(name for name in BY_NAME if "_order_" in name), "rudder_angle_deg"))
+"""Channels that people and controllers set: they move in steps."""
+
+
+def resample(
+    table: pd.DataFrame,
+    rate_hz: float = 1.0,
+    longest_gap_s: float | None = None,
+    delays: Mapping[str, float] | None = None,
+) -> pd.DataFrame:
+    """The table on whole multiples of 1 / ``rate_hz`` in UTC [Hz], each channel by itself.
+
+    Rows may be unsorted, repeat a time, and hold NaN where a channel has no sample. Between samples that lie
+    further apart than ``longest_gap_s`` [s] the result is NaN; without it the limit is 3 s, for a channel
+    that is slower 2.5 of its median intervals, and never more than 10 s. Beyond a channel's first and last
+    sample it is NaN too. ``delays`` [s by channel] are taken off the times first; positive means stamped that
+    much too late. The history in ``attrs`` gains a step for each. Raises :class:`DataShortageError` for a table
+    without samples, :class:`InputError` for an impossible rate or delay.
+    """
+    time_ns = times_ns(table)
+    names = [str(name) for name in table.columns]
+
+    def samples(name: str) -> Samples:
+        return time_ns, table[name].to_numpy(dtype=float)
+
+    return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays)
+
+
+def resample_recording(
+    recording: Recording,
+    rate_hz: float = 1.0,
+    longest_gap_s: float | None = None,
+    delays: Mapping[str, float] | None = None,
+    part_percent: tuple[float, float] = (0.0, 100.0),
+) -> pd.DataFrame:
+    """As :func:`resample` of a part of the recording's joined table, to the last bit, without joining it.
+
+    A day of 13 channels that never share a time would be a table of more than two gigabytes. Raises as
+    :func:`resample`, and as :func:`analysis.tables.table.table_of` and :func:`analysis.tables.table.select`.
+    """
+    names = channels_of(recording)
+    first_ns, last_ns = bounds_ns((recording.series[name].measured_ns for name in names), part_percent)
+
+    def samples(name: str) -> Samples:
+        series = recording.series[name]
+        inside = (series.measured_ns >= first_ns) & (series.measured_ns <= last_ns)
+        if inside.all():
+            return series.measured_ns, believed(series)
+        return series.measured_ns[inside], believed(series)[inside]
+
+    return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays)
+
+
+def _on_grid(
+    names: list[str],
+    samples_of: Callable[[str], Samples],
+    attributes: Mapping[Any, Any],
+    rate_hz: float,
+    longest_gap_s: float | None,
+    delays: Mapping[str, float] | None,
+) -> pd.DataFrame:
+    """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
+    rate = checked_rate(rate_hz)
+    delay_ns = checked_delays_ns(delays or {})
+
+    def valid(name: str) -> Samples:
+        time_ns, values = samples_of(name)
+        there = np.isfinite(values)
+        return time_ns[there] - delay_ns.get(name, 0), values[there]
+
+    first_ns, last_ns = _span(valid(name)[0] for name in names)
+    refuse_endless(first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", "")))
+    grid_ns = grid(first_ns, last_ns, rate)
+    columns = {name: _resampled(name, *valid(name), grid_ns, rate, longest_gap_s) for name in names}
+    result = pd.DataFrame(columns, index=index_of(grid_ns))
+    result.attrs = {**attributes, "rate_hz": float(rate_hz)}
+    if delays:
+        result = with_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+    return with_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
+
+
+def _span(times: Iterable[Ints]) -> tuple[int, int]:
+    """The first and the last of all times. Raises :class:`DataShortageError` if there is none."""
+    ends = [(int(each.min()), int(each.max())) for each in times if each.size]
+    if not ends:
+        raise DataShortageError("the table holds no sample to resample", fix="give a table with values")
+    return min(first for first, _ in ends), max(last for _, last in ends)
+
+
+def checked_rate(rate_hz: float) -> Fraction:
+    """A rate [Hz] as a ratio. Raises :class:`InputError` for one that is not possible."""
+    if not 0.0 < rate_hz <= 1000.0:
+        raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")
+    return Fraction(rate_hz).limit_denominator(1000)
+
+
+def grid(first_ns: int, last_ns: int, rate: Fraction) -> Ints:
+    """All whole multiples of 1 / rate between two times, ends included [ns]; exact for thirds of seconds too."""
+    step = Fraction(NANO) / rate
+    steps = np.arange(-(-first_ns // step), last_ns // step + 1, dtype=np.int64) * rate.denominator
+    whole, rest = np.divmod(steps, rate.numerator)
+    return np.asarray(whole * NANO + rest * NANO // rate.numerator, dtype=np.int64)
+
+
+def _resampled(
+    name: str, time_ns: Ints, values: Floats, grid_ns: Ints, rate: Fraction, longest_gap_s: float | None
+) -> Floats:
+    """One channel's valid samples on the grid; NaN where it has nothing to say."""
+    circular = name in CIRCULAR
+    times, samples = _sorted_without_repeats(time_ns, values, circular)
+    result = np.full(grid_ns.size, np.nan)
+    if times.size == 0 or grid_ns.size == 0:
+        return result
+    interval_ns = float(np.median(np.diff(times))) if times.size > 1 else 0.0
+    limit_ns = (longest_gap_s if longest_gap_s is not None else own_gap_s(interval_ns)) * NANO
+    covered, before, share = _bracket(times, grid_ns, limit_ns)
+    result[covered] = _interpolated(samples, before[covered], share[covered], circular)
+    if 0 < interval_ns < _FASTER * NANO / rate:
+        rule = SETTING_FILTER if name in SETTINGS else MOTION_FILTER
+        smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
+        replaced = covered & np.isfinite(smooth)
+        result[replaced] = smooth[replaced]
+    return in_turn(name, result)
+
+
+def own_gap_s(interval_ns: float) -> float:
+    """The longest gap [s] that is bridged in a channel whose samples usually lie so far apart."""
+    return min(max(_GAP_S, _GAP_INTERVALS * interval_ns / NANO), _LONGEST_GAP_S)
+
+
+def _sorted_without_repeats(time_ns: Ints, values: Floats, circular: bool) -> tuple[Ints, Floats]:
+    """Samples in the order of time; those that share a time become their mean."""
+    order = np.argsort(time_ns, kind="stable")
+    times, samples = time_ns[order], values[order]
+    unique, first, inverse = np.unique(times, return_index=True, return_inverse=True)
+    if unique.size == times.size:
+        return times, samples
+    base = samples[first]
+    apart = samples - base[inverse]
+    if circular:
+        apart = difference(samples, base[inverse])
+    mean = np.bincount(inverse, apart) / np.bincount(inverse)
+    return unique, np.asarray(base + mean, dtype=float)
+
+
+def _bracket(times: Ints, grid_ns: Ints, limit_ns: float) -> tuple[NDArray[np.bool_], NDArray[np.int64], Floats]:
+    """For each grid point: is it between two samples close enough, which is the one before, how far past it.
+
+    A grid point on a sample is covered whatever is missing beside it.
+    """
+    before = np.searchsorted(times, grid_ns, side="right") - 1
+    inside = before >= 0
+    before = np.maximum(before, 0)
+    after = np.minimum(before + 1, times.size - 1)
+    passed = (grid_ns - times[before]).astype(float)
+    span = (times[after] - times[before]).astype(float)
+    share = np.divide(passed, span, out=np.zeros_like(passed), where=span > 0)
+    on_sample = passed == 0
+    return inside & (on_sample | ((after > before) & (span <= limit_ns))), before, share
+
+
+def _interpolated(samples: Floats, before: NDArray[np.int64], share: Floats, circular: bool) -> Floats:
+    start, end = samples[before], samples[np.minimum(before + 1, samples.size - 1)]
+    step = difference(end, start) if circular else end - start
+    return np.where(share == 0, start, start + share * step)
+
+
+def _local_fit(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: Filter, circular: bool) -> Floats:
+    """The filter of the module's text: a weighted fit about each grid point, NaN where too little is near.
+
+    A sample lies within reach of a fixed number of grid points, so that every sum over the neighbours of all grid
+    points is that many weighted counts. As many samples as the polynomial has coefficients must lie on either
+    side of a point.
+    """
+    count, size = grid_ns.size, rule.degree + 1
+    centre = _centres(times, samples, grid_ns, step_ns, rule, circular)
+    moments, products = np.zeros((2 * rule.degree + 1, count)), np.zeros((size, count))
+    beside = np.zeros((2, count))
+    for point, of, apart, weight in _neighbours(times, grid_ns, step_ns, rule):
+        value = difference(samples[of], centre[point]) if circular else samples[of] - centre[point]
+        beside[0] += np.bincount(point, apart <= 0, count)
+        beside[1] += np.bincount(point, apart >= 0, count)
+        for power in range(2 * rule.degree + 1):
+            moments[power] += np.bincount(point, weight, count)
+            if power < size:
+                products[power] += np.bincount(point, weight * value, count)
+            weight = weight * apart
+    usable = np.asarray((beside >= size).all(axis=0))
+    normal = np.stack([moments[row : row + size] for row in range(size)])[:, :, usable] / moments[0, usable]
+    right = products[:, usable] / moments[0, usable]
+    return _solved(normal, right, usable, centre)
+
+
+def _solved(normal: Floats, right: Floats, usable: NDArray[np.bool_], centre: Floats) -> Floats:
+    """The constant terms of all fits, NaN where there is none or its samples lie too close together."""
+    result = np.full(centre.size, np.nan)
+    equations = np.moveaxis(normal, 2, 0)
+    sound = np.linalg.det(equations) > _LEAST_SPREAD
+    where = np.flatnonzero(usable)[sound]
+    result[where] = centre[where] + np.linalg.solve(equations[sound], right.T[sound][..., None])[:, 0, 0]
+    return result
+
+
+def _centres(times: Ints, samples: Floats, grid_ns: Ints, step_ns: float, rule: Filter, circular: bool) -> Floats:
+    """A value near those about each grid point, which keeps the digits that sums of large values lose.
+
+    On the circle it is their mean direction, from which no way is the long way round.
+    """
+    if not circular:
+        return samples[np.minimum(np.searchsorted(times, grid_ns), times.size - 1)]
+    angle = np.deg2rad(samples)
+    sine, cosine = np.sin(angle), np.cos(angle)
+    north, east = np.zeros(grid_ns.size), np.zeros(grid_ns.size)
+    for point, of, _, weight in _neighbours(times, grid_ns, step_ns, rule):
+        north += np.bincount(point, weight * cosine[of], grid_ns.size)
+        east += np.bincount(point, weight * sine[of], grid_ns.size)
+    return np.asarray(np.rad2deg(np.arctan2(east, north)))
+
+
+def _neighbours(
+    times: Ints, grid_ns: Ints, step_ns: float, rule: Filter
+) -> Iterator[tuple[NDArray[np.int64], slice, Floats, Floats]]:
+    """All pairs of a grid point and a sample within reach of it: points, samples, distance and weight.
+
+    The distance is in reaches, -1 to 1. Each turn pairs every sample with the grid point that many further on.
+    """
+    left = np.searchsorted(grid_ns, times, side="right") - 1  # -1: before the first grid point
+    for further in range(1 - rule.reach, rule.reach + 1):
+        first, last = np.searchsorted(left, (-further, grid_ns.size - further))  # points 0 to the last
+        point = left[first:last] + further
+        apart = (times[first:last] - grid_ns[point]) / (rule.reach * step_ns)
+        np.clip(apart, -1.0, 1.0, out=apart)
+        yield point, slice(first, last), apart, (0.5 + 0.5 * np.cos(np.pi * apart)) ** rule.taper

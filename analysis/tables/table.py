@@ -1,0 +1,189 @@
+"""A recording as a table: one row a measured time, one column a channel, NaN where a channel has no sample."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.frames import Quality
+from acquisition.recording.reader import Recording, Series, read_recording
+from analysis.tables.history import KEY, with_step
+from analysis.tables.time_index import NANO, index_of, times_ns
+
+_LONGEST_DELAY_S = 3600.0
+
+
+def read_table(path: Path | str) -> pd.DataFrame:
+    """The raw samples of all channels joined on their measured time.
+
+    The index is UTC in ns, named ``time`` and sorted; a time that one channel has twice stands in two rows.
+    Values flagged bad are NaN. ``attrs`` holds the trial's metadata and the sources by channel. Raises
+    :class:`InputError` for what is no recording and :class:`DataShortageError` for one without channels.
+    """
+    return table_of(read_recording(path))
+
+
+def table_of(recording: Recording) -> pd.DataFrame:
+    """As :func:`read_table`, of a recording that is already read."""
+    series = {name: recording.series[name] for name in channels_of(recording)}
+    table = joined({name: (each.measured_ns, believed(each)) for name, each in series.items()})
+    table.attrs.update(attributes_of(recording))
+    return table
+
+
+def channels_of(recording: Recording) -> list[str]:
+    """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
+    names = [name for name in BY_NAME if name in recording.series]
+    if not names:
+        raise DataShortageError(
+            "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
+        )
+    return names
+
+
+def attributes_of(recording: Recording) -> dict[str, Any]:
+    """What a table of a recording carries in its ``attrs``: the trial, the file, the sources by channel.
+
+    A recording that was made of a table has that table's history too; one that cannot be read is left out.
+    """
+    attributes = {
+        "trial": asdict(recording.trial),
+        "recording": str(recording.path),
+        "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
+    }
+    history = _history_in(recording.metadata.get(KEY, {}).get(KEY, ""))
+    return {**attributes, KEY: history} if history else attributes
+
+
+def _history_in(text: str) -> list[dict[str, Any]]:
+    """The steps of a history as it was written; none where somebody has written something else."""
+    try:
+        steps = json.loads(text) if text else []
+    except ValueError:
+        return []
+    return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
+
+
+def believed(series: Series) -> Floats:
+    """The values of a series, NaN where they are flagged bad."""
+    return np.where(series.quality >= Quality.BAD, np.nan, series.value)
+
+
+_KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
+
+
+def joined(channels: Mapping[str, tuple[Ints, Floats]]) -> pd.DataFrame:
+    """Channels as times [ns] and values in one table, a row for each time; NaN where a channel has no sample.
+
+    The rows are in the order of time; a time that one channel has twice stands in two rows, in its order.
+    """
+    keys = {name: _keys(time_ns) for name, (time_ns, _) in channels.items()}
+    rows = np.unique(np.concatenate(list(keys.values())))
+    columns = {}
+    for name, (_, values) in channels.items():
+        column = np.full(rows.size, np.nan)
+        column[np.searchsorted(rows, keys[name])] = values
+        columns[name] = column
+    return pd.DataFrame(columns, index=index_of(np.ascontiguousarray(rows["time"])))
+
+
+def _keys(time_ns: Ints) -> NDArray[np.void]:
+    """Measured time and how often it came before: what makes a row."""
+    order = np.argsort(time_ns, kind="stable")
+    times = time_ns[order]
+    first = np.searchsorted(times, times, side="left")
+    keys = np.empty(times.size, dtype=_KEY)
+    keys["time"][order], keys["repeat"][order] = times, np.arange(times.size) - first
+    return keys
+
+
+def without_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
+    """The raw samples joined anew after each channel's delay [s] is taken off its times.
+
+    A positive delay means stamped that much too late. Cells that are NaN are no samples here: a row that would
+    hold nothing else is not made. The history gains a step. Raises :class:`InputError` for a name that is no
+    channel or a delay that is no number.
+    """
+    delay_ns = checked_delays_ns(delays)
+    time_ns = times_ns(table)
+    channels = {}
+    for name in map(str, table.columns):
+        values = table[name].to_numpy(dtype=float)
+        there = np.isfinite(values)
+        channels[name] = time_ns[there] - delay_ns.get(name, 0), values[there]
+    result = joined(channels)
+    result.attrs.update(table.attrs)
+    return with_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+
+
+def checked_delays_ns(delays: Mapping[str, float]) -> dict[str, int]:
+    """Delays by channel [s] in ns. Raises :class:`InputError` for what is no channel or no possible delay."""
+    for name, delay_s in delays.items():
+        if name not in BY_NAME:
+            raise InputError(f"a delay of {name} is asked for, which is no channel", fix="name one of the channels")
+        if not abs(delay_s) <= _LONGEST_DELAY_S:
+            raise InputError(f"a delay of {delay_s} s of {name} is not possible", fix="give at most an hour")
+    return {name: round(delay_s * NANO) for name, delay_s in delays.items()}
+
+
+def require(table: pd.DataFrame, names: tuple[str, ...] = NAMES, where: str = "") -> None:
+    """Raise :class:`InputError` naming the channels of ``names`` that a table lacks."""
+    missing = [name for name in names if name not in table or not table[name].notna().any()]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            where=where or str(table.attrs.get("recording", "table")),
+            fix="record the channel, or import with a map that gives it a constant",
+        )
+
+
+def select(table: pd.DataFrame, part_percent: tuple[float, float] | str) -> pd.DataFrame:
+    """The rows in a part of the table's time, in percent of its span; (0, 100) or ``"0..100"`` is all.
+
+    Parts that meet share no row. Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
+    """
+    part = percent_of(part_percent) if isinstance(part_percent, str) else part_percent
+    times = times_ns(table)
+    first_ns, last_ns = bounds_ns([times], part)
+    chosen: pd.DataFrame = table[(times >= first_ns) & (times <= last_ns)]
+    return chosen
+
+
+def bounds_ns(times: Iterable[Ints], part_percent: tuple[float, float]) -> tuple[int, int]:
+    """The first and the last time [ns] of a part of the span of all ``times``, in percent; both belong to it.
+
+    Raises :class:`InputError` for a part that is not inside 0 to 100 or is empty.
+    """
+    _, high = _checked_part(*part_percent)
+    ends = [(int(each.min()), int(each.max())) for each in times if each.size]
+    start = min((first for first, _ in ends), default=0)
+    span = max((last for _, last in ends), default=0) - start
+    first, last = (start + round(span * share / 100.0) for share in part_percent)
+    return first, last if high == 100.0 else last - 1
+
+
+def percent_of(part: str) -> tuple[float, float]:
+    """Where a part like ``0..70`` begins and ends, in percent. Raises :class:`InputError` for what is none."""
+    try:
+        low, high = (float(end) for end in part.split(".."))
+    except ValueError as error:
+        raise InputError(f"{part!r} is no part of a recording", fix="write it like 0..70") from error
+    return _checked_part(low, high)
+
+
+def _checked_part(low: float, high: float) -> tuple[float, float]:
+    if 0.0 <= high <= low <= 100.0:
+        raise InputError(f"part {low:g}..{high:g} begins where it has ended", fix="write it like 0..70")
+    if not 0.0 <= low < high <= 100.0:
+        raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
+    return low, high

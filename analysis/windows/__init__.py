@@ -1,0 +1,1 @@
+"""Held windows: stretches of a recording in which the actuators were held."""

@@ -1,0 +1,244 @@
+"""Held windows: stretches of a recording in which the thrusters were left alone, on which models are judged.
+
+A candidate starts every ``stride_s`` seconds of the table and covers seconds 0 to ``horizon_s``. It is kept
+when all 13 channels are there at every second and both shafts, both azimuths and the tunnel thruster are held
+(:mod:`analysis.windows.steady_controls`); otherwise it is counted under the first reason that applies. Windows
+that share a second, or that follow each other at one held setting, form a leg: whoever splits data by leg or by
+trial never has one second on both sides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
+
+from acquisition.core.angles import difference
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import CIRCULAR, COMMAND, NAMES
+from acquisition.core.errors import DataShortageError, InputError
+from analysis.tables.time_index import NANO, index_of, times_ns
+from analysis.windows.steady_controls import Tolerances, held, tolerance_of
+
+REASONS = ("gap", "missing_data", "azimuth_moved", "rpm_moved", "tunnel_moved")
+"""Why a candidate is dropped, in the order in which the reasons are asked."""
+
+COLUMNS = ("window", "second", *NAMES, "trial", "leg", "start")
+"""The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes after them."""
+
+MOVED = ("azimuth_moved", "rpm_moved", "tunnel_moved")
+"""The reasons for which a window is whole but not held."""
+
+
+@dataclass(frozen=True, slots=True)
+class HeldWindows:
+    """The kept windows and the account of all candidates.
+
+    ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
+    channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
+    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.starts.with_starts`.
+    ``provenance`` says by trial where they come from (:func:`analysis.tables.provenance.provenance_of`).
+    """
+
+    rows: pd.DataFrame
+    candidates: int
+    kept: int
+    dropped: dict[str, int]
+    horizon_s: int = 15
+    stride_s: int = 5
+    starts: pd.DataFrame | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def legs(self) -> int:
+        """The number of legs among the kept windows."""
+        return int(self.rows["leg"].nunique())
+
+    @property
+    def moving(self) -> int:
+        """The number of kept windows in which a thruster moved: 0 unless they were asked for."""
+        if "held" not in self.rows:
+            return 0
+        return int((~self.rows.loc[self.rows["second"] == 0, "held"]).sum())
+
+
+def held_windows(
+    table: pd.DataFrame,
+    horizon_s: int = 15,
+    stride_s: int = 5,
+    tolerances: Tolerances | None = None,
+    trial: str = "trial",
+    *,
+    keep_moving: bool = False,
+) -> HeldWindows:
+    """The held windows of a table of one row a second, as :func:`analysis.tables.resample.resample` gives it.
+
+    ``trial`` names the recording; windows and legs carry it. With ``keep_moving`` windows in which only a
+    thruster moved are kept too, and a column ``held`` tells them apart; legs are then as long as windows follow
+    each other without a break. A table shorter than the horizon has no
+    candidates. Raises :class:`InputError` for a table that lacks channels or is not on whole seconds.
+    """
+    if horizon_s < 2 or stride_s < 1:
+        raise InputError(
+            f"a horizon of {horizon_s} s every {stride_s} s is not possible",
+            fix="give a horizon of at least 2 s and a stride of at least 1 s",
+        )
+    start_ns, values, there = _every_second(table)
+    if start_ns.size < horizon_s + 1:
+        empty = _assembled(values, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
+        return _marked(empty, np.empty(0, dtype=bool)) if keep_moving else empty
+    reason = _reasons(values, there, horizon_s + 1, stride_s, tolerances or Tolerances())
+    wanted = reason == len(REASONS)
+    if keep_moving:
+        wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
+    starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
+    counts = np.bincount(reason[~wanted], minlength=len(REASONS))
+    dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
+    account = (int(reason.size), dropped)
+    result = _assembled(values, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
+    return _marked(result, reason[wanted] == len(REASONS)) if keep_moving else result
+
+
+def _marked(windows: HeldWindows, held_ones: Bools) -> HeldWindows:
+    """Windows with the column ``held``, from a flag for each window."""
+    marks = np.repeat(held_ones, windows.horizon_s + 1)
+    return replace(windows, rows=windows.rows.assign(held=marks))
+
+
+def _every_second(table: pd.DataFrame) -> tuple[Ints, Floats, Bools]:
+    """Times [s], values of the 13 channels [s, 13] and where the table has a row, without holes in time."""
+    missing = [name for name in NAMES if name not in table.columns]
+    if missing:
+        raise InputError(
+            f"has no {', '.join(missing)}",
+            where=str(table.attrs.get("recording", "table")),
+            fix="record the channel, or import with a map that gives it a constant",
+        )
+    time_ns = times_ns(table)
+    if time_ns.size == 0:
+        return _no_windows(), np.empty((0, len(NAMES))), np.empty(0, dtype=bool)
+    row = (time_ns - time_ns[0]) // NANO
+    if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
+        raise InputError(
+            "the table is not one row a second, in order and on whole seconds",
+            fix="resample it to 1 Hz first",
+        )
+    values = np.full((int(row[-1]) + 1, len(NAMES)), np.nan)
+    values[row] = table[list(NAMES)].to_numpy(dtype=float)
+    there = np.zeros(values.shape[0], dtype=bool)
+    there[row] = True
+    return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
+
+
+def _no_windows() -> Ints:
+    return np.empty(0, dtype=np.int64)
+
+
+def _reasons(values: Floats, there: Bools, rows: int, stride: int, rule: Tolerances) -> Ints:
+    """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
+
+    def always(flag: Bools) -> Bools:
+        return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
+
+    valid = np.isfinite(values)
+    column = {name: values[:, NAMES.index(name)] for name in COMMAND}
+    steady = {name: held(name, column[name], rows, stride, rule) for name in COMMAND}
+    passed = (
+        always(np.asarray(there & valid.any(axis=1))),
+        always(np.asarray(valid.all(axis=1))),
+        steady["port_angle_deg"] & steady["starboard_angle_deg"],
+        steady["port_rpm"] & steady["starboard_rpm"],
+        steady["tunnel_rpm"],
+    )
+    failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)
+    return np.asarray(failed.argmax(axis=1), dtype=np.int64)
+
+
+def _assembled(
+    values: Floats,
+    time_ns: Ints,
+    starts: Ints,
+    trial: str,
+    account: tuple[int, dict[str, int]],
+    horizon_s: int,
+    stride_s: int,
+    tolerances: Tolerances | None = None,
+) -> HeldWindows:
+    """The long table of the windows that start at rows ``starts``."""
+    second = np.arange(horizon_s + 1, dtype=np.int64)
+    row = (starts[:, None] + second).ravel()
+    leg = _legs(values, starts, horizon_s, stride_s, tolerances or Tolerances())
+    leg_name = pd.array([f"{trial}/{number + 1:03d}" for number in range(leg.max(initial=-1) + 1)], dtype="str")
+    columns = {
+        "window": np.repeat(np.arange(starts.size, dtype=np.int64), second.size),
+        "second": np.tile(second, starts.size),
+        **dict(zip(NAMES, values[row].T, strict=True)),
+        "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
+        "leg": leg_name.take(np.repeat(leg, second.size)),
+        "start": index_of(np.repeat(time_ns[starts], second.size)),
+    }
+    rows = pd.DataFrame(columns, columns=list(COLUMNS))
+    candidates, dropped = account
+    return HeldWindows(rows, candidates, int(starts.size), dropped, horizon_s, stride_s)
+
+
+def _legs(values: Floats, starts: Ints, horizon_s: int, stride_s: int, rule: Tolerances) -> Ints:
+    """The number of the leg of each window.
+
+    A window continues the leg of the one before it if the two share a second, or if it starts within a
+    stride after the other's end at the same setting.
+    """
+    if starts.size == 0:
+        return _no_windows()
+    commands = [NAMES.index(name) for name in COMMAND]
+    setting = values[:, commands][starts[:, None] + np.arange(horizon_s + 1)]
+    apart = np.abs(np.diff(np.median(setting, axis=1), axis=0))
+    for column, name in enumerate(COMMAND):
+        if name in CIRCULAR:
+            middle = setting[:, 0, column] + np.median(
+                difference(setting[:, :, column], setting[:, :1, column]), axis=1
+            )
+            apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
+    limit = np.array([tolerance_of(name, rule).span for name in COMMAND])
+    between = starts[1:] - (starts[:-1] + horizon_s)
+    joined = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
+    return np.concatenate([[0], np.cumsum(~joined)])
+
+
+def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
+    """The windows of several recordings in one, with window numbers that are unique across them.
+
+    Raises :class:`InputError` when two recordings have one name or different horizons.
+    """
+    names = [str(name) for part in parts for name in part.rows["trial"].unique()]
+    if len(set(names)) < len(names):
+        raise InputError("two recordings have the same name", fix="name each recording's trial differently")
+    if len({part.horizon_s for part in parts}) != 1:
+        raise InputError("windows of different horizons cannot be joined", fix="use one horizon")
+    offset, frames, dropped = 0, [], dict[str, int]()
+    for part in parts:
+        frames.append(part.rows.assign(window=part.rows["window"] + offset))
+        offset += part.kept
+        for reason, times in part.dropped.items():
+            dropped[reason] = dropped.get(reason, 0) + times
+    rows = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
+    ordered = {reason: dropped[reason] for reason in REASONS if reason in dropped}
+    candidates = sum(part.candidates for part in parts)
+    return HeldWindows(rows, candidates, offset, ordered, parts[0].horizon_s, parts[0].stride_s)
+
+
+def nothing_held_is_an_error(windows: HeldWindows, where: str) -> HeldWindows:
+    """The windows as they are. Raises :class:`DataShortageError` with the counts by reason if there is none."""
+    if windows.kept:
+        return windows
+    reasons = ", ".join(f"{times} {reason}" for reason, times in windows.dropped.items())
+    raise DataShortageError(
+        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a held window",
+        where=where,
+        why=reasons or "shorter than the horizon",
+        fix="lower --horizon, or give recordings with held stretches",
+    )

@@ -1,0 +1,156 @@
+"""The ladder: reference, named model, and a calibrator on top of either, on held windows that took no part.
+
+The gap's folds part the windows. What is judged on a fold's windows is the model with what the other folds' legs
+name, as the gap has it, and calibrators that learned from windows without a second in that fold. How a calibrator
+is trained and judged is :mod:`hybrid.evaluation.study`'s, as for ``seatrial evaluate``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from acquisition.core.arrays import Ints
+from acquisition.core.errors import DataShortageError
+from acquisition.core.progress import Progress, part_of
+from analysis.windows.recordings import trial_names
+from hybrid.diagnosis.diagnose import Examined
+from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.result import Ladder
+from hybrid.diagnosis.select_effects import Coordinates
+from hybrid.evaluation.splits import Draw, with_stopping
+from hybrid.evaluation.study import Errors, judged, pooled
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.bootstrap import LegBootstrap
+from hybrid.prediction.dataset import gather
+from hybrid.prediction.prediction_windows import Horizons
+from hybrid.vessel.plant import Plant
+from hybrid.workflows.train import METHOD
+
+STRIDE_S = 5
+_LEAST_LEGS = 4  # over fewer a mean has no interval that says anything
+
+
+def calibrated(
+    examined: Examined,
+    files: Sequence[Path],
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repair: bool = False,
+    rebuild_positions: bool = False,
+    seed: int = 0,
+    progress: Progress = lambda share: None,
+) -> Examined:
+    """The diagnosis with its ladder, on the recordings that it was made from, read as they were for it.
+
+    Where too few windows are held the ladder has no rungs and says why.
+    """
+    view = examined.naming.view
+    try:
+        gathered = gather(
+            files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
+            rebuild_positions=rebuild_positions, shorter=True,
+        )  # fmt: skip
+        seconds = seconds_in_folds(gathered.horizons, view.examination.log, trial_names(files))
+        named = examined.gap.without if examined.naming.names else None
+        found = ladder(gathered.horizons, seconds, view.examination.model, named, seed=seed, progress=progress)
+    except DataShortageError as error:
+        found = Ladder(HORIZON_S, METHOD, why_not=error.what)
+    return replace(examined, extras=replace(examined.extras, ladder=found))
+
+
+def seconds_in_folds(horizons: Horizons, log: Log, trials: Sequence[str]) -> Ints:
+    """How many seconds of each window are in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
+    first, last = horizons.known_seconds()
+    fold, counts = fold_of(log), np.zeros((len(horizons), FOLDS), dtype=np.int64)
+    for number, trial in enumerate(trials):
+        mine = np.flatnonzero(horizons.trial == trial)
+        for each in range(FOLDS):
+            known = np.sort(log.time_s[(log.recording == number) & (fold == each)])
+            counts[mine, each] = np.searchsorted(known, last[mine], "right") - np.searchsorted(known, first[mine])
+    return counts
+
+
+def draws_of_folds(horizons: Horizons, seconds: Ints, seed: int) -> dict[int, Draw]:
+    """By fold the windows judged, all in its legs, and those learned from, which share no second with them.
+
+    Raises :class:`DataShortageError` where there are too few legs to judge by, or to learn from.
+    """
+    first, last = horizons.known_seconds()
+    inside = (seconds == (last - first + 1)[:, None]) & horizons.whole[:, None]
+    legs = np.unique(horizons.leg[inside.any(axis=1)]).size
+    if legs < _LEAST_LEGS:
+        raise DataShortageError(
+            f"{legs} legs have held windows to judge by within the models' range, {_LEAST_LEGS} are needed",
+            fix="hold the thrusters longer",
+        )
+    folds = np.flatnonzero(inside.any(axis=0)).tolist()
+    return {fold: with_stopping(horizons, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}
+
+
+def ladder(
+    horizons: Horizons,
+    seconds: Ints,
+    model: Model,
+    named: Mapping[int, Coordinates] | None,
+    *,
+    method: str = METHOD,
+    seed: int = 0,
+    progress: Progress = lambda share: None,
+) -> Ladder:
+    """The rungs on windows of which so many ``seconds`` [N, FOLDS] are in each fold.
+
+    ``named`` is what is named without the legs of each fold, None where nothing was named. Raises
+    :class:`DataShortageError` where there are too few legs or windows.
+    """
+    base = replace(model, at={}).plant()
+    folds = range(FOLDS) if named is None else named
+    bases = {fold: {"reference": base} for fold in folds}
+    for fold, at in (named or {}).items():
+        bases[fold]["named"] = replace(model, at=at).plant()
+    plants = [plant for each in bases.values() for plant in each.values()]
+    known = np.all([np.isfinite(reference(horizons, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
+    horizons, seconds = horizons.subset(known), seconds[known]
+    draws = {fold: draw for fold, draw in draws_of_folds(horizons, seconds, seed).items() if fold in bases}
+    rungs = [
+        _rungs(draw, horizons, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
+        for number, (fold, draw) in enumerate(draws.items())
+    ]
+    return _together(horizons, list(draws.values()), rungs, method, seed)
+
+
+def _rungs(
+    draw: Draw, horizons: Horizons, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
+) -> dict[str, Errors]:
+    """The errors of each model and of a calibrator on top of it, on the windows that ``draw`` holds out."""
+    models, calibrated = dict[str, Errors](), dict[str, Errors]()
+    for number, (name, plant) in enumerate(bases.items()):
+        examples = horizons, reference(horizons, plant)
+        errors = judged(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
+        models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
+        calibrated[f"{name}_calibrated"] = errors[method]
+    return models | calibrated
+
+
+def _together(
+    horizons: Horizons, draws: Sequence[Draw], rungs: Sequence[Mapping[str, Errors]], method: str, seed: int
+) -> Ladder:
+    """The means over all windows judged, and the ratios that the ladder is made for, with intervals by legs."""
+    result = pooled("leg", horizons, draws, rungs)
+    legs = LegBootstrap.of(horizons.leg[result.held_out], seed)
+    mean_m = {name: each.distance_m.mean(axis=1) for name, each in result.errors.items()}
+    pairs = [("named", "reference"), *((f"{name}_calibrated", name) for name in ("reference", "named"))]
+    pairs.append(("named_calibrated", "reference_calibrated"))
+    return Ladder(
+        horizons.horizon_s,
+        method,
+        int(result.held_out.sum()),
+        legs.legs,
+        {name: legs.mean(each) for name, each in mean_m.items()},
+        {(one, other): legs.ratio(mean_m[one], mean_m[other]) for one, other in pairs if one in mean_m},
+    )

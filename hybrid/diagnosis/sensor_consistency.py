@@ -1,0 +1,248 @@
+"""Which sensors contradict each other, found with no ship model at all.
+
+Speeds over ground turned by the heading must add up to the track, and yaw rates to the heading, whatever moves the
+ship. So the filter is asked with forces so irregular that the dynamics say nothing, and only what sensors do is
+searched. Water, hull and thrusters cannot show here; nor can an error that all sensors share, such as one delay
+of all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.acceptance import Tested, tested
+from hybrid.diagnosis.averages import STEPS_PER_SECOND
+from hybrid.diagnosis.examine import Examination, Layout, products_of
+from hybrid.diagnosis.innovations import columns_of
+from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, reported, signatures
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.select_effects import CLOSE, Coordinates, Naming, moved_to, rivals_of, searched, stays
+from hybrid.diagnosis.tolerance import ForceRange
+from hybrid.diagnosis.tolerated import tolerances
+from hybrid.diagnosis.view import View, view_of
+from hybrid.diagnosis.words import number, parameter_title
+from hybrid.effects import Catalogue
+from hybrid.report.words import listed, plain
+from hybrid.vessel.sensors import HEADING
+
+_UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
+_SHARED = (10.0, 10.0, 10.0, 10.0)  # s, m, m, deg: that much all sensors together may be off, and nobody would know
+_DELAYS = {"position_delay": (0, 1), "heading_delay": (2,), "speed_delay": (3, 4, 5)}
+_LOOKS = 6
+_SETTLED = 0.5  # of a standard error
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """One contradiction: the sensor effect that explains it best, and its size.
+
+    ``free`` and ``standard_errors`` are of its free coordinates, in the units of its parameters; ``p_value`` is
+    corrected for the number of effects tested. ``alike`` are effects that without a ship model look the same.
+    """
+
+    effect: str
+    free: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    p_value: float
+    alike: tuple[str, ...]
+    sentence: str
+
+
+def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
+    """What must be wrong with the sensors of ``log``, the surest first; empty where they agree."""
+    naming = contradictory(log, model, noise)
+    return stated(naming) if naming else ()
+
+
+def contradictory(log: Log, model: Model, noise: Noise) -> Naming | None:
+    """The sensor effects with which the sensors of ``log`` contradict each other, named as others are; or None.
+
+    ``model`` gives the catalogue, and the plant only what happens within a second; its effects are left out.
+    """
+    sensors = motion_sensors(log, model)
+    if not sensors:
+        return None
+    given = {name: free for name, free in model.given.items() if name in sensors}
+    view, names = _found(log, Model(model.base, sensors, given=given), noise)
+    names = _commoner(view, names)
+    return Naming(names, {name: tested(view, names, name) for name in names}, view) if names else None
+
+
+def _commoner(view: View, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Of two that look alike the one that stands first in the catalogue, the commoner; the other is its rival."""
+    order = list(view.names)
+    for name in names:
+        less = rivals_of(view, names, name)
+        for rival in order[: order.index(name)]:
+            swapped = tuple(rival if each == name else each for each in names)
+            if less.get(rival, np.inf) < CLOSE and tested(view, swapped, rival).accepted:
+                names = swapped
+                break
+    return names
+
+
+def stated(naming: Naming) -> tuple[Consistency, ...]:
+    """Each contradiction in words, the surest first."""
+    results = [_stated(naming.view, naming.names, test) for test in naming.tests.values()]
+    return tuple(sorted(results, key=lambda each: each.p_value))
+
+
+def motion_sensors(log: Log, model: Model) -> Catalogue:
+    """The sensor effects that change what is reported of the motion: not those of the wind sensor."""
+    sensors = [name for name, effect in model.catalogue.items() if effect.kind == "sensor"]
+    plain = replace(model, at={})
+    seen = {each.effect for each in signatures(log, plain, log.nominal, sensors) if np.abs(each.E).max() > 0.0}
+    return {name: model.catalogue[name] for name in sensors if name in seen}
+
+
+def without_dynamics(noise: Noise, linear: Linear) -> Noise:
+    """``noise`` with forces so irregular that a second's speed says nothing of the next one's."""
+    answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
+    surge, sway, yaw = (float(each) for each in _UNKNOWN / np.maximum(answer, 1e-12))
+    return replace(noise, gust=(surge, sway, yaw))
+
+
+def _found(log: Log, model: Model, noise: Noise) -> tuple[View, tuple[str, ...]]:
+    """The effects that stand their tests, seen where the equations about them explain the data best.
+
+    To be linear about what was found mostly helps; but a long delay, made by interpolation between seconds, is no
+    better than the slope of a short one.
+    """
+    barred: frozenset[str] = frozenset()
+    at: Coordinates = {}
+    best: tuple[float, View, tuple[str, ...]] | None = None
+    for _ in range(_LOOKS):
+        view = view_of(_examined(log, replace(model, at=at), noise), by_leg=True)
+        names = searched(view, barred)
+        failed = [each for each in (tested(view, names, name) for name in names) if not each.accepted]
+        if failed:
+            barred |= {max(failed, key=lambda each: each.p_value).name}
+        else:
+            score = view.evidence(names) - 0.5 * float(view.inner[0, 0])
+            best = max(best, (score, view, names), key=lambda each: each[0]) if best else (score, view, names)
+            if stays(view, names, at, _SETTLED):
+                break
+        at = moved_to(view, searched(view, barred))
+    return best[1:] if best else (view, ())
+
+
+def _examined(log: Log, model: Model, noise: Noise) -> Examination:
+    """The log through the sensors' effects only; what is tolerated of each sensor is a nuisance.
+
+    The motion that the equations are linear about stays: sensors that err are no reason to doubt where the ship
+    went, and only what they report of it moves with the effects. What all sensors share, one delay, another point
+    or another axis of the ship, is a nuisance too: it shows only as far as speeds do not change evenly in a second.
+    """
+    plain = replace(model, at={}).plant()
+    linear = linear_model(log, plain)
+    seen = reported(log, model.plant(), linear.origin) + _between(log, linear.origin)
+    linear = replace(linear, observed=log.measured - seen)
+    effects, shared = _signatures(log, model, linear.origin)
+    granted = tolerances(log, model.catalogue, effects)
+    scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
+    layout = Layout(
+        effect=tuple(each.effect for each in effects),
+        prior=scales,
+        tolerated=granted,
+        wind=len(shared),
+        features=0,
+        varied=(),
+        varied_prior=np.zeros(0),
+        varied_granted=np.zeros(0),
+        depends=(),
+    )
+    loose = without_dynamics(noise, linear)
+    products = products_of(log, linear, columns_of(linear, [*effects, *shared]), loose)
+    some = np.flatnonzero(granted > 0.0)
+    nuisance = np.concatenate([1 + some, layout.first_wind + np.arange(len(shared))])
+    return Examination(
+        log, model, linear, tuple(effects), ForceRange(0.0, 0.0, 0.0), 0.0, loose, layout, products,
+        nuisance, np.concatenate([granted[some], _SHARED]),
+    )  # fmt: skip
+
+
+def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature], list[Signature]]:
+    """What each sensor effect does, and what all sensors may share; what hangs on the motion, by kinematics."""
+    none, known = np.zeros_like(origin), _by_kinematics(log, origin)
+    effects = []
+    for each in signatures(log, model, origin, list(model.catalogue)):
+        own = known.get((each.effect, each.coordinate))
+        effects.append(each if own is None else replace(each, D=none, E=own))
+    shared = [
+        ("all_late", _sum(known[name, 0] for name in _DELAYS)),
+        ("all_ahead", known["position_antenna_offset", 0] + known["speed_sensor_offset", 0]),
+        ("all_to_starboard", known["position_antenna_offset", 1] + known["speed_sensor_offset", 1]),
+        ("all_turned", known["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
+    ]
+    return effects, [Signature(name, 0, none, each) for name, each in shared]
+
+
+def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
+    """What a second of delay, a metre of lever arm and a degree of turn do to what is reported [T, 6]."""
+    late = (_between(log, origin, DT_S) - _between(log, origin, -DT_S)) / (2.0 * DT_S)
+    psi, u, v, r = (origin + _between(log, origin)).T[HEADING:]
+    nil, cosine, sine, degree = np.zeros_like(r), np.cos(psi), np.sin(psi), np.deg2rad(1.0)
+    result = {(name, 0): np.where(np.isin(np.arange(6), some), late, 0.0) for name, some in _DELAYS.items()}
+    for name, coordinate, columns in (
+        ("position_antenna_offset", 0, (cosine, sine, nil, nil, nil, nil)),
+        ("position_antenna_offset", 1, (-sine, cosine, nil, nil, nil, nil)),
+        ("speed_sensor_offset", 0, (nil, nil, nil, nil, r, nil)),
+        ("speed_sensor_offset", 1, (nil, nil, nil, -r, nil, nil)),
+        ("speed_sensor_rotation", 0, (nil, nil, nil, degree * v, -degree * u, nil)),
+    ):
+        result[name, coordinate] = np.column_stack(columns)
+    return result
+
+
+def _sum(signals: Iterable[Floats]) -> Floats:
+    return np.asarray(np.sum(list(signals), axis=0))
+
+
+def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
+    """How the mean state ``late_s`` before the samples' times differs from that at the full second [T, 6].
+
+    By kinematics alone.
+    From second to second speeds change evenly; a ship model that lacks a force would bend them.
+    """
+    inside = np.diff(log.block) == 0
+    gained = np.diff(origin[:, 3:], axis=0) * inside[:, None]
+    ahead, behind = np.vstack([gained, np.zeros((1, 3))]), np.vstack([np.zeros((1, 3)), gained])
+    first, last = np.append(True, ~inside), np.append(~inside, True)
+    ahead[last], behind[first] = behind[last], ahead[first]
+    around = np.empty((len(log), STEPS_PER_SECOND + 1, 6))
+    for quarter in range(STEPS_PER_SECOND + 1):
+        tau = quarter / STEPS_PER_SECOND - 0.5 - late_s
+        change = behind if tau < 0.0 else ahead
+        u, v, r = (origin[:, 3:] + 0.5 * tau * change).T  # the mean over the way there
+        psi = origin[:, 2] + 0.5 * tau * (origin[:, 5] + 0.25 * tau * change[:, 2])
+        around[:, quarter, 0] = tau * (u * np.cos(psi) - v * np.sin(psi))
+        around[:, quarter, 1] = tau * (u * np.sin(psi) + v * np.cos(psi))
+        around[:, quarter, 2] = tau * r
+        around[:, quarter, 3:] = tau * change
+    return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
+
+
+def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
+    model = view.examination.model
+    effect = model.catalogue[test.name]
+    fit = view.fit(names)
+    places = view.places(fit, test.name)
+    free = tuple(float(fit.values[place]) for place in places)
+    errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
+    rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < CLOSE)
+    alike = tuple(rival for _, rival in rivals)
+    values = model.values(test.name, free)
+    words = ", ".join(
+        f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
+        f"{'' if each.unit == '1' else each.unit}".rstrip()
+        for each, error in zip(effect.parameters, errors, strict=True)
+    )
+    sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
+    if alike:
+        sentence += f"; without a ship model {listed([plain(each) for each in alike], 'or')} would look the same"
+    return Consistency(test.name, free, errors, test.p_value, alike, sentence + ".")

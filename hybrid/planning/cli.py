@@ -1,0 +1,83 @@
+"""``seatrial plan``: it parses, calls and prints."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from acquisition.cli import AsJson
+from hybrid.options import EffectsOption, SeaStateOption, VesselOption
+
+if TYPE_CHECKING:
+    from hybrid.planning.plan import Plan
+
+MANOEUVRES = (
+    "MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and reciprocal_headings, "
+    "one_thruster_at_a_time, ...; the programme of docs/planning.md without any."
+)
+
+
+def mount(app: typer.Typer) -> None:
+    """Add this module's command to the command line."""
+    app.command("plan", help="Before a trial: what it would show, what not, and a better programme.")(plan)
+
+
+def plan(
+    manoeuvres: Annotated[list[str] | None, typer.Argument(help=MANOEUVRES)] = None,
+    vessel: VesselOption = None,
+    sea_state: SeaStateOption = "gentle",
+    duration: Annotated[float, typer.Option(min=5.0, max=600.0, help="Length of the trial in minutes.")] = 60.0,
+    tolerance: Annotated[
+        float, typer.Option(min=0.0, max=20.0, help="What the model may be off by, in percent of the force range.")
+    ] = 1.0,
+    effects_file: EffectsOption = None,
+    without: Annotated[list[str] | None, typer.Option(help="An effect that is ruled out.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A folder for plan.json and plan.html.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say before a trial which effects it could show, from what size, and which it could not tell apart."""
+    from acquisition.core.progress import bar
+    from hybrid.effects.catalogue import catalogue_with
+    from hybrid.planning.plan import noise_in, programme_of
+    from hybrid.planning.plan import plan as run
+    from hybrid.simulation.sea_state import sea_state_named
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    ship, sea = load_vessel(vessel or DEFAULT), sea_state_named(sea_state)
+    catalogue = catalogue_with(effects_file or (), without or ())
+    parts = programme_of(manoeuvres or (), ship, duration)
+    share = tolerance / 100.0
+    with bar("noise") as progress:
+        noise = noise_in(ship, sea, share, catalogue, progress)
+    with bar("planning") as progress:
+        planned = run(parts, ship, sea, noise, share, catalogue, progress)
+    text = json.dumps(planned.as_dict())
+    if output is not None:
+        _write(planned, text, output)
+    if as_json:
+        typer.echo(text)
+        return
+    from rich.console import Console
+
+    from hybrid.report.plan_table import plan_tables
+
+    Console().print(plan_tables(planned))
+
+
+def _write(planned: Plan, text: str, folder: Path) -> None:
+    from acquisition.core.errors import storage_error
+    from hybrid.report.plan_page import write_page
+
+    path = folder / "plan.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error
+    for each in (path, write_page(planned, folder)):
+        typer.echo(each, err=True)

@@ -1,0 +1,181 @@
+"""Which manoeuvre to make next so that effects which now look alike do so no longer.
+
+Every candidate is rehearsed on the ship as she is thought to be, in the wind of the recording and at its noise, and
+examined behind the recording in one pass: so that the tolerance granted to the model is the same error in both. The
+best one is where most pairs are likely to be told apart afterwards, whichever of them is true (Box and Hill 1967);
+what it says of a pair is the evidence of the one against the other, at any size (T-optimality: Atkinson and Fedorov
+1975).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from acquisition.core.errors import ModelRangeError
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.result import Manoeuvre
+from hybrid.diagnosis.select_effects import CLOSE
+from hybrid.effects import apply_effects
+from hybrid.effects.effect import Values
+from hybrid.planning.information import Design, Information, design_of, separation
+from hybrid.planning.rehearse import behind, one_leg, rehearsed
+from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.simulation.sea_state import SeaState
+from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant
+
+_IDLE_SHARE = 0.2  # of the fastest: shafts that turn slower than this are stopped
+_WORTH_A_MINUTE = 0.1  # log odds: less is not worth the fuel
+_LONGEST_S = 7200  # of a recording goes into the comparison: more of the same changes nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """An effect at ``values`` that may be true, a ``rival`` of any size, and what is fitted beside either of them.
+
+    ``weight`` is how likely the first is to be the true one.
+    """
+
+    name: str
+    rival: str
+    values: Values
+    given: tuple[str, ...] = ()
+    weight: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """A candidate, the log odds that each pair would stand at with it and stands at without it, and its worth.
+
+    ``told_apart`` is the share of the pairs that is likely to be told apart with it.
+    """
+
+    candidate: Candidate
+    with_it: tuple[float, ...]
+    without: tuple[float, ...]
+    told_apart: float
+
+    @property
+    def gains(self) -> tuple[float, ...]:
+        """What each pair gains a minute."""
+        return tuple((a - b) / MINUTES for a, b in zip(self.with_it, self.without, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """A recording's legs and, behind them, a leg for each candidate that the ship can make."""
+
+    design: Design
+    recorded: range
+    candidates: tuple[Candidate, ...]
+
+
+def next_manoeuvre(
+    examination: Examination,
+    vessel: Vessel,
+    values: Mapping[str, Values],
+    pairs: Sequence[Pair],
+    progress: Progress = lambda share: None,
+) -> Manoeuvre | None:
+    """The manoeuvre that separates most of ``pairs``, or None where no candidate separates any to any use.
+
+    ``values`` has the parameters of everything that is named: with them the ship rehearses.
+    """
+    return asked_for(ranked(rehearsal_of(examination, vessel, values, progress), pairs), pairs)
+
+
+def asked_for(ranking: Sequence[Ranked], pairs: Sequence[Pair]) -> Manoeuvre | None:
+    """The first of a ranking as a request, or None where it is not worth it.
+
+    The evidence is in log odds, recording and manoeuvre together, of the pair that stays the closest among those
+    that the manoeuvre separates at all.
+    """
+    best = next(iter(ranking), None)
+    if best is None or max(best.gains) < _WORTH_A_MINUTE:
+        return None
+    worst = min(
+        (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
+    )
+    what, pair = f"{best.candidate.what}, {MINUTES} minutes in all", pairs[worst]
+    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], float(MINUTES))
+
+
+def rehearsal_of(
+    examination: Examination, vessel: Vessel, values: Mapping[str, Values], progress: Progress = lambda share: None
+) -> Rehearsal:
+    """Every candidate rehearsed by the ship with the effects ``values``, behind what was recorded."""
+    model, log = examination.model, _shortened(examination.log)
+    ship = apply_effects(model.base, values, model.catalogue)
+    candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
+    made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
+    joined = behind(log, [one_leg(each) for each in made.values()])
+    whole = examined(joined, model, examination.tolerance, examination.noise, progress=progress)
+    return Rehearsal(design_of(whole), range(log.legs), tuple(made))
+
+
+def ranked(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[Ranked]:
+    """Every candidate and what it says of ``pairs``, the best first."""
+    design, recorded = rehearsal.design, rehearsal.recorded
+    now = _evidence(design.information(recorded), pairs)
+    result = []
+    for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
+        both = _evidence(design.information([*recorded, leg]), pairs)
+        result.append(Ranked(candidate, both, now, _told_apart(both, pairs)))
+    return sorted(result, key=lambda each: (-each.told_apart, -min(each.gains)))
+
+
+def _told_apart(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
+    """The share of the pairs that is likely to be told apart: log odds scatter by the root of twice their mean."""
+    expected = np.maximum(np.array(evidence), 1e-9)
+    chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))
+    return float(np.average(chances, weights=[each.weight for each in pairs]))
+
+
+def rehearsals(
+    candidates: Sequence[Candidate], vessel: Vessel, ship: Plant, sea: SeaState, heading_deg: float = 0.0
+) -> dict[Candidate, Log]:
+    """The log of every candidate that does not take the ship out of the range of her model."""
+    made = {}
+    for candidate in candidates:
+        try:
+            made[candidate] = rehearsed(candidate.legs, vessel, ship, sea, 60 * MINUTES, heading_deg)
+        except ModelRangeError:  # such a manoeuvre cannot be judged, and had better not be asked for
+            continue
+    return made
+
+
+def usual_rpm(log: Log) -> float:
+    """The shaft speed [rpm] of most of the time under way: the median of the faster thruster's."""
+    fastest = np.abs(log.controls[:, :, (0, 2)]).mean(axis=1).max(axis=1) * RPM_PER_RPS
+    return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
+
+
+def wind_in(log: Log) -> SeaState:
+    """The mean wind of a log, as a sea state that has nothing else."""
+    direction, speed = log.wind.T
+    north, east = float((speed * np.cos(direction)).mean()), float((speed * np.sin(direction)).mean())
+    from_deg = float(np.rad2deg(np.arctan2(east, north)) % 360.0)
+    return SeaState(float(np.hypot(north, east)), 0.0, 5.0, 0.0, direction_from_deg=from_deg)
+
+
+def _shortened(log: Log) -> Log:
+    """Legs spread over a log, of about so long in all as is worth examining."""
+    kept = max(1, round(log.legs * min(1.0, _LONGEST_S / len(log))))
+    chosen = np.unique(np.linspace(0, log.legs - 1, kept).round().astype(int))
+    return log.subset(np.isin(log.leg, chosen))
+
+
+def _evidence(information: Information, pairs: Sequence[Pair]) -> tuple[float, ...]:
+    """The log odds of each pair's first, at its value, against its second at any."""
+    result = []
+    for each in pairs:
+        free = information.catalogue[each.name].free(each.values)
+        result.append(0.5 * separation(information, each.name, each.rival, free, each.given))
+    return tuple(result)

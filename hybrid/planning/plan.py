@@ -1,0 +1,220 @@
+"""Before a trial: which effects it could show, from what size, which it could not tell apart, and what is better.
+
+The programme and the repertoire are rehearsed on the reference ship and examined together; any other programme is a
+sum of the same legs. Nothing of it needs a recording.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.progress import Progress, part_of
+from hybrid.diagnosis.estimate_noise import settled
+from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.log import Log, log_of
+from hybrid.diagnosis.noise import Noise
+from hybrid.effects import CATALOGUE, Catalogue, vessel_plant
+from hybrid.planning.compose import Aims, composed, matrix
+from hybrid.planning.information import TOLD_APART, Information, as_parameter, design_of, free_limits
+from hybrid.planning.next_manoeuvre import rehearsals
+from hybrid.planning.rehearse import behind, one_leg, rehearsed
+from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.simulation.manoeuvres import CRUISE_RPM, Manoeuvre, manoeuvre_named
+from hybrid.simulation.sea_state import SeaState
+from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.parameters import Vessel
+
+DEFAULT = "programme"
+_NOISE_S = 600.0
+_PART = re.compile(r"([a-z_0-9]+?)(?:=([0-9.]+))?")
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A manoeuvre of a programme: its name, what is done, for how long, and its legs."""
+
+    name: str
+    what: str
+    minutes: float
+    legs: Manoeuvre
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"name": self.name, "what": self.what, "minutes": self.minutes}
+
+
+@dataclass(frozen=True, slots=True)
+class Programme:
+    """Manoeuvres one after the other and what they would show.
+
+    ``limits``: how far from neutral each effect's first parameter has to be to be found in nine of ten such trials,
+    or up to which value for one that is absent at infinity. ``evidence`` [E, E]: what would tell two effects of
+    ordinary sizes apart, twice the log likelihood.
+    """
+
+    parts: tuple[Part, ...]
+    limits: Mapping[str, float]
+    evidence: Floats
+
+    @property
+    def minutes(self) -> float:
+        """How long all of it takes."""
+        return sum(part.minutes for part in self.parts)
+
+    def alike(self) -> list[tuple[str, str]]:
+        """Pairs of effects that could not be told apart."""
+        names = list(self.limits)
+        rows, columns = np.nonzero(np.tril(self.evidence < TOLD_APART, -1))
+        return [(names[j], names[i]) for i, j in zip(rows, columns, strict=True)]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: a limit that no possible size would reach is ``None``."""
+        limits = {name: value if isfinite(value) and value > 0.0 else None for name, value in self.limits.items()}
+        pairs = [list(pair) for pair in self.alike()]
+        return {
+            "minutes": self.minutes, "parts": [part.as_dict() for part in self.parts], "limits": limits,
+            "indistinguishable": pairs,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A programme that was asked about, and a better one."""
+
+    vessel: str
+    sea: SeaState
+    tolerance: float
+    catalogue: Catalogue
+    asked: Programme
+    better: Programme
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        effects = [
+            {
+                "name": each.name, "family": each.family, "parameter": each.parameters[0].name,
+                "unit": each.parameters[0].unit, "neutral": finite(each.parameters[0].neutral),
+                "typical": each.parameters[0].typical, "limit": self.asked.as_dict()["limits"][each.name],
+                "better_limit": self.better.as_dict()["limits"][each.name],
+            }
+            for each in self.catalogue.values()
+        ]  # fmt: skip
+        return {
+            "vessel": self.vessel, "sea_state": self.sea.name, "tolerance": self.tolerance, "effects": effects,
+            "asked": self.asked.as_dict(), "better": self.better.as_dict(),
+        }  # fmt: skip
+
+
+def finite(value: float) -> float | None:
+    """A number for JSON."""
+    return value if isfinite(value) else None
+
+
+def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[Part, ...]:
+    """The parts named by ``MANOEUVRE`` or ``MANOEUVRE=MINUTES``; what is left of ``minutes`` is shared evenly.
+
+    Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
+    """
+    known = {each.name: each for each in candidates_of(vessel)}
+    given = [_named(text, known) for text in texts or (DEFAULT,)]
+    open_ = sum(part.minutes == 0.0 for part in given)
+    left = minutes - sum(part.minutes for part in given)
+    if open_ and left < open_:
+        raise ConfigurationError(
+            f"{minutes:g} minutes are too few for {len(given)} manoeuvres", fix="give more with --duration"
+        )
+    return tuple(replace(part, minutes=left / open_) if part.minutes == 0.0 else part for part in given)
+
+
+def _named(text: str, known: Mapping[str, Candidate]) -> Part:
+    match = _PART.fullmatch(text)
+    if match is None:
+        raise ConfigurationError(f"{text!r} is no manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
+    name, minutes = match[1], float(match[2] or 0.0)
+    if match[2] and minutes < 1.0:
+        raise ConfigurationError(f"{text!r} is too short", fix="give a minute at least")
+    if name in known:
+        return Part(name, known[name].what, minutes, known[name].legs)
+    try:
+        return Part(name, name.replace("_", " "), minutes, manoeuvre_named(name))
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"no manoeuvre {name!r}", fix=f"use one of {', '.join(known)}, or one of `seatrial simulate`"
+        ) from error
+
+
+def candidates_of(vessel: Vessel) -> tuple[Candidate, ...]:
+    """The repertoire at a vessel's usual shaft speed."""
+    return repertoire(shafts_of(vessel, CRUISE_RPM))
+
+
+def noise_in(
+    vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
+) -> Noise:
+    """The noise that a diagnosis would find in such a sea, from ten simulated minutes with sensors."""
+    every = {**CATALOGUE, **catalogue}  # what is ruled out as missing may be known to be there
+    table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
+    model = Model(vessel_plant(vessel, every), catalogue)
+    return settled(log_of([table]), model, tolerance, progress)[1]
+
+
+def plan(
+    programme: Sequence[Part],
+    vessel: Vessel,
+    sea: SeaState,
+    noise: Noise,
+    tolerance: float,
+    catalogue: Catalogue,
+    progress: Progress = lambda share: None,
+) -> Plan:
+    """What a programme would show, and a better one of about the same length.
+
+    ``tolerance`` is the share of the force range that the model may be off by. Raises :class:`ModelRangeError`
+    where the programme takes the ship out of the range of her model.
+    """
+    ship = vessel_plant(vessel, {**CATALOGUE, **catalogue})
+    asked = [rehearsed(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
+    made = rehearsals(candidates_of(vessel), vessel, ship, sea)
+    joined = _joined([*asked, *made.values()])
+    whole = examined(joined, Model(ship, catalogue), tolerance, noise, progress=part_of(progress, 0, 2))
+    design = design_of(whole)
+    first = len(asked)
+    shown = _programme(programme, design.information(range(first)))
+    aims = Aims(tuple(catalogue), _pairs(shown, catalogue))
+    slots = max(1, round(shown.minutes / MINUTES))
+    legs = composed(design, range(first, first + len(made)), slots, aims, part_of(progress, 1, 2))
+    candidates = [list(made)[leg - first] for leg in legs]
+    parts = [Part(each.name, each.what, float(MINUTES), each.legs) for each in candidates]
+    return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
+
+
+def _joined(logs: Sequence[Log]) -> Log:
+    """All rehearsals one behind the other, each a leg."""
+    return behind(one_leg(logs[0]), [one_leg(log) for log in logs[1:]])
+
+
+def _programme(parts: Sequence[Part], information: Information) -> Programme:
+    limits = {
+        name: as_parameter(information.catalogue[name], size) for name, size in free_limits(information).items()
+    }
+    return Programme(tuple(parts), limits, matrix(information, list(limits)))
+
+
+def _pairs(shown: Programme, catalogue: Catalogue) -> tuple[tuple[str, str], ...]:
+    """Effects that are known to look alike, and those that the programme leaves so."""
+    known = {
+        (name, rival) if name < rival else (rival, name)
+        for name, each in catalogue.items()
+        for rival in each.confused_with
+        if rival in catalogue
+    }
+    return tuple(sorted(known | {(min(pair), max(pair)) for pair in shown.alike()}))

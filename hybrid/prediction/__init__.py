@@ -1,0 +1,1 @@
+"""Predictions without training: windows as arrays, baselines, scores, prediction regions."""

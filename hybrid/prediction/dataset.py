@@ -1,0 +1,144 @@
+"""Recordings to windows as arrays: the one way in which train, validate and predict come to their data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.progress import Progress
+from analysis.estimation.smooth import smooth_motion
+from analysis.tables.duplicates import refuse_twins
+from analysis.windows.held import HeldWindows
+from analysis.windows.recordings import tables_of_recordings, windows_of_tables
+from hybrid.prediction.prediction_windows import Horizons, from_rows, joined_horizons
+
+SHORTEST_S = 8
+"""Thrusters held for less teach nothing about a prediction but its start."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One recording, or a part of its time in percent, that windows were taken from.
+
+    ``windows`` and ``legs`` count what it gave, ``span`` is from its first window's start to its last one's.
+    """
+
+    path: Path
+    sha256: str
+    part: tuple[float, float] = (0.0, 100.0)
+    windows: int = 0
+    legs: int = 0
+    span: tuple[datetime, datetime] | None = None
+
+    def overlaps(self, other: Source) -> bool:
+        """Whether both hold the same stretch of the same recording."""
+        return self.sha256 == other.sha256 and self.part[0] < other.part[1] and other.part[0] < self.part[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Gathered:
+    """The windows of all recordings, where they came from, and what was dropped by reason."""
+
+    horizons: Horizons
+    sources: tuple[Source, ...]
+    candidates: int
+    dropped: dict[str, int] = field(default_factory=dict)
+
+
+def gather(
+    paths: Sequence[Path],
+    horizon_s: int,
+    stride_s: int,
+    part: tuple[float, float] = (0.0, 100.0),
+    progress: Progress = lambda share: None,
+    *,
+    repair: bool = False,
+    rebuild_positions: bool = False,
+    shorter: bool = False,
+) -> Gathered:
+    """The held windows of recordings, or of ``part`` of each one's time in percent.
+
+    ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
+    With ``shorter`` windows that are held for half the horizon only come behind the whole ones, NaN after that: a
+    calibrator learns from them, nothing is judged on them.
+
+    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
+    :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
+    """
+    hashes = refuse_twins(paths)
+    tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
+    windows = windows_of_tables(tables, horizon_s, stride_s)
+    smooth = {trial: smooth_motion(table) for trial, table in tables.items()}
+    horizons = _as_arrays(windows, tables, smooth)
+    if shorter and horizon_s // 2 >= SHORTEST_S:
+        short = windows_of_tables(tables, horizon_s // 2, stride_s)
+        horizons = _with_shorter(horizons, _as_arrays(short, tables, smooth))
+    sources = tuple(
+        Source(path, digest, part, *_counted(horizons, trial))
+        for path, digest, trial in zip(paths, hashes, tables, strict=True)
+    )
+    return Gathered(horizons, sources, windows.candidates, windows.dropped)
+
+
+def _as_arrays(
+    windows: HeldWindows, tables: Mapping[str, pd.DataFrame], smooth: Mapping[str, pd.DataFrame]
+) -> Horizons:
+    """The windows of 1 Hz tables by trial, with the ``smooth`` motion they start from and what came before."""
+    motion = [_at_starts(windows.rows[windows.rows["trial"] == trial], each) for trial, each in smooth.items()]
+    return from_rows(windows.rows, pd.concat(motion), tables)
+
+
+def _with_shorter(whole: Horizons, short: Horizons) -> Horizons:
+    """``whole``, and behind it those of ``short`` that are not the beginning of one of them, NaN to that length.
+
+    Legs are joined where windows of either share a second, so that a split by leg parts none of them.
+    """
+    known = set(zip(whole.trial, whole.start_time, strict=True))
+    more = [each not in known for each in zip(short.trial, short.start_time, strict=True)]
+    added = short.subset(np.array(more, dtype=bool))
+    lacking = np.full((len(added), whole.horizon_s - short.horizon_s, 3), np.nan)
+    longer = replace(added, track=np.concatenate([added.track, lacking], axis=1))
+    both = joined_horizons([whole, longer])
+    return replace(both, leg=_legs_of_both(both))
+
+
+def _legs_of_both(horizons: Horizons) -> NDArray[np.str_]:
+    """The leg of each window [N] of whole and shorter ones: a new one where a window shares no second with those
+    before, and is of another leg than the one before by windows of its own kind.
+    """
+    first, last = horizons.known_seconds()
+    legs = np.empty(len(horizons), dtype="<U200")
+    for trial in np.unique(horizons.trial):
+        mine = np.flatnonzero(horizons.trial == trial)
+        mine = mine[np.argsort(first[mine], kind="stable")]
+        seen_until = np.maximum.accumulate(last[mine])
+        apart = first[mine][1:] > seen_until[:-1]
+        other = horizons.leg[mine][1:] != horizons.leg[mine][:-1]
+        other |= horizons.whole[mine][1:] != horizons.whole[mine][:-1]
+        number = np.concatenate([[0], np.cumsum(apart & other)])
+        legs[mine] = [f"{trial}/{each + 1:03d}" for each in number]
+    return legs
+
+
+def _counted(horizons: Horizons, trial: str) -> tuple[int, int, tuple[datetime, datetime] | None]:
+    """How many whole windows and their legs a recording gave, and the time they start in."""
+    own = horizons.subset((horizons.trial == trial) & horizons.whole)
+    if not len(own):
+        return 0, 0, None
+    first, last = (each.floor("us").to_pydatetime() for each in (own.start_time.min(), own.start_time.max()))
+    return len(own), int(np.unique(own.leg).size), (first, last)
+
+
+def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """The smoothed motion at the start of each window, one row a window in the order of their numbers."""
+    return _at_starts(rows, smooth_motion(table))
+
+
+def _at_starts(rows: pd.DataFrame, smooth: pd.DataFrame) -> pd.DataFrame:
+    return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]

@@ -1,0 +1,205 @@
+"""Windows as arrays in SI units and radians: what every prediction method starts from and is judged by.
+
+A method may see the start of a window, the state, the wind and the thrusters at second 0, and what was measured in
+the minute before it. What follows is the measured track that its prediction is compared with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.angles import difference, unwrap
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import NAMES, POSE, VELOCITY
+from acquisition.core.errors import DataShortageError
+from analysis.tables.time_index import NANO
+
+PAST_S = 60
+"""How many seconds before its start a window knows of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Horizons:
+    """N windows of H seconds, arrays with N first.
+
+    ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, of recordings
+    smoothed over seconds to either side (:func:`hybrid.prediction.dataset.start_motion`);
+    ``track`` [N, H+1, 3]: measured north, east [m] and heading [rad] without jumps, second by second;
+    ``wind`` [N, 2]: direction it comes from [rad], speed [m/s]; ``control`` [N, 5]: port [rev/s], port angle
+    [rad], starboard [rev/s], starboard angle [rad], tunnel [rpm]; ``trial``, ``leg`` [N] name where each
+    window comes from and ``start_time`` [N] when it starts.
+
+    ``past`` [N, P+1, 13] is what was measured at second 0 and at each of the P seconds before, newest first, as it
+    was measured: the six columns of ``start``, the two of ``wind``, the five of ``control``; NaN where nothing was
+    recorded. The heading has no jumps and meets that of ``track`` at second 0.
+
+    A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
+    """
+
+    start: Floats
+    track: Floats
+    wind: Floats
+    control: Floats
+    trial: NDArray[np.str_]
+    leg: NDArray[np.str_]
+    start_time: pd.DatetimeIndex
+    past: Floats
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    @property
+    def horizon_s(self) -> int:
+        """The length of the windows [s]."""
+        return int(self.track.shape[1]) - 1
+
+    @property
+    def whole(self) -> NDArray[np.bool_]:
+        """The windows [N] whose track is known to the end."""
+        return np.asarray(np.isfinite(self.track[:, -1]).all(axis=1))
+
+    def known_seconds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The first and the last known second of each window [N], in seconds since 1970."""
+        first = self.start_time.as_unit("ns").asi8 // NANO
+        return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
+
+    def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Horizons:
+        """The windows that a mask or index chooses."""
+        return Horizons(
+            self.start[chosen],
+            self.track[chosen],
+            self.wind[chosen],
+            self.control[chosen],
+            self.trial[chosen],
+            self.leg[chosen],
+            self.start_time[chosen],
+            self.past[chosen],
+        )
+
+
+def joined_horizons(parts: Sequence[Horizons]) -> Horizons:
+    """The windows of all parts, one after the other."""
+    names = [field.name for field in fields(Horizons) if field.name != "start_time"]
+    arrays: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names}
+    times = np.concatenate([each.start_time.to_numpy() for each in parts])
+    return Horizons(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"))
+
+
+def from_rows(
+    rows: pd.DataFrame, motion: pd.DataFrame | None = None, tables: Mapping[str, pd.DataFrame] | None = None
+) -> Horizons:
+    """Arrays from the long table of held windows: one row a window and second, second 0 first.
+
+    ``motion`` has the state that each window starts from, in the order of the windows' numbers; without it
+    the measured values at second 0 are taken. ``tables`` of one row a second by trial give what came before;
+    without them nothing but second 0 is known of it.
+
+    Raises :class:`DataShortageError` when there is no window in it.
+    """
+    if rows.empty:
+        raise DataShortageError("no held window to work with", fix="lower --horizon or record held stretches")
+    ordered = rows.sort_values(["window", "second"], kind="stable")
+    count = ordered["window"].nunique()
+    cube = ordered[list(NAMES)].to_numpy(dtype=float).reshape(count, -1, len(NAMES))
+    value = {name: cube[:, :, column] for column, name in enumerate(NAMES)}
+    first = ordered.groupby("window", sort=True).first()
+    heading = np.deg2rad(np.apply_along_axis(unwrap, 1, value["heading_deg"]))
+    track = np.stack([value["north_m"], value["east_m"], heading], axis=-1)
+    now = _si(cube[:, 0])
+    past = _past(now, first, tables or {})
+    past[..., 2] += np.round((track[:, :1, 2] - past[:, :1, 2]) / (2.0 * np.pi)) * 2.0 * np.pi
+    return Horizons(
+        start=_start(value, motion),
+        track=track,
+        wind=now[:, 6:8],
+        control=now[:, 8:],
+        trial=first["trial"].to_numpy(dtype=str),
+        leg=first["leg"].to_numpy(dtype=str),
+        start_time=pd.DatetimeIndex(first["start"]),
+        past=past,
+    )
+
+
+def _si(channels: Floats) -> Floats:
+    """The 13 channels [..., 13] in SI units and radians, as :class:`Horizons` orders them: the same order."""
+    unit = {"deg": np.pi / 180.0, "dps": np.pi / 180.0, "rpm": 1.0 / 60.0}
+    factor = [unit.get(name.rsplit("_", 1)[-1], 1.0) for name in NAMES]
+    factor[NAMES.index("tunnel_rpm")] = 1.0
+    return np.asarray(channels * np.array(factor))
+
+
+def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame]) -> Floats:
+    """What was measured at second 0 and the :data:`PAST_S` seconds before [N, PAST_S + 1, 13], newest first."""
+    past = np.full((len(first), PAST_S + 1, len(NAMES)), np.nan)
+    past[:, 0] = now
+    trial, start_ns = first["trial"].to_numpy(dtype=str), pd.DatetimeIndex(first["start"]).as_unit("ns").asi8
+    for name, table in tables.items():
+        times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
+        mine = np.flatnonzero(trial == name)
+        wanted = start_ns[mine, None] - np.arange(1, PAST_S + 1) * 1_000_000_000
+        row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
+        values = _si(table[list(NAMES)].to_numpy(dtype=float))[row]
+        past[mine, 1:] = np.where((times_ns[row] == wanted)[..., None], values, np.nan)
+    turn = difference_rad(past[:, :-1, 2], past[:, 1:, 2])
+    past[:, 1:, 2] = past[:, :1, 2] - np.cumsum(turn, axis=1)
+    return past
+
+
+def difference_rad(angle: Floats, other: Floats) -> Floats:
+    """``angle - other`` the short way round, in radians."""
+    return np.asarray(np.angle(np.exp(1j * (angle - other))))
+
+
+def in_ship_axes(north: Floats, east: Floats, heading: Floats) -> tuple[Floats, Floats]:
+    """Vectors to north and east in the axes of a ship that heads ``heading`` [rad]: ahead, and to starboard."""
+    cosine, sine = np.cos(heading), np.sin(heading)
+    return north * cosine + east * sine, east * cosine - north * sine
+
+
+def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
+    """North, east, heading, surge, sway and yaw rate at second 0 in SI units; the heading as the track's."""
+    measured = {name: value[name][:, 0] for name in (*POSE, *VELOCITY)}
+    if motion is not None:
+        measured = {name: motion[name].to_numpy(dtype=float) for name in measured}
+    north, east, heading, surge, sway, rate = measured.values()
+    near = value["heading_deg"][:, 0] + difference(heading, value["heading_deg"][:, 0])
+    return np.column_stack([north, east, np.deg2rad(near), surge, sway, np.deg2rad(rate)])
+
+
+def split_by_group(
+    groups: NDArray[np.str_], share: float, seed: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Two masks that part the windows by whole groups (legs, recordings), never by row.
+
+    Groups are drawn at random until the second part holds about ``share`` of the windows, at least one group
+    and never all. Raises :class:`DataShortageError` when there is one group only.
+    """
+    names, counts = np.unique(groups, return_counts=True)
+    if len(names) < 2:
+        raise DataShortageError(
+            f"only one leg ({names[0] if len(names) else 'none'}), which cannot be split",
+            fix="give more recordings, or longer ones with more held stretches",
+        )
+    wanted = share * len(groups)
+    held_out: list[int] = []
+    taken = 0
+    for group in np.random.default_rng(seed).permutation(len(names)):
+        fits = taken + counts[group] <= 1.25 * wanted  # one long leg must not take half of the windows away
+        if fits and taken < wanted and len(held_out) < len(names) - 1:
+            held_out.append(int(group))
+            taken += int(counts[group])
+    second = np.isin(groups, names[held_out or [int(np.argmin(counts))]])
+    return ~second, second
+
+
+def drawn_legs(horizons: Horizons, share: float, seed: int) -> NDArray[np.bool_]:
+    """The windows [N] of legs drawn by :func:`split_by_group` until they hold that share of the whole ones."""
+    whole = horizons.whole
+    chosen = split_by_group(horizons.leg[whole], share, seed)[1]
+    return np.isin(horizons.leg, horizons.leg[whole][chosen])

@@ -1,0 +1,250 @@
+"""A trial with all that its report is made from: recordings analysed, predictions judged, residuals, parameters.
+
+Read once, each part made when it is first asked for, so that a notebook that shows less does less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
+from acquisition.recording.reader import read_trial
+from analysis.batch.products import Options, Products, analysed
+from analysis.estimation.smooth import smooth
+from analysis.report.run_sheet import Ship
+from analysis.tables.duplicates import refuse_twins
+from analysis.tables.table import percent_of
+from analysis.windows.recordings import trial_names
+from hybrid.calibrators.adaptive.calibrator import Adaptive
+from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
+from hybrid.calibrators.artefact import Trained, load, plant_for, refuse_horizon
+from hybrid.calibrators.calibrator import Ground
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.prediction.dataset import Gathered, gather
+from hybrid.report.errors import Calibration, Errors, calibration_of, errors_of
+from hybrid.report.motion import one_after_another, predicted_motion
+from hybrid.report.residuals import Residuals, residuals_of
+from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant
+from hybrid.workflows.validate import Validation, refuse_seen, validate
+
+SHOWN = ("reference", "hybrid")
+"""The methods that are drawn beside what was measured; tables have all."""
+HORIZON_S = 15
+
+
+@dataclass(frozen=True)
+class Case:
+    """Recordings and the model, and perhaps calibrator, that they are held against."""
+
+    paths: tuple[Path, ...]
+    vessel: Vessel | None
+    trained: Trained | None = None
+    horizon_s: int = HORIZON_S
+    part_percent: tuple[float, float] = (0.0, 100.0)
+    stride_s: int = 5
+    repair: bool = True
+    allow_seen: bool = False
+
+    @cached_property
+    def named_paths(self) -> dict[str, Path]:
+        """The recordings by the names of their trials."""
+        return dict(zip(trial_names(self.paths), self.paths, strict=True))
+
+    @cached_property
+    def _analysed(self) -> tuple[dict[str, Products], dict[str, str]]:
+        """What the analysis makes of each recording, and why it can make nothing of some."""
+        made, left_out = dict[str, Products](), dict[str, str]()
+        for name, path in self.named_paths.items():
+            try:
+                made[name] = self._products_of(path, name)
+            except SeatrialError as error:
+                left_out[name] = str(error)
+        if not made:
+            raise DataShortageError("no recording can be read", why="; ".join(left_out.values()))
+        return made, left_out
+
+    def _products_of(self, path: Path, name: str) -> Products:
+        """The analysis of one recording; channels that it lacks are there, and empty."""
+        ship = ship_of(read_trial(path).vessel)
+        length_m = None if ship is None else ship.between_perpendiculars_m
+        options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
+                          length_m=length_m)  # fmt: skip
+        products = analysed(path, options, name)
+        lacking = [each for each in NAMES if each not in products.one_hz]
+        return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
+
+    @property
+    def products(self) -> dict[str, Products]:
+        """What the analysis makes of each recording that can be read, by the name of its trial."""
+        return self._analysed[0]
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Why recordings are not in the report, by the name of their trial."""
+        return self._analysed[1]
+
+    def ship(self, name: str) -> Ship | None:
+        """The main dimensions of the ship that a recording names, None where it names none that is known."""
+        return ship_of(self.products[name].recording.trial.vessel)
+
+    @property
+    def model_name(self) -> str:
+        """What the reference model is called."""
+        return self.vessel.name if self.vessel is not None else self.trained.vessel if self.trained else DEFAULT
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The reference model: the calibrator's where there is one."""
+        return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
+
+    @cached_property
+    def gathered(self) -> Gathered:
+        """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
+        none."""
+        held = [name for name, each in self.products.items() if each.windows is not None and each.windows.kept]
+        paths = [self.named_paths[name] for name in held or self.products]
+        gathered = gather(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
+        return _renamed(gathered, dict(zip(trial_names(paths), held or self.products, strict=True)))
+
+    @property
+    def seen(self) -> str:
+        """What the calibrator has seen of what it is judged on: ``some`` of it, ``another part`` of its recordings,
+        or ``nothing``."""
+        others = () if self.trained is None else self.trained.sources
+        pairs = [(each, other) for each in self.gathered.sources for other in others]
+        if any(each.overlaps(other) for each, other in pairs):
+            return "some"
+        return "another part" if any(each.sha256 == other.sha256 for each, other in pairs) else "nothing"
+
+    @cached_property
+    def validation(self) -> Validation:
+        """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
+        if self.trained is not None and not self.allow_seen:
+            refuse_seen(self.gathered.sources, self.trained)
+        return validate(self.gathered, self.plant, self.trained)
+
+    @cached_property
+    def why_not(self) -> str:
+        """Why nothing can be predicted on these recordings; empty where it can."""
+        try:
+            _ = self.validation
+        except (DataShortageError, InputError) as error:
+            return str(error)
+        return ""
+
+    @property
+    def best(self) -> str:
+        """The method that is drawn where one is: the hybrid where there is a calibrator."""
+        return "hybrid" if "hybrid" in self.validation.tracks else "reference"
+
+    @cached_property
+    def errors(self) -> dict[str, Errors]:
+        """The errors of every method."""
+        return {name: errors_of(track, self.validation.horizons) for name, track in self.validation.tracks.items()}
+
+    @cached_property
+    def calibration(self) -> Calibration | None:
+        """Whether the hybrid's regions hold what they say."""
+        judged = self.validation
+        if judged.radius_m is None:
+            return None
+        return calibration_of(self.errors["hybrid"].distance, judged.radius_m, judged.horizons)
+
+    def predicted(self, name: str) -> dict[str, pd.DataFrame]:
+        """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
+        horizons, tracks = self.validation.horizons, self.validation.tracks
+        chosen = one_after_another(horizons)
+        chosen = chosen[horizons.trial[chosen] == name]
+        if not len(chosen):
+            return {}
+        return {each: predicted_motion(horizons, tracks[each], chosen) for each in SHOWN if each in tracks}
+
+    @cached_property
+    def residuals(self) -> dict[str, Residuals]:
+        """The accelerations that the model lacks, by trial; only trials that can be smoothed."""
+        return {
+            name: residuals_of(each.one_hz, smooth(each.table, 1.0), self.plant)
+            for name, each in self.products.items() if each.windows is not None
+        }  # fmt: skip
+
+    @cached_property
+    def ground(self) -> Ground | None:
+        """What the trial has of what the calibrator was trained on."""
+        if self.trained is None:
+            return None
+        judged = self.validation
+        return self.trained.calibrator.ground(judged.horizons, judged.tracks["reference"])
+
+    @cached_property
+    def parameters(self) -> Parameters | None:
+        """What an adaptive calibrator has learned; networks have no parameters that mean anything."""
+        calibrator = None if self.trained is None else self.trained.calibrator
+        return parameters_of(calibrator) if isinstance(calibrator, Adaptive) else None
+
+
+def ship_of(name: str) -> Ship | None:
+    """The main dimensions of a vessel by name, with what lengthens her; None for a name that is not one of ours."""
+    if name not in vessel_names():
+        return None
+    vessel = load_vessel(name)
+    size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
+    return Ship(
+        vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
+        size.draught_m,
+    )  # fmt: skip
+
+
+def _renamed(gathered: Gathered, names: dict[str, str]) -> Gathered:
+    """Trials and their legs under other names."""
+    horizons = gathered.horizons
+    trial = np.array([names[each] for each in horizons.trial.tolist()])
+    leg = np.array([f"{new}{one.removeprefix(old)}" for one, old, new in zip(
+        horizons.leg.tolist(), horizons.trial.tolist(), trial.tolist(), strict=True)])  # fmt: skip
+    return replace(gathered, horizons=replace(horizons, trial=trial, leg=leg))
+
+
+def load_case(
+    recordings: Sequence[Path | str],
+    calibrator: Path | str | None = None,
+    vessel: str | None = None,
+    horizon_s: int | None = None,
+    *,
+    part: str = "0..100",
+    repair: bool = True,
+    allow_seen: bool = False,
+) -> Case:
+    """A case from files; without a horizon that of the calibrator, or 15 s. Predictions are judged in a ``part`` of
+    each recording's time in percent.
+
+    Raises :class:`InputError` for a recording given twice and for a calibrator that cannot be read,
+    :class:`ConfigurationError` for a vessel that is not the calibrator's.
+    """
+    paths = tuple(map(Path, recordings))
+    refuse_twins(paths)
+    trained = load(Path(calibrator)) if calibrator else None
+    if trained is not None:
+        plant_for(trained, vessel)
+        refuse_horizon(horizon_s or trained.horizon_s, trained)
+    seconds = horizon_s or (trained.horizon_s if trained else HORIZON_S)
+    return Case(
+        paths, _vessel(vessel, trained), trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen
+    )
+
+
+def _vessel(name: str | None, trained: Trained | None) -> Vessel | None:
+    """The vessel that is named, or the calibrator's, whose file may have gone: it holds all numbers itself."""
+    if name is not None or trained is None:
+        return load_vessel(name or DEFAULT)
+    try:
+        return load_vessel(trained.vessel)
+    except ConfigurationError:
+        return None

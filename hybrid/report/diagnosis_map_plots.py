@@ -1,0 +1,186 @@
+"""Figures of the map of a diagnosis, in the house's style: functions take axes and a map, return what they drew."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from acquisition.core.arrays import Floats
+from analysis.report.plots import FAINT, INK, PALETTE
+from hybrid.diagnosis.result import Place
+from hybrid.diagnosis.where import FORCES, Map
+
+QUANTITIES = {
+    "speed_mps": "speed [m/s]",
+    "yaw_rate_dps": "yaw rate [deg/s]",
+    "drift_angle_deg": "drift angle [deg]",
+    "heading_deg": "heading [deg]",
+    "relative_wind_deg": "wind from, off the bow [deg]",
+    "rpm": "shafts, mean [rpm]",
+    "port_less_starboard_rpm": "port less starboard [rpm]",
+    "azimuth_deg": "azimuths [deg]",
+    "tunnel_rpm": "tunnel thruster [rpm]",
+    "time_s": "time [min]",
+    "place": "place north, east [m]",
+}
+"""What the cells are of, for people."""
+
+CHANNELS = {
+    "surge_force_n": "surge force [N]",
+    "sway_force_n": "sway force [N]",
+    "yaw_moment_nm": "yaw moment [N m]",
+    "north_m": "north [m]",
+    "east_m": "east [m]",
+    "heading_deg": "heading [deg]",
+    "surge_mps": "surge [m/s]",
+    "sway_mps": "sway [m/s]",
+    "yaw_rate_dps": "yaw rate [deg/s]",
+}
+"""What may be off there, for people."""
+
+FORCE_TITLES = ("surge [kN]", "sway [kN]", "yaw [kN m]")
+_KILO, _MINUTE_S = 1e3, 60.0
+_FULL = 12.0  # standard errors at full colour
+_SURE = 3.3  # standard errors beyond which a force is printed dark
+_ROW_INCH, _EDGE_INCH = 0.19, 0.7
+_COLOURS = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
+
+Rows = list[tuple[str, list[Place]]]
+
+
+def map_height_inch(places: Sequence[Place]) -> float:
+    """A height at which the rows of :func:`force_map` stand clear of each other."""
+    return _EDGE_INCH + _ROW_INCH * max(len(half) for half in _halves(_rows(places)))
+
+
+def force_map(figure: Figure, places: Sequence[Place]) -> list[Artist]:
+    """The steady force that the model lacks in each cell, by axis: colour says how sure, the number how much."""
+    axes = figure.subplots(1, 2, squeeze=False)[0]
+    artists: list[Artist] = []
+    halves = _halves(_rows(places))
+    for one, rows in zip(axes, halves, strict=True):
+        if rows:
+            artists += _matrix(one, rows)
+            one.set_ylim(max(map(len, halves)) - 0.5, -0.5)  # rows of one height on both sides
+        else:
+            one.set_axis_off()
+    return artists
+
+
+def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> list[Artist]:
+    """The slow force that the model lacks against a quantity: seconds in grey, cells with 95 % intervals."""
+    axis = FORCES.index(channel)
+    scale = _MINUTE_S if quantity == "time_s" else 1.0
+    artists: list[Artist] = list(
+        axes.plot(made.quantities[quantity] / scale, made.force[:, axis] / _KILO, ".", color=FAINT, markersize=2,
+                  label="reconstructed, each second")
+    )  # fmt: skip
+    cells = [each for each in made.places if each.channel == channel and quantity in each.cell]
+    cells = sorted(cells, key=lambda each: each.cell[quantity])
+    middle = np.array([np.mean(each.cell[quantity]) for each in cells]) / scale
+    if quantity in ("heading_deg", "relative_wind_deg"):
+        middle = middle % 360.0
+    error = np.array([each.error for each in cells]) / _KILO
+    reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
+    drawn = axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.set_xlabel(QUANTITIES[quantity])
+    axes.set_ylabel("force that lacks: " + FORCE_TITLES[axis])
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    return [*artists, drawn.lines[0]]
+
+
+def depends_most(made: Map) -> tuple[str, str] | None:
+    """The force and the quantity whose cells differ most for what is known of them; None without cells."""
+    best: tuple[float, str, str] | None = None
+    for channel in FORCES:
+        for quantity in made.quantities:
+            z, error = _of(made.places, channel, quantity)
+            if len(z) > 1:
+                weight = (z / np.where(error == 0.0, 1.0, error)) ** 2
+                away = error - np.average(error, weights=weight + 1e-30)
+                score = float((weight * away**2).sum() / (len(z) - 1))
+                best = max(best or (score, channel, quantity), (score, channel, quantity))
+    return best and best[1:]
+
+
+def _of(places: Sequence[Place], channel: str, quantity: str) -> tuple[Floats, Floats]:
+    """z and error of the cells of a quantity alone."""
+    cells = [each for each in places if each.channel == channel and list(each.cell) == [quantity]]
+    return np.array([each.z for each in cells]), np.array([each.error for each in cells])
+
+
+def cell_name(place: Place) -> str:
+    """A cell's span for people, without its unit: degrees and times to whole numbers."""
+    if "north_m" in place.cell:
+        north, east = (np.mean(place.cell[name]) for name in ("north_m", "east_m"))
+        return f"{_plain(float(north), 0)}, {_plain(float(east), 0)}"
+    ((quantity, (low, high)),) = place.cell.items()
+    if quantity in ("heading_deg", "relative_wind_deg"):
+        return f"{0.5 * (low + high):.0f} ± {0.5 * (high - low):.0f}"
+    scale = _MINUTE_S if quantity == "time_s" else 1.0
+    digits = 1 if max(abs(low), abs(high)) / scale >= 5.0 else 2
+    return f"{_plain(low / scale, digits)} to {_plain(high / scale, digits)}"
+
+
+def quantity_of(place: Place) -> str:
+    """What a cell is of, as in :data:`QUANTITIES`."""
+    return "place" if "north_m" in place.cell else next(iter(place.cell))
+
+
+def _plain(value: float, digits: int) -> str:
+    text = f"{value:.{digits}f}"
+    text = text.rstrip("0").rstrip(".") if "." in text else text
+    return text.replace("-", "\u2212") if text != "-0" else "0"
+
+
+def _rows(places: Sequence[Place]) -> Rows:
+    """A row a cell, by quantity in the order of the titles: its name, its three forces."""
+    result: Rows = []
+    for quantity, title in QUANTITIES.items():
+        mine = [each for each in places if each.channel in FORCES and quantity_of(each) == quantity]
+        spans = sorted({tuple(each.cell.values()) for each in mine})
+        if spans:
+            result.append((title, []))
+        for span in spans:
+            row = {each.channel: each for each in mine if tuple(each.cell.values()) == span}
+            result.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))
+    return result
+
+
+def _halves(rows: Rows) -> tuple[Rows, Rows]:
+    """The rows in two columns of about one height, parted between two quantities."""
+    begins = [number for number, (_, forces) in enumerate(rows) if not forces] or [0]
+    cut = min([*begins[1:], len(rows)], key=lambda each: abs(each - len(rows) / 2))
+    return rows[:cut], rows[cut:]
+
+
+def _matrix(axes: Axes, rows: Rows) -> list[Artist]:
+    z = np.array([[each.z for each in forces] or [np.nan] * 3 for _, forces in rows])
+    image = axes.imshow(z, cmap=_COLOURS, vmin=-_FULL, vmax=_FULL, aspect="auto")
+    for row, (name, forces) in enumerate(rows):
+        for column, each in enumerate(forces):
+            dark = abs(each.z) > _SURE
+            bright = abs(each.z) > 0.75 * _FULL and dark
+            colour = "white" if bright else INK if dark else "#9A9A9A"
+            axes.text(column, row, _force_text(each.error), ha="center", va="center", fontsize=7.5, color=colour)
+        if not forces:
+            axes.text(-0.62, row, name, ha="right", va="center", fontsize=8, weight="bold", color=INK)
+    names = [name if forces else "" for name, forces in rows]
+    axes.set_yticks(range(len(rows)), names, fontsize=7.5)
+    axes.set_xticks(range(3), FORCE_TITLES)
+    axes.tick_params(length=0, labeltop=True, labelbottom=False)
+    axes.spines[:].set_visible(False)
+    axes.grid(visible=False)
+    return [image]
+
+
+def _force_text(error: float) -> str:
+    kilo = error / _KILO
+    size = abs(kilo)
+    return _plain(kilo, 0 if size >= 20.0 else 1 if size >= 0.95 else 2)

@@ -1,0 +1,218 @@
+"""Figures of a diagnosis, in the house's style: functions take axes and its values and return what they drew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
+
+from acquisition.core.arrays import Floats
+from analysis.report.plots import FAINT, INK, PALETTE
+from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
+from hybrid.diagnosis.select_effects import CLOSE
+from hybrid.diagnosis.words import parameter_title
+from hybrid.effects import FAMILIES
+from hybrid.prediction.bootstrap import Interval
+from hybrid.prediction.scores import distances
+from hybrid.report.style import interval_bar, logarithmic, plain_numbers, start_frame
+from hybrid.report.words import plain
+
+FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))
+"""One colour a family of effects, in every figure."""
+
+BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
+
+_LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
+_SHOWN = 15
+
+
+def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> list[Artist]:
+    """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
+    shown = list(suspects)[:_SHOWN]
+    bars = axes.barh(
+        range(len(shown)),
+        [each.evidence for each in shown],
+        color=[FAMILY_COLOUR.get(each.family, FAINT) for each in shown],
+        edgecolor=[INK if each.name in named else "none" for each in shown],
+        linewidth=1.6,
+    )
+    axes.axvline(0.0, color=INK, linewidth=1.0)
+    axes.set_yticks(range(len(shown)), [plain(each.name) for each in shown])
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.set_xscale("symlog", linthresh=_LINEAR, linscale=0.6)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\u2212")))
+    axes.set_xlabel("log odds by which the model is better with this effect alone; right of the line it is better")
+    families = [family for family in FAMILIES if any(each.family == family for each in shown)]
+    handles = [Patch(color=FAMILY_COLOUR[family], label=family) for family in families]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(handles), borderpad=0.0)
+    _on_grid(axes)
+    return [*bars]
+
+
+def parameters(figure: Figure, effects: Sequence[NamedEffect]) -> list[Artist]:
+    """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
+    every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
+    artists: list[Artist] = []
+    for axes, (effect, name, estimate) in zip(
+        figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
+    ):
+        artists += _interval(axes, estimate, FAMILY_COLOUR.get(effect.family, INK))
+        title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
+        axes.set_yticks([0.0], [f"{plain(effect.name)}\n{title}"])
+    return artists
+
+
+def _interval(axes: Axes, estimate: Estimate, colour: str) -> list[Artist]:
+    reach = np.maximum([[estimate.value - estimate.low], [estimate.high - estimate.value]], 0.0)
+    drawn = axes.errorbar(estimate.value, 0.0, xerr=reach, fmt="o", color=colour, capsize=4, markersize=6)
+    neutral = 1.0 if estimate.unit == "1" else 0.0
+    if estimate.unit != "deg" or estimate.low <= 0.0 <= estimate.high or abs(estimate.value) < 30.0:
+        axes.axvline(neutral, color=INK, linewidth=1.0)  # a direction has no neutral value
+    axes.margins(x=0.15)
+    axes.set_ylim(-1.0, 1.0)
+    axes.locator_params(axis="x", nbins=7)
+    axes.grid(visible=False, axis="y")
+    return [drawn.lines[0]]
+
+
+def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
+    """By how much log evidence each rival falls short of what was named; nearer than the line nobody can tell."""
+    shown = sorted(rivals, key=lambda each: (each.instead_of, each.evidence))[:_SHOWN]
+    bars = axes.barh(
+        range(len(shown)),
+        [max(each.evidence, 0.02) for each in shown],
+        color=[PALETTE[1] if each.evidence < CLOSE else PALETTE[0] for each in shown],
+        height=0.6,
+    )
+    line = axes.axvline(CLOSE, color=INK, linewidth=1.0)
+    labels = [f"{plain(each.name)}\nfor {plain(each.instead_of)}" for each in shown]
+    axes.set_yticks(range(len(shown)), labels, fontsize=8)
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.set_xlim(0.0, max(1.05 * max(each.evidence for each in shown), 1.4 * CLOSE))
+    axes.set_xlabel("log evidence that it lacks")
+    handles = [Patch(color=PALETTE[1], label="cannot be told apart"), Patch(color=PALETTE[0], label="less likely")]
+    axes.legend(handles=handles, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
+    _on_grid(axes)
+    return [*bars, line]
+
+
+def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
+    """The mean distance before, what each effect takes off it, the rest of the fall, after, and the floor."""
+    whole = diagnosis.gap
+    could = whole.before_m - whole.floor_m
+    steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
+             for each in diagnosis.effects]  # fmt: skip
+    names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [INK]
+    level = whole.before_m
+    for name, fall, colour in steps:
+        names, starts, widths = [*names, name], [*starts, level - fall], [*widths, fall]
+        colours, level = [*colours, colour], level - fall
+    names, starts = [*names, "after", "floor"], [*starts, 0.0, 0.0]
+    widths, colours = [*widths, whole.after_m, whole.floor_m], [*colours, INK, FAINT]
+    bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
+    for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
+        sign = "" if start == 0.0 or width == 0.0 else "\u2212"
+        axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(0.0, 1.18 * max(whole.before_m, whole.after_m, 1e-6))
+    axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
+    _on_grid(axes)
+    return [*bars]
+
+
+def ladder(axes: Axes, rungs: Mapping[str, Interval]) -> list[Artist]:
+    """The mean distance of each rung by its title, with its 95 % interval."""
+    artists = [interval_bar(axes, each, row, PALETTE[0]) for row, each in enumerate(rungs.values())]
+    axes.set_yticks(range(len(rungs)), list(rungs))
+    axes.set_ylim(len(rungs) - 0.5, -0.5)
+    logarithmic(axes, "x", list(rungs.values()))
+    axes.set_xlabel("mean distance [m]")
+    return artists
+
+
+def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> list[Artist]:
+    """The mean distance from what was measured against the second of the prediction, all of it known.
+
+    What could be closed lies between before and the floor, what is closed between before and after. Where something
+    unknown remains, no model is ``known`` whose tracks would be the floor.
+    """
+    artists: list[Artist] = []
+    for label, track, colour in [*_predictions(tracks), *([("floor", tracks.floor, INK)] if known else [])]:
+        mean = distances(track, tracks.measured).mean(axis=0)
+        style = ":" if label == "floor" else "-"  # dotted: it lies on after where all is closed
+        artists += axes.plot(np.arange(1, len(mean) + 1), mean, style, color=colour, label=label)
+    axes.set_yscale("log")
+    plain_numbers(axes.yaxis)
+    axes.set_xlim(0, tracks.measured.shape[1] - 1)
+    axes.set_xlabel("prediction time [s]")
+    axes.set_ylabel("mean distance [m]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(artists), borderpad=0.0)
+    return artists
+
+
+def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
+    """Some held-out windows in which all is known, bow up and to scale."""
+    chosen = chosen_windows(tracks)
+    start = tracks.before[:, 0]
+    artists: list[Artist] = []
+    for axes, (title, number) in zip(
+        figure.subplots(1, len(chosen), squeeze=False)[0], chosen.items(), strict=True
+    ):
+        drawn = [("measured", tracks.measured, INK), *_predictions(tracks)]
+        for label, track, colour in drawn:
+            seen = start_frame(track[number], start[number])
+            style = "-" if label == "measured" else "--"
+            artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
+        before, after = (
+            distances(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
+        )
+        axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.locator_params(nbins=4)
+        axes.set_xlabel("starboard [m]")
+    figure.axes[0].set_ylabel("ahead [m]")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    return artists
+
+
+def chosen_windows(tracks: Tracks) -> dict[str, int]:
+    """The window in which the model was the worst, an ordinary one, the one that gained most, the worst now.
+
+    One that is several of these stands once, under all its titles.
+    """
+    before, after = (distances(track, tracks.measured).mean(axis=1) for track in (tracks.before, tracks.after))
+    chosen = {
+        "worst before": int(np.argmax(before)),
+        "median before": int(np.argsort(before, kind="stable")[len(before) // 2]),
+        "improved most": int(np.argmax(before - after)),
+        "worst after": int(np.argmax(after)),
+    }
+    titles = {number: [title for title, other in chosen.items() if other == number] for number in chosen.values()}
+    return {", ".join(each): number for number, each in titles.items()}
+
+
+def whole_windows(tracks: Tracks) -> Tracks:
+    """The windows in which all is known, measured and predicted, to the end."""
+    every = (tracks.measured, tracks.before, tracks.after, tracks.floor, tracks.constant_velocity)
+    known = np.all([np.isfinite(each).all(axis=(1, 2)) for each in every], axis=0)
+    return Tracks(*(getattr(tracks, name)[known] for name in Tracks.__slots__))
+
+
+def _on_grid(axes: Axes) -> None:
+    """Bars that lie on the grid, not under it."""
+    axes.set_axisbelow(True)
+    axes.grid(visible=False, axis="y")
+
+
+def _predictions(tracks: Tracks) -> list[tuple[str, Floats, str]]:
+    return [
+        ("before", tracks.before, BEFORE),
+        ("after", tracks.after, AFTER),
+        ("present motion held", tracks.constant_velocity, HELD),
+    ]

@@ -1,0 +1,131 @@
+"""A plan on a page: the two programmes on a time line, what they show from what size, and what they leave alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from analysis.report.page import Page
+from hybrid.planning.information import TOLD_APART
+from hybrid.planning.plan import Plan, Programme
+from hybrid.report.plan_table import heading_of, limit_text, ordinary_text
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PAGE_FILE = "plan.html"
+_MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
+_LEAST = 1.0
+
+
+def write_page(plan: Plan, folder: Path) -> Path:
+    """Write the page into a folder and return its path. Raises :class:`StorageError`."""
+    return page_of(plan).write(folder / PAGE_FILE)
+
+
+def page_of(plan: Plan) -> Page:
+    """The page."""
+    sea = f"{plan.sea.name or 'own'} sea"
+    page = Page("What a trial would show", f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %")
+    page.headline(headline_of(plan))
+    page.heading("The programmes")
+    page.figure(lambda figure: _draw_lines(figure, plan), (9, 2.6), "Yours above, the better one below.")
+    for title, programme in (("Yours", plan.asked), ("Better", plan.better)):
+        rows = [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
+        page.table([f"{title}: minutes", "what to do"], rows, words=True)
+    page.heading("How large an effect must be to be seen")
+    page.text(heading_of(plan))
+    page.table(["effect", "yours", "better", "ordinary", "unit"], _limit_rows(plan))
+    page.heading("What can be told apart")
+    page.figure(
+        lambda figure: _draw_matrices(figure, plan),
+        (11, 6.6),
+        f"Evidence that tells two effects of ordinary size apart, twice the log likelihood: below {TOLD_APART:g}, "
+        "dark, either may be named for the other. White: neither would be seen by itself.",
+    )
+    for title, programme in (("Your programme", plan.asked), ("The better one", plan.better)):
+        _add_pairs(page, title, programme)
+    return page
+
+
+def headline_of(plan: Plan) -> dict[str, str]:
+    """How many effects of ordinary size are seen, and how many pairs are not told apart, by either."""
+    figures = {}
+    for title, programme in (("yours", plan.asked), ("better", plan.better)):
+        number = sum(_seen(plan, programme, name) for name in plan.catalogue)
+        figures[f"effects of ordinary size seen, {title}"] = f"{number} of {len(plan.catalogue)}"
+        figures[f"pairs not told apart, {title}"] = str(len(programme.alike()))
+    return figures
+
+
+def _seen(plan: Plan, programme: Programme, name: str) -> bool:
+    effect, limit = plan.catalogue[name], programme.limits[name]
+    first = effect.parameters[0]
+    if effect.chart == "inverse_square":
+        return limit >= first.typical
+    return limit <= abs(first.typical - first.neutral)
+
+
+def _limit_rows(plan: Plan) -> list[list[str]]:
+    return [
+        [
+            name.replace("_", " "),
+            limit_text(effect, plan.asked.limits[name]),
+            limit_text(effect, plan.better.limits[name]),
+            ordinary_text(effect),
+            effect.parameters[0].unit.replace("1", "") or "factor",
+        ]
+        for name, effect in plan.catalogue.items()
+    ]
+
+
+def _add_pairs(page: Page, title: str, programme: Programme) -> None:
+    pairs = programme.alike()
+    if not pairs:
+        page.text(f"{title} tells all effects of ordinary size apart.")
+        return
+    with page.details(f"{title} does not tell {len(pairs)} pairs apart"):
+        page.table(["", ""], [[each.replace("_", " ") for each in pair] for pair in pairs], words=True)
+
+
+def _draw_lines(figure: Figure, plan: Plan) -> None:
+    from analysis.report.plots import PALETTE
+
+    axes = figure.subplots()
+    names = list(dict.fromkeys(part.name for each in (plan.asked, plan.better) for part in each.parts))
+    for row, programme in enumerate((plan.asked, plan.better)):
+        begin = 0.0
+        for part in programme.parts:
+            colour = PALETTE[names.index(part.name) % len(PALETTE)]
+            axes.barh(row, part.minutes, left=begin, color=colour, edgecolor="white", alpha=0.55)
+            words = part.name.replace("_", "\n")
+            axes.text(begin + part.minutes / 2.0, row, words, ha="center", va="center", fontsize=7)
+            begin += part.minutes
+    axes.set_yticks([0, 1], ["yours", "better"])
+    axes.invert_yaxis()
+    axes.grid(visible=False)
+    axes.set_xlabel("time [min]")
+
+
+def _draw_matrices(figure: Figure, plan: Plan) -> None:
+    names = [name.replace("_", " ") for name in plan.asked.limits]
+    left, right = figure.subplots(1, 2)
+    _draw_matrix(left, plan.asked, names, "yours")
+    _draw_matrix(right, plan.better, names, "better")
+    right.set_yticklabels([])
+    bar = figure.colorbar(right.images[0], ax=[left, right], shrink=0.6, label="twice the log likelihood")
+    bar.ax.axhline(TOLD_APART, color="black", linewidth=1.0)
+
+
+def _draw_matrix(axes: Axes, programme: Programme, names: list[str], title: str) -> None:
+    from matplotlib.colors import LogNorm
+
+    shown = np.where(np.isfinite(programme.evidence), np.clip(programme.evidence, _LEAST, _MOST), np.nan)
+    axes.imshow(shown, cmap="cividis", norm=LogNorm(_LEAST, _MOST))
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=5.5)
+    axes.set_yticks(range(len(names)), names, fontsize=5.5)
+    axes.grid(visible=False)
+    axes.set_title(title)

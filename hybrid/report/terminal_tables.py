@@ -1,0 +1,72 @@
+"""Results as tables for the terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from hybrid.workflows.predict import Prediction
+    from hybrid.workflows.validate import Validation
+
+_UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
+_COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
+
+
+def validation_table(validation: Validation) -> Table:
+    """One row a method, the best mean distance in bold."""
+    horizon_s = validation.horizons.horizon_s
+    table = Table(title=f"{len(validation.horizons)} held windows of {horizon_s} s", title_justify="left",
+                  box=None, header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
+    table.add_column("method")
+    for title in _COLUMNS:
+        table.add_column(title, justify="right")
+    best = min(each.mean_distance_m for each in validation.scores.values())
+    for name, each in validation.scores.items():
+        numbers = (each.mean_distance_m, each.end_distance_m, each.mae_north_m, each.mae_east_m)
+        cells = [f"{number:.3f}" for number in numbers] + [f"{each.heading_error_deg:.2f}"]
+        table.add_row(name, *cells, style="bold" if each.mean_distance_m == best else "")
+    return table
+
+
+def _caption(validation: Validation) -> str:
+    parts = []
+    if validation.reduction is not None and validation.coverage_95 is not None:
+        less = f"{validation.reduction:.1%} less than the reference's"
+        more = f"{1 - validation.reduction:.1f} times the reference's"
+        parts.append(f"hybrid's mean distance is {less if validation.reduction >= 0 else more}")
+        parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
+    if validation.untrained is not None and validation.untrained.any():
+        parts.append(
+            f"{validation.untrained.sum()} windows start beyond what the calibrator was trained on: there the "
+            "better of reference and constant velocity speaks in its place, or both"
+        )
+    if validation.outside:
+        parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
+    return "; ".join(parts)
+
+
+def prediction_table(prediction: Prediction) -> Table:
+    """One row every few seconds."""
+    rows = prediction.as_dict()["track"]
+    step = max(1, (len(rows) - 1) // 10)
+    table = Table(title=f"{prediction.method} from {prediction.at.isoformat()}", title_justify="left", box=None,
+                  header_style="dim", caption=_UNTRAINED if prediction.untrained else None)  # fmt: skip
+    for title in (
+        "second",
+        "north m",
+        "east m",
+        "heading deg",
+        "95 % band m",
+        "measured north m",
+        "measured east m",
+    ):
+        table.add_column(title, justify="right")
+    for row in rows:
+        if row["second"] % step and row["second"] != len(rows) - 1:
+            continue
+        numbers = [row.get(key) for key in ("north_m", "east_m", "heading_deg", "band_m",
+                                            "measured_north_m", "measured_east_m")]  # fmt: skip
+        table.add_row(str(row["second"]), *("–" if each is None else f"{each:.2f}" for each in numbers))
+    return table

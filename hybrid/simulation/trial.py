@@ -1,0 +1,187 @@
+"""A simulated trial: a ship with hidden effects in a sea state, as her sensors record it.
+
+Everything random hangs on one seed and on streams of its own: waves, gusts, drift and sensors, so that a
+change to one leaves the others as they were.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError, storage_error
+from acquisition.recording.trial import software_version
+from hybrid.effects import CATALOGUE, Catalogue, apply_effects, vessel_plant
+from hybrid.simulation.autopilot import drives_of, sail
+from hybrid.simulation.manoeuvres import Manoeuvre, as_array, manoeuvre_named
+from hybrid.simulation.sea_state import SeaState, sea_state_named
+from hybrid.simulation.sensors import Noise, noisy
+from hybrid.simulation.waves import wave_motion, with_waves
+from hybrid.simulation.weather import drift_series, wind_series
+from hybrid.vessel.channels import as_table
+from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.feedback import acting_controls
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant, bare_plant, pack
+from hybrid.vessel.sensors import measured
+from hybrid.vessel.simulate import Runs, range_error, simulate
+
+START = pd.Timestamp("2026-06-01T08:00:00Z")
+SLOWEST_LOOP_HZ = 10.0
+Hidden = Mapping[str, Mapping[str, float]]
+_APPROACH_S = 300
+_LONGEST_S = 7 * 86400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Voyage:
+    """A simulated motion without sensors, a row for every step of the simulation.
+
+    ``states`` [K+1, 6], ``controls`` [K+1, 5] as the drives' feedback shows them with the plant's delay, and
+    ``wind`` [K+1, 2] as a perfect sensor with the plant's bias and factor reports it.
+    """
+
+    states: Floats
+    controls: Floats
+    wind: Floats
+
+
+def simulate_trial(
+    vessel: Vessel | str = "gunnerus_short",
+    sea_state: SeaState | str = "calm",
+    manoeuvre: Manoeuvre | str = "voyage",
+    duration_s: float = 1200.0,
+    rate_hz: float = 10.0,
+    seed: int = 0,
+    hidden: Hidden | None = None,
+    *,
+    noise: Noise | None = None,
+    catalogue: Catalogue = CATALOGUE,
+    heading_deg: float = 0.0,
+    start_time: pd.Timestamp = START,
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Simulate a trial and return the recorded table and the truth.
+
+    The table has the 13 channels in their units and a UTC index named ``time``, from ``start_time`` for
+    ``duration_s`` at ``rate_hz``. The truth says what was hidden and by which weather, and holds the
+    noise-free ``states`` [rows, 6], ``controls`` [rows, 5], ``wind`` [rows, 2] and the ``plant``. Raises
+    :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
+    range of her model.
+    """
+    ship = load_vessel(vessel) if isinstance(vessel, str) else vessel
+    sea = sea_state_named(sea_state) if isinstance(sea_state, str) else sea_state
+    legs = manoeuvre_named(manoeuvre) if isinstance(manoeuvre, str) else manoeuvre
+    steps_per_row, rows = _timing(duration_s, rate_hz)
+    streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
+    plant = apply_effects(vessel_plant(ship, catalogue), {**sea.effects()}, catalogue)
+    plant = apply_effects(plant, hidden or {}, catalogue)
+    dt_s = 1.0 / (rate_hz * steps_per_row)
+    voyage = sail_through(
+        ship, plant, sea, legs, (rows - 1) * steps_per_row, dt_s, heading_deg, streams[0], streams[1]
+    )
+    moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
+    every = slice(None, None, steps_per_row)
+    reported = measured(moving, plant, dt_s)[every]
+    recorded = noisy(streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every])
+    index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
+    table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"))
+    truth = {
+        "vessel": ship.name,
+        "sea_state": asdict(sea),
+        "manoeuvre": manoeuvre if isinstance(manoeuvre, str) else "own",
+        "duration_s": duration_s,
+        "rate_hz": rate_hz,
+        "seed": seed,
+        "hidden": {name: dict(values) for name, values in (hidden or {}).items()},
+        "vessel_effects": {name: dict(values) for name, values in ship.effects.items()},
+        "environment": sea.effects(),
+        "noise": asdict(noise or Noise()),
+        "states": voyage.states[every],
+        "controls": voyage.controls[every],
+        "wind": voyage.wind[every],
+        "plant": plant,
+    }
+    return table, truth
+
+
+def sail_through(
+    vessel: Vessel,
+    plant: Plant,
+    sea: SeaState,
+    legs: Manoeuvre,
+    steps: int,
+    dt_s: float,
+    heading_deg: float,
+    gusts: np.random.Generator,
+    drift: np.random.Generator,
+) -> Voyage:
+    """The motion of ``plant`` through a manoeuvre, the autopilot and the drives of ``vessel`` at work."""
+    wind = wind_series(gusts, sea, steps + 1, dt_s)
+    wind[:, 0] += plant.wind_direction_bias_rad
+    wind[:, 1] *= plant.wind_speed_factor
+    slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
+    leg_array, packed = as_array(legs), pack(plant)
+    extra, parameters = combined((plant,))
+    start = _start(vessel, plant, leg_array[0], heading_deg)
+    states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, 5), np.nan)
+    drives = drives_of(vessel)
+    left = sail(
+        packed[0],
+        start,
+        leg_array,
+        drives,
+        wind[:-1],
+        slow_n,
+        dt_s,
+        1,
+        extra,
+        parameters[0],
+        states,
+        controls,
+    )
+    if left >= 0:
+        raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)
+    return Voyage(states, acting_controls(controls, -plant.command_delay_s, dt_s), wind)
+
+
+def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
+    """Write what was hidden as JSON, without the arrays. Raises :class:`StorageError`."""
+    plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant)}
+    text = json.dumps({**plain, "software_version": software_version()}, indent=2)
+    try:
+        Path(path).write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error
+
+
+def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
+    """Steps of the simulation per recorded row, and the number of rows."""
+    if not 0.0 < rate_hz <= 100.0:
+        raise ConfigurationError(f"rate {rate_hz:g} Hz is out of bounds", fix="give 0.1 to 100 Hz")
+    if not duration_s <= _LONGEST_S:
+        raise ConfigurationError(f"duration {duration_s:g} s is out of bounds", fix="give a week at most")
+    rows = round(duration_s * rate_hz)
+    if rows < 2:
+        raise ConfigurationError(f"duration {duration_s:g} s gives no samples", fix="give a longer duration")
+    return max(1, ceil(SLOWEST_LOOP_HZ / rate_hz - 1e-9)), rows
+
+
+def _start(vessel: Vessel, plant: Plant, leg: Floats, heading_deg: float) -> Floats:
+    """At the origin, on the first heading, at the speed that the first leg's shafts hold in still water."""
+    shaft_rps = max(leg[0], leg[1])
+    order = np.tile([shaft_rps, 0.0, shaft_rps, 0.0, 0.0], (_APPROACH_S, 1))
+    still = [0.0, 0.0, 0.0, 3.0, 0.0, 0.0]
+    steady = simulate(bare_plant(vessel), still, order, np.zeros((_APPROACH_S, 2)), 1.0)[-1]
+    heading = np.deg2rad(heading_deg)
+    ahead = plant.current_north_mps * np.cos(heading) + plant.current_east_mps * np.sin(heading)
+    aside = plant.current_east_mps * np.cos(heading) - plant.current_north_mps * np.sin(heading)
+    return np.array([0.0, 0.0, heading, steady[3] + ahead, aside, 0.0])

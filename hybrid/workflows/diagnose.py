@@ -1,0 +1,95 @@
+"""From recordings to a diagnosis, and from a diagnosis to its files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from acquisition.core.errors import storage_error
+from acquisition.core.progress import Progress
+from acquisition.recording.reader import read_recording
+from acquisition.recording.trial import software_version
+from analysis.prepare import Preparation, prepared
+from analysis.tables.duplicates import refuse_twins
+from analysis.tables.table import select
+from hybrid.diagnosis.add import repaired
+from hybrid.diagnosis.diagnose import Examined, diagnose
+from hybrid.diagnosis.shown import write_shown
+from hybrid.effects import Catalogue
+from hybrid.report.diagnosis_page import PAGE_FILE, write_report
+from hybrid.vessel.files import save_vessel
+from hybrid.vessel.parameters import Vessel
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """Where the files of a diagnosis are."""
+
+    json: Path
+    vessel: Path
+    report: Path
+    ladder: Path
+
+
+def diagnose_files(
+    files: Sequence[Path],
+    vessel: Vessel,
+    tolerance: float,
+    catalogue: Catalogue,
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repair: bool = False,
+    rebuild_positions: bool = False,
+    progress: Progress = lambda share: None,
+) -> Examined:
+    """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
+
+    ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
+    What a repair puts right is not diagnosed any more.
+    """
+    hashes = refuse_twins(files)
+    how = Preparation(repair=repair)
+    tables: list[pd.DataFrame] = []
+    for number, file in enumerate(files):
+        table = prepared(read_recording(file), how, rebuild_positions=rebuild_positions)
+        tables.append(select(table, part_percent))
+        progress(0.1 * (number + 1) / len(files))
+    provenance = {
+        "software_version": software_version(),
+        "recordings": ", ".join(Path(file).name for file in files),
+        "recordings_sha256": ", ".join(hashes),
+        "vessel": vessel.name,
+        "repair": repair,
+        "rebuild_positions": rebuild_positions,
+        "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
+    }
+    return diagnose(tables, vessel, tolerance, catalogue, provenance, lambda share: progress(0.1 + 0.9 * share))
+
+
+def write_diagnosis(examined: Examined, vessel: Vessel, folder: Path) -> Written:
+    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
+    calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Raises :class:`StorageError`.
+    """
+    ladder = examined.extras.ladder
+    written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json")
+    _write_json(examined.diagnosis.as_dict(), written.json)
+    if ladder is None:
+        written.ladder.unlink(missing_ok=True)
+    else:
+        _write_json(ladder.as_dict(), written.ladder)
+    save_vessel(repaired(vessel, examined.diagnosis), written.vessel)
+    write_shown(examined.diagnosis, examined.extras, folder)
+    write_report(examined.diagnosis, examined.extras, folder)
+    return written
+
+
+def _write_json(values: Mapping[str, Any], path: Path) -> None:
+    try:
+        path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error

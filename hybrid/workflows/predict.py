@@ -1,0 +1,140 @@
+"""``seatrial predict``: one prediction from one instant of a recording, with its band."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import InputError, ModelRangeError
+from analysis.estimation.last_motion import goes_on, last_motion
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.dataset import start_motion
+from hybrid.prediction.prediction_windows import Horizons, from_rows
+from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from hybrid.calibrators.artefact import Trained
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A predicted track [H+1, 3] of north, east [m], heading [rad], its 95 % radius [H+1] if it has one, and
+    the measured track where the recording goes on long enough. ``untrained`` says that the start lies beyond
+    what the calibrator was trained on: then ``method`` names the baseline that speaks instead.
+    """
+
+    at: pd.Timestamp
+    method: str
+    track: Floats
+    band_m: Floats | None
+    measured: Floats | None
+    untrained: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """One object a second, for JSON."""
+        rows = []
+        for second, (north, east, heading) in enumerate(self.track):
+            row: dict[str, Any] = {"second": second, "north_m": float(north), "east_m": float(east)}
+            row["heading_deg"] = float(wrap_360(np.rad2deg(heading)))
+            row["band_m"] = None if self.band_m is None else float(self.band_m[second])
+            if self.measured is not None:
+                row["measured_north_m"], row["measured_east_m"] = map(float, self.measured[second, :2])
+            rows.append(row)
+        return {
+            "at": self.at.isoformat(),
+            "horizon_s": len(self.track) - 1,
+            "method": self.method,
+            "outside_training_range": self.untrained,
+            "track": rows,
+        }
+
+
+def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
+    """An instant as ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start.
+
+    Raises :class:`InputError` for anything else.
+    """
+    start = pd.Timestamp(table.index[0])
+    try:
+        if text.startswith("+"):
+            return start + pd.Timedelta(seconds=float(text[1:]))
+        if text.replace(".", "", 1).isdigit():
+            return pd.Timestamp(float(text), unit="s", tz="UTC")
+        at = pd.Timestamp(text)
+    except ValueError as error:
+        raise InputError(
+            f"{text!r} is no time",
+            fix=f"write it like {start.isoformat()}, as seconds since 1970, or as +SECONDS from the start",
+        ) from error
+    if at.tzinfo is None:
+        raise InputError(f"{text!r} has no time zone", fix=f"write it like {start.isoformat()}")
+    return at.tz_convert("UTC")
+
+
+def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Horizons, bool]:
+    """The window that starts at ``at`` in a 1 Hz table, and whether the recording covers all of it.
+
+    Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`last_motion`).
+    Raises :class:`InputError` when the instant lies outside or a channel has no value there.
+    """
+    times = pd.DatetimeIndex(table.index)
+    first, last = pd.Timestamp(times[0]), pd.Timestamp(times[-1])
+    if not first <= at <= last:
+        raise InputError(
+            f"{at.isoformat()} lies outside the recording",
+            fix=f"choose from {first.isoformat()} to {last.isoformat()}",
+        )
+    start = pd.Timestamp(times[int(np.argmin(np.abs(times.asi8 - at.as_unit("ns").value)))])
+    index = pd.date_range(start, periods=horizon_s + 1, freq="1s", name="time")
+    rows = table.reindex(index)[list(NAMES)]
+    missing = [name for name in NAMES if not np.isfinite(rows[name].iloc[0])]
+    if missing:
+        raise InputError(f"{', '.join(missing)} has no value at {start.isoformat()}", fix="choose another time")
+    labelled = rows.reset_index(drop=True).assign(
+        window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
+    )
+    motion = start_motion(labelled, table) if goes_on(table, start) else last_motion(table, start)
+    return from_rows(labelled, motion, {"prediction": table}), bool(
+        rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
+    )
+
+
+def predict(
+    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: Trained | None = None
+) -> Prediction:
+    """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it.
+
+    Raises :class:`InputError` for another horizon than the calibrator's or an instant that is not in the
+    table, :class:`ModelRangeError` where the reference leaves its range.
+    """
+    if trained is not None:
+        from hybrid.calibrators.artefact import refuse_horizon, speak  # torch comes with it: hundreds of megabytes
+
+        refuse_horizon(horizon_s, trained)
+    horizons, covered = window_at(table, at, horizon_s)
+    track = reference(horizons, plant)
+    if not np.isfinite(track).all():
+        raise ModelRangeError(
+            f"from {at.isoformat()} the reference model leaves its range",
+            why="speeds or thrusts are not those of this vessel",
+            fix="choose another time, or check --vessel and the units of the recording",
+        )
+    band, untrained, method = None, False, "reference"
+    if trained is not None:
+        spoken = speak(trained, horizons, track)
+        track, untrained, method = spoken.tracks, bool(spoken.untrained[0]), str(spoken.method[0])
+        band = np.concatenate([[0.0], spoken.radius_m[0]])
+    return Prediction(
+        at=pd.Timestamp(horizons.start_time[0]),
+        method=method,
+        track=track[0],
+        band_m=band,
+        measured=horizons.track[0] if covered else None,
+        untrained=untrained,
+    )
