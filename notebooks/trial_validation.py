@@ -59,7 +59,7 @@ show(trial.add_sheet, case)
 # %% [markdown]
 # ## Data quality
 #
-# Bools follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. What is certainly wrong is put right,
+# Flags follow QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing. What is certainly wrong is put right,
 # or left out, before all that follows, and what was done is listed; the recording itself stays as it is.
 
 # %%

@@ -115,7 +115,7 @@ def _good_share(quality: DataQuality, name: str) -> str:
 
 
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
-    """Bools by channel over time, and the findings as lines."""
+    """Flags by channel over time, and the findings as lines."""
     from matplotlib.dates import ConciseDateFormatter
     from matplotlib.patches import Patch
 
