@@ -5,7 +5,7 @@ STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
+.PHONY: help install demo test test-slow frozen pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -21,10 +21,13 @@ demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to re
 	$(BIN)/seatrial demo -o demo
 
 test: $(STAMP)   ## the test suite (-n 2: two processes)
-	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages"
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow and not pages and not frozen and not frozen_long"
 
 test-slow: $(STAMP) ## the long proofs
 	$(BIN)/python -m pytest -m slow
+
+frozen: $(STAMP) ## the figures from before the rebuilding, again; PART=quick some of them, PART=NAME one
+	$(BIN)/python -m pytest -n 2 --dist worksteal tests/frozen $(if $(filter quick,$(PART)),-m frozen,$(if $(PART),-k "$(PART)"))
 
 pages: $(STAMP)  ## the tutorial word by word, the notebooks, the site
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m pages
