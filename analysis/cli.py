@@ -204,8 +204,8 @@ def smooth(
     as_json: AsJson = False,
 ) -> None:
     """Smooth a recording's motion."""
-    from analysis.estimation.smooth import smooth as smooth_table
-    from analysis.estimation.smooth import summary_of, write_smoothed
+    from analysis.estimation.smoother import smooth as smooth_table
+    from analysis.estimation.smoother import summary_of, write_smoothed
     from analysis.tables.table import read_table
 
     expect_suffix(output, ".parquet")

@@ -74,10 +74,10 @@ def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float])
 def smoothed(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
     """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
 
-    The motion channels and their rates of change come from :func:`analysis.estimation.smooth.smooth`, a column
+    The motion channels and their rates of change come from :func:`analysis.estimation.smoother.smooth`, a column
     ``<name>_sigma`` beside each; all others are resampled. ``delays`` [s by channel] are removed first.
     """
-    from analysis.estimation.smooth import smooth
+    from analysis.estimation.smoother import smooth
 
     motion = smooth(without_delays(table, delays) if delays else table, rate_hz)
     result = resample(table, rate_hz, delays=delays)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from acquisition.core.errors import SeatrialError
 from acquisition.recording.reader import Recording, read_recording
-from analysis.estimation.smooth import Smoothed, smooth
+from analysis.estimation.smoother import Smoothed, smooth
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, Repaired, repair

@@ -17,9 +17,10 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.angles import difference
-from acquisition.core.arrays import Floats, Ints
+from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME
 from analysis.estimation.kalman import Start, Steps
+from analysis.tables.resample import own_gap_s
 from analysis.tables.time_index import NANO, times_ns
 
 CHANNELS = ("heading_deg", "yaw_rate_dps", "north_m", "east_m", "surge_mps", "sway_mps")
@@ -226,3 +227,26 @@ def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
     apart = values - body[:, [BODY.index(name) for name in CHANNELS]]
     apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
     return apart
+
+
+def in_gaps(table: pd.DataFrame, epoch_ns: int, grid_s: Floats, longest_gap_s: float | None) -> Bools:
+    """Which grid points [rows] lie in a gap of the heading's channels or of the others, or outside them.
+
+    A gap is longer than ``longest_gap_s``; without it, than 2.5 intervals, but at least 3 s and at most 10 s.
+    """
+    there = np.isfinite(motion_values(table))
+    times_s = (times_ns(table) - epoch_ns) / NANO
+    hidden = np.zeros(grid_s.size, dtype=bool)
+    for channels in ([HEADING, YAW_RATE], [NORTH, EAST, SURGE, SWAY]):
+        hidden |= _beyond(np.unique(times_s[there[:, channels].any(axis=1)]), grid_s, longest_gap_s)
+    return hidden
+
+
+def _beyond(samples_s: Floats, grid_s: Floats, longest_gap_s: float | None) -> Bools:
+    interval_s = float(np.median(np.diff(samples_s))) if samples_s.size > 1 else 0.0
+    limit_s = own_gap_s(interval_s * NANO) if longest_gap_s is None else longest_gap_s
+    before = np.searchsorted(samples_s, grid_s + 1e-6, side="right") - 1
+    after = np.minimum(before + 1, samples_s.size - 1)
+    on_sample = np.abs(grid_s - samples_s[np.maximum(before, 0)]) <= 1e-6
+    span = np.where((after > before) & (before >= 0), samples_s[after] - samples_s[np.maximum(before, 0)], np.inf)
+    return np.asarray(~on_sample & (span > limit_s))

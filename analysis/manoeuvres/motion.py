@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE, VELOCITY
-from analysis.estimation.slow_motion import local_quadratic
+from analysis.estimation.local_polynomial import local_quadratic
 from analysis.quality.orders import CODE as ORDER_INTERPOLATED
 from analysis.quality.orders import orders
 from analysis.quality.runs import runs

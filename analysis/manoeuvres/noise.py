@@ -17,7 +17,7 @@ from functools import lru_cache
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.estimation.slow_motion import local_quadratic
+from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import unit_of
 from analysis.manoeuvres.motion import MEASURED, Motion
 
@@ -43,8 +43,8 @@ def smoothed(motion: Motion, half_width: float) -> Motion:
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
-    """:func:`analysis.estimation.slow_motion.local_quadratic` of values without holes: a convolution, and at the
-    ends the sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
+    """:func:`analysis.estimation.local_polynomial.local_quadratic` of values without holes: a convolution, and
+    at the ends the sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
     reach = int(np.ceil(half_width))
     if reach < 6 or values.size < 4 * reach:
         return local_quadratic(values, half_width)

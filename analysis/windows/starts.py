@@ -1,11 +1,11 @@
 """Where the windows start from: the smoothed motion at second 0 of each, with how sure it is.
 
 A prediction starts from a state that nobody measured without noise. Here it is the Kalman smoother's, with its
-covariance, from the raw samples at their own times (:mod:`analysis.estimation.smooth`): the motion as perfect
+covariance, from the raw samples at their own times (:mod:`analysis.estimation.smoother`): the motion as perfect
 sensors would have measured it, the swing in waves included, and beside it the ship's own slow motion without
 that swing.
 
-Predictions do not start from that slow motion but from the local fit of :mod:`analysis.estimation.slow_motion`:
+Predictions do not start from that slow motion but from :mod:`analysis.estimation.local_polynomial`'s local fit:
 held at constant speed over 15 s and 30 s, neither is the better everywhere. The smoother's is on a docking (1.3
 m for 1.45 m rms at 15 s), and in waves it is as good in position and up to 10 % worse in heading; on a
 recording whose positions jitter in time it is much worse (16.9 m for 6.8 m).
@@ -21,7 +21,7 @@ import pandas as pd
 
 from acquisition.core.channels import POSE, VELOCITY
 from acquisition.recording.reader import read_recording
-from analysis.estimation.smooth import COVARIANCE_NAMES, Smoothed, smooth
+from analysis.estimation.smoother import COVARIANCE_NAMES, Smoothed, smooth
 from analysis.prepare import Preparation, prepared
 from analysis.tables.duplicates import refuse_twins
 from analysis.tables.provenance import provenance_of

@@ -18,7 +18,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
 from analysis.estimation.noise_levels import NoiseLevels
-from analysis.estimation.smooth import smooth
+from analysis.estimation.smoother import smooth
 from analysis.tables.time_index import NANO, times_ns
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 

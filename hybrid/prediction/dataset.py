@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.progress import Progress
-from analysis.estimation.smooth import smooth_motion
+from analysis.estimation.local_polynomial import smooth_motion
 from analysis.tables.duplicates import refuse_twins
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables

@@ -17,7 +17,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from acquisition.recording.reader import read_trial
 from analysis.batch.products import Options, Products, analysed
-from analysis.estimation.smooth import smooth
+from analysis.estimation.smoother import smooth
 from analysis.report.run_sheet import Ship
 from analysis.tables.duplicates import refuse_twins
 from analysis.tables.table import percent_of

@@ -14,7 +14,7 @@ import pandas as pd
 from acquisition.core.angles import difference, wrap_180
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import NAMES
-from analysis.estimation.smooth import Smoothed
+from analysis.estimation.smoother import Smoothed
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch

@@ -2,7 +2,7 @@
 
 Nothing lies ahead of that second but what has come since, less than a second. So the filter that brings the
 channels to 1 Hz is one-sided there, and the state that reference, constant velocity and networks start from is that
-of :mod:`analysis.estimation.last_motion`: less certain than the one that a recording gives afterwards.
+of :mod:`analysis.estimation.local_polynomial`: less certain than the one that a recording gives afterwards.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, ModelRangeError
-from analysis.estimation.last_motion import goes_on, last_motion
+from analysis.estimation.local_polynomial import motion_known_after, one_sided_motion
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.dataset import start_motion
 from hybrid.prediction.prediction_windows import Horizons, from_rows
@@ -80,7 +80,7 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
 def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Horizons, bool]:
     """The window that starts at ``at`` in a 1 Hz table, and whether the recording covers all of it.
 
-    Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`last_motion`).
+    Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`one_sided_motion`).
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
     """
     times = pd.DatetimeIndex(table.index)
@@ -99,7 +99,7 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    motion = start_motion(labelled, table) if goes_on(table, start) else last_motion(table, start)
+    motion = start_motion(labelled, table) if motion_known_after(table, start) else one_sided_motion(table, start)
     return from_rows(labelled, motion, {"prediction": table}), bool(
         rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
     )

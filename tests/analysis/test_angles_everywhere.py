@@ -18,8 +18,8 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
-from analysis.estimation.slow_motion import smooth_motion
-from analysis.estimation.smooth import smooth
+from analysis.estimation.local_polynomial import smooth_motion
+from analysis.estimation.smoother import smooth
 from analysis.manoeuvres import find_manoeuvres
 from analysis.quality.check import check_table
 from analysis.tables.export import export_table

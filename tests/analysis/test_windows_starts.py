@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
-from analysis.estimation.smooth import COVARIANCE_NAMES, smooth
+from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from analysis.tables.resample import resample
 from analysis.windows.files import read_windows, starts_path, write_windows
 from analysis.windows.held import COLUMNS, REASONS, held_windows, joined

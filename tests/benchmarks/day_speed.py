@@ -81,7 +81,7 @@ def measure(path: Path) -> dict[str, Any]:
     from windows_speed import HORIZON_S, STRIDE_S, plain
 
     from acquisition.recording.reader import read_recording
-    from analysis.estimation.smooth import smooth
+    from analysis.estimation.smoother import smooth
     from analysis.tables.resample import resample_recording
     from analysis.windows.held import held_windows
 

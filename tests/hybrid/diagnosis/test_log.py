@@ -17,7 +17,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
 from acquisition.core.errors import DataShortageError, InputError
 from analysis.estimation.noise_levels import NoiseLevels
-from analysis.estimation.smooth import smooth
+from analysis.estimation.smoother import smooth
 from hybrid.diagnosis.averages import _with_corners
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, log_of
 from hybrid.vessel.channels import as_table

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.estimation.smooth import smooth
+from analysis.estimation.smoother import smooth
 from analysis.tables.resample import resample
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.report.residuals import (

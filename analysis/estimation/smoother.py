@@ -23,7 +23,6 @@ from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import POSE
 from analysis.estimation.consistency import Consistency, consistency_of, remarks_of
-from analysis.estimation.gaps import in_gaps
 from analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
 from analysis.estimation.motion_model import (
     BODY,
@@ -34,11 +33,11 @@ from analysis.estimation.motion_model import (
     body_states,
     first_state,
     heading_steps,
+    in_gaps,
     motion_steps,
     motion_values,
 )
 from analysis.estimation.noise_levels import NoiseLevels, estimate_levels
-from analysis.estimation.slow_motion import local_quadratic, smooth_motion
 from analysis.tables.history import with_step
 from analysis.tables.parquet import write_parquet
 from analysis.tables.provenance import provenance_of
@@ -46,8 +45,6 @@ from analysis.tables.resample import checked_rate, grid
 from analysis.tables.table import require
 from analysis.tables.time_index import NANO, index_of, times_ns
 from analysis.tables.time_span import refuse_endless
-
-__all__ = ["Smoothed", "local_quadratic", "smooth", "smooth_motion"]
 
 COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
