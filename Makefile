@@ -3,9 +3,12 @@ PYTHON ?= python3
 VENV   := .venv
 STAMP  := $(VENV)/.installed
 BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
+# PyTorch's own index of its builds without CUDA; empty: the package index's, on Linux gigabytes more.
+TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow frozen pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
+.PHONY: help install lock demo test test-slow frozen pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -14,8 +17,17 @@ install: $(STAMP) ## make .venv with the pinned set of constraints.txt
 
 $(STAMP): pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,docs]'
+	@test -z "$(TORCH_INDEX)" || \
+	  $(PIP) install --no-deps --retries 0 --constraint constraints.txt --index-url $(TORCH_INDEX) torch 2>/dev/null || \
+	  echo "$(TORCH_INDEX) gave no PyTorch: it comes from the package index, on Linux with gigabytes of CUDA"
+	$(PIP) install --constraint constraints.txt --editable '.[dev,docs]'
 	@touch $@
+
+lock: $(STAMP)   ## write constraints.txt anew for every Python that pyproject.toml promises; UPGRADE=1: the newest of all
+	$(PIP) install uv
+	$(BIN)/uv pip compile --quiet --universal --all-extras --no-annotate --custom-compile-command 'make lock' \
+	  --python-version "$$(sed -n 's/^requires-python = ">=\(.*\)"/\1/p' pyproject.toml)" \
+	  $(if $(UPGRADE),--upgrade) pyproject.toml --output-file constraints.txt
 
 demo: $(STAMP)   ## the whole chain on this machine, without hardware: bus to report
 	$(BIN)/seatrial demo -o demo
