@@ -6,6 +6,8 @@ import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,11 @@ def recorded_data() -> Path:
     return Path(os.environ.get("SEATRIAL_DATA", ROOT.parent / "shared" / "data"))
 
 
+def _own_effect() -> Path:
+    (file,) = (ROOT / "trials").rglob("drogue.py")
+    return file
+
+
 # What a recording is.
 
 
@@ -67,8 +74,7 @@ def channels() -> dict[str, Any]:
 @_part("effects", quick=True)
 def effects() -> dict[str, Any]:
     """The catalogue, and with an effect of one's own."""
-    (own,) = (ROOT / "trials").rglob("drogue.py")
-    said = {"catalogue": answer("effects"), "with_own": answer("effects", "--effects", own)}
+    said = {"catalogue": answer("effects"), "with_own": answer("effects", "--effects", _own_effect())}
     return {name: {each["name"]: each for each in listed["effects"]} for name, listed in said.items()}
 
 
@@ -207,12 +213,15 @@ class Case:
     sea_state: str = "calm"
     hide: tuple[str, ...] = ()
     options: tuple[object, ...] = ()
+    effects: bool = False
+    """Whether trial and diagnosis know the effect that the tree gives as an example of one's own."""
 
     def diagnose(self) -> dict[str, Any]:
         """Simulate, diagnose."""
         hidden = [word for each in self.hide for word in ("--hide", each)]
         how = (self.manoeuvre, self.duration_s, self.sea_state, "--seed", 11, *VESSEL)
-        return _diagnosis(simulate("trial", *how, *hidden), *self.options)
+        own = ("--effects", _own_effect()) if self.effects else ()
+        return _diagnosis(simulate("trial", *how, *hidden, *own), *self.options, *own)
 
 
 def _diagnosis(*arguments: object) -> dict[str, Any]:
@@ -224,4 +233,75 @@ QUICK_CASES = {
     "current": Case("turning_circle_20", 420.0, hide=("ocean_current:speed_mps=0.3,direction_deg=205",)),
     "nothing": Case("turning_circle_20", 420.0),
 }
+_NO_OFFSETS = ("azimuth_offset_port", "azimuth_offset_starboard", "azimuth_offset_both", "yaw_asymmetry")
+LONG_CASES = {
+    "heading_bias": Case("turning_circle_20", 420.0, hide=("heading_bias:angle_deg=1.5",)),
+    "fouling": Case("stopping", 420.0, hide=("hull_fouling:resistance_factor=1.4",)),
+    "thrust_loss": Case("one_thruster", 420.0, hide=("thrust_loss_port:fraction=0.15",)),
+    "gentle": Case("turning_circle_20", 420.0, "gentle"),
+    "towed": Case("reciprocal", 200.0, hide=("towed_load:force_n=4000",)),
+    "pair": Case(
+        "turning_circle_20",
+        500.0,
+        hide=("ocean_current:speed_mps=0.3,direction_deg=60", "heading_bias:angle_deg=1.5"),
+    ),
+    "without": Case(
+        "turning_circle_20",
+        420.0,
+        hide=("azimuth_offset_port:angle_deg=4",),
+        options=tuple(word for name in _NO_OFFSETS for word in ("--without", name)),
+    ),
+    "own": Case("stopping", 420.0, hide=("drogue:drag_nps2=200",), effects=True),
+    "lag": Case("zigzag_20_20", 420.0, hide=("thruster_lag:time_constant_s=2",)),
+    "delay": Case("zigzag_20_20", 420.0, hide=("position_delay:seconds=0.6",)),
+}
 PARTS |= {f"diagnose-{name}": Part(case.diagnose, quick=True) for name, case in QUICK_CASES.items()}
+PARTS |= {f"diagnose-{name}": Part(case.diagnose) for name, case in LONG_CASES.items()}
+
+
+# The real recordings, where they are.
+
+
+def _imported(year: str) -> str:
+    name, table = REAL[year]
+    (columns,) = (ROOT / "trials").rglob(f"{name}.toml")
+    seatrial("import", recorded_data() / name / table, "-o", f"{name}.mcap", "--columns", columns)
+    return f"{name}.mcap"
+
+
+def _recorded(year: str) -> dict[str, Any]:
+    """All that is asked of a recording before a diagnosis."""
+    file = _imported(year)
+    return {
+        "check": answer("check", file),
+        "windows": _windows(file, "--repair"),
+        "manoeuvres": answer("manoeuvres", file),
+        "validate": answer("validate", file, "--repair", *VESSEL),
+        "prepared": _prepared(file, "--smooth", "--repair", "--remove-delays", "--flags"),
+    }
+
+
+def _diagnosed(year: str) -> dict[str, Any]:
+    return _diagnosis(_imported(year), "--repair")
+
+
+PARTS |= {f"recorded-{year}": Part(partial(_recorded, year), real=True) for year in REAL}
+PARTS |= {f"diagnose-{year}": Part(partial(_diagnosed, year), real=True) for year in REAL}
+
+
+# What goes through worker processes.
+
+
+@_part("batch")
+def batch() -> dict[str, Any]:
+    """Ten recordings in one index: manoeuvres of five kinds in two seas."""
+    Path("season").mkdir()
+    kinds = ("voyage", "zigzag_20_20", "turning_circle_30", "stopping", "speed_runs")
+    for seed, (kind, sea_state) in enumerate(product(kinds, ("calm", "moderate"))):
+        simulate(f"season/{kind}_{sea_state}", kind, 400.0, sea_state, "--seed", seed, *VESSEL)
+    summary = answer("batch", "season", "-o", "out", "--workers", 1, "--no-pictures", "--length", 28.9)
+    index = pd.read_parquet("out/index.parquet").sort_values("name")
+    summary.pop("index")  # an absolute path
+    of_the_run = ["software", "options", "bytes"]
+    rows = json.loads(index.drop(columns=of_the_run).to_json(orient="records", double_precision=15))
+    return {"summary": summary, "index": {row["name"]: row for row in rows}}
