@@ -101,7 +101,7 @@ def export(
     from acquisition.recording.reader import read_recording
     from analysis.prepare import Preparation, prepared
     from analysis.tables.export import export_table
-    from analysis.tables.history import history_of
+    from analysis.tables.provenance import history_of
 
     expect_suffix(output, ".parquet", ".csv", ".mat")
     how = Preparation(rate, repair, remove_delays, smooth, flags)
@@ -136,8 +136,7 @@ def windows(
 ) -> None:
     """Cut held windows out of recordings."""
     from acquisition.core.progress import bar
-    from analysis.windows.files import write_windows
-    from analysis.windows.starts import Cutting, windows_of_recordings
+    from analysis.windows.recordings import Cutting, windows_of_recordings, write_windows
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them

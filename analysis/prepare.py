@@ -14,7 +14,7 @@ import pandas as pd
 
 from acquisition.recording.reader import Recording
 from analysis.tables.export import SIGMA_SUFFIX, with_flags
-from analysis.tables.history import with_step
+from analysis.tables.provenance import with_step
 from analysis.tables.resample import resample, resample_recording
 from analysis.tables.table import table_of, without_delays
 

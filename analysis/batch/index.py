@@ -16,7 +16,7 @@ import pandas as pd
 from acquisition.core.errors import storage_error
 from analysis.batch.one_recording import SUMMARY
 from analysis.report.index_page import index_page
-from analysis.tables.parquet import read_parquet, write_parquet
+from analysis.tables.files import read_parquet, write_parquet
 
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""

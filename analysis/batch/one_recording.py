@@ -24,10 +24,9 @@ from analysis.batch.products import Options, Products, analysed
 from analysis.batch.row import Row, plain, row_of
 from analysis.manoeuvres import as_json
 from analysis.tables.export import FLAG_MEANING, unit_of
-from analysis.tables.history import history_of
-from analysis.tables.parquet import write_parquet
-from analysis.tables.provenance import provenance_of, sha256_of
-from analysis.windows.files import write_windows
+from analysis.tables.files import write_parquet
+from analysis.tables.provenance import history_of, provenance_of, sha256_of
+from analysis.windows.recordings import write_windows
 
 SUMMARY = "summary.json"
 

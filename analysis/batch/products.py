@@ -16,11 +16,11 @@ from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, Repaired, repair
 from analysis.tables.export import SIGMA_SUFFIX
-from analysis.tables.history import with_step
+from analysis.tables.provenance import with_step
 from analysis.tables.resample import resample
 from analysis.tables.table import require, table_of
 from analysis.windows.held import HeldWindows, held_windows
-from analysis.windows.starts import with_starts
+from analysis.windows.recordings import with_starts
 
 
 @dataclass(frozen=True, slots=True)

@@ -38,13 +38,11 @@ from analysis.estimation.motion_model import (
     motion_values,
 )
 from analysis.estimation.noise_levels import NoiseLevels, estimate_levels
-from analysis.tables.history import with_step
-from analysis.tables.parquet import write_parquet
-from analysis.tables.provenance import provenance_of
+from analysis.tables.files import write_parquet
+from analysis.tables.provenance import provenance_of, with_step
 from analysis.tables.resample import checked_rate, grid
 from analysis.tables.table import require
-from analysis.tables.time_index import NANO, index_of, times_ns
-from analysis.tables.time_span import refuse_endless
+from analysis.tables.time_index import NANO, index_of, refuse_endless, times_ns
 
 COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""

@@ -27,7 +27,7 @@ from analysis.quality.orders import CODE as ORDER_INTERPOLATED
 from analysis.quality.orders import orders
 from analysis.quality.runs import runs
 from analysis.quality.samples import white_noise
-from analysis.tables.history import history_of
+from analysis.tables.provenance import history_of
 from analysis.tables.resample import resample
 from analysis.tables.table import require
 from analysis.tables.time_index import NANO, times_ns

@@ -32,8 +32,7 @@ from analysis.quality.thruster_feedback import thruster_feedback
 from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
 from analysis.quality.wind import wind
 from analysis.tables.table import table_of
-from analysis.tables.time_index import index_of, times_ns, utc_index
-from analysis.tables.time_span import main_stretch
+from analysis.tables.time_index import index_of, main_stretch, times_ns, utc_index
 
 CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)
 """The checks across channels. Each gets the joined table with impossible values taken out."""

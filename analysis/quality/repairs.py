@@ -23,7 +23,7 @@ from analysis.quality.samples import possible, rows_of
 from analysis.quality.single_repairs import REPAIRS, Columns, FlagsByChannel
 from analysis.quality.summary import OTHER_TURN
 from analysis.tables.files import expect_suffix
-from analysis.tables.history import KEY, history_of, with_step
+from analysis.tables.provenance import HISTORY_KEY, history_of, with_step
 from analysis.tables.time_index import times_ns, utc_index
 
 
@@ -143,7 +143,7 @@ def write_repaired(
     qualities = {str(name): judged[name].to_numpy(np.uint8) for name in judged}
     write_table(
         repaired.table, target, recording.trial, sources, qualities,
-        {KEY: {KEY: json.dumps(history_of(repaired.table))}},
+        {HISTORY_KEY: {HISTORY_KEY: json.dumps(history_of(repaired.table))}},
     )  # fmt: skip
     return repaired
 

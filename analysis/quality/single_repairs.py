@@ -26,8 +26,7 @@ from analysis.quality.motion.rebuilt_heading import rebuilt_heading
 from analysis.quality.runs import integral, samples_of
 from analysis.quality.samples import in_turn, possible
 from analysis.quality.summary import ALL, OTHER_TURN
-from analysis.tables.time_index import NANO, times_ns, utc_index
-from analysis.tables.time_span import main_stretch
+from analysis.tables.time_index import NANO, main_stretch, times_ns, utc_index
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
 Columns = dict[str, Floats]

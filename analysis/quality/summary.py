@@ -14,8 +14,7 @@ from acquisition.core.channels import BY_NAME
 from analysis.quality.findings import Finding
 from analysis.quality.samples import Stretch, times_of
 from analysis.quality.time_checks import ClockJump
-from analysis.tables.time_index import NANO
-from analysis.tables.time_span import stamped
+from analysis.tables.time_index import NANO, stamped
 
 ALL = "all"
 OTHER_TURN = "other_turn"

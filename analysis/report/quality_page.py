@@ -17,10 +17,8 @@ from analysis.quality.runs import runs
 from analysis.quality.summary import ALL
 from analysis.quality.terminal import counts_of, missing_text, sentences
 from analysis.report.page import Page
-from analysis.tables.files import in_place_of
-from analysis.tables.parquet import write_parquet
-from analysis.tables.time_index import times_ns
-from analysis.tables.time_span import main_stretch
+from analysis.tables.files import in_place_of, write_parquet
+from analysis.tables.time_index import main_stretch, times_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

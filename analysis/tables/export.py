@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
 from acquisition.recording.trial import software_version
-from analysis.tables.files import expect_suffix, in_place_of
-from analysis.tables.parquet import write_parquet
+from analysis.tables.files import expect_suffix, in_place_of, write_parquet
 from analysis.tables.provenance import provenance_of
 from analysis.tables.table import checked_delays_ns
 from analysis.tables.time_index import NANO, times_ns, utc_index

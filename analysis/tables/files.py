@@ -1,12 +1,17 @@
-"""Products on disk: named by what they are, and complete or not there at all."""
+"""Files of results: named by their format, complete or not there at all; Parquet with units on its columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.recording.trial import software_version
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def expect_suffix(path: Path | str, *suffixes: str) -> str:
@@ -53,3 +58,54 @@ def in_place_of(path: Path | str) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+METADATA_PREFIX = "seatrial."
+
+
+def write_parquet(
+    table: pd.DataFrame, path: Path | str, units: Mapping[str, str], metadata: Mapping[str, str]
+) -> None:
+    """Write ``table`` with a unit on each column named in ``units`` and ``metadata`` under our prefix.
+
+    The index is written if it has a name. The file appears under its name only when it is complete. Raises
+    :class:`InputError` for another suffix than .parquet, :class:`StorageError` when it cannot be written.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    expect_suffix(path, ".parquet")
+    plain = table.copy(deep=False)
+    plain.attrs = {}  # the metadata says it; pandas would write it a second time, and only as JSON
+    arrow = pa.Table.from_pandas(plain, preserve_index=table.index.name is not None)
+    fields = [
+        field.with_metadata({"unit": units[field.name]}) if field.name in units else field for field in arrow.schema
+    ]
+    own = {METADATA_PREFIX + key: text for key, text in metadata.items()}
+    own[METADATA_PREFIX + "software_version"] = software_version()
+    schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **own})
+    with in_place_of(path) as partial:
+        pq.write_table(arrow.cast(schema), partial)
+
+
+def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """A Parquet file and the metadata under our prefix. Raises :class:`InputError` if it is none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    if not Path(path).is_file():
+        raise InputError("does not exist", where=str(path), fix="check the path")
+    try:
+        arrow = pq.read_table(path)
+        frame = arrow.to_pandas()
+    except (pa.ArrowException, OSError) as error:
+        raise InputError("is not a readable Parquet file", where=str(path), why=_first_line(error)) from error
+    texts = {key.decode(): text.decode() for key, text in (arrow.schema.metadata or {}).items()}
+    own = {
+        key.removeprefix(METADATA_PREFIX): text for key, text in texts.items() if key.startswith(METADATA_PREFIX)
+    }
+    return frame, own
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,4 +1,4 @@
-"""Where a product comes from: the recording with its hash, the trial, the software, the options, what was done.
+"""Where a table comes from and what was done to it: carried in its ``attrs`` and written into every product.
 
 There is no time of day and no folder in it, so that the same input gives the same bytes anywhere.
 """
@@ -6,14 +6,14 @@ There is no time of day and no folder in it, so that the same input gives the sa
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from acquisition.core.errors import InputError
 from acquisition.recording.trial import software_version
-from analysis.tables.history import history_of
 
 
 def provenance_of(
@@ -44,3 +44,40 @@ def sha256_of(path: Path) -> str | None:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError:
         return None
+
+
+HISTORY_KEY = "history"
+
+
+def with_step(table: pd.DataFrame, step: str, **options: Any) -> pd.DataFrame:
+    """``table`` with one more step in its history: its name, the version of Seatrial and the options.
+
+    The data are shared with ``table``; only the history is new.
+    """
+    result = table.copy(deep=False)
+    entry = {"step": step, "version": software_version(), "options": options}
+    result.attrs = {**table.attrs, HISTORY_KEY: [*history_of(table), entry]}
+    return result
+
+
+def history_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The steps so far, the oldest first."""
+    return list(table.attrs.get(HISTORY_KEY, []))
+
+
+def refuse_duplicates(paths: Sequence[Path]) -> list[str]:
+    """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will say.
+
+    Raises :class:`InputError` where two files hold the same.
+    """
+    first: dict[str, Path] = {}
+    hashes = []
+    for path in paths:
+        digest = sha256_of(path) or ""
+        twin = first.setdefault(digest, path)
+        if digest and twin is not path:
+            raise InputError(
+                "is given twice", where=str(path), why=f"it is the same recording as {twin}", fix="give it once"
+            )
+        hashes.append(digest)
+    return hashes

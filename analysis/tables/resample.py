@@ -27,10 +27,9 @@ from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
-from analysis.tables.history import with_step
+from analysis.tables.provenance import with_step
 from analysis.tables.table import attributes_of, believed, bounds_ns, channels_of, checked_delays_ns
-from analysis.tables.time_index import NANO, index_of, times_ns
-from analysis.tables.time_span import refuse_endless
+from analysis.tables.time_index import NANO, index_of, refuse_endless, times_ns
 
 Samples = tuple[Ints, Floats]
 

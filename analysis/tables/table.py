@@ -17,7 +17,7 @@ from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
-from analysis.tables.history import KEY, with_step
+from analysis.tables.provenance import HISTORY_KEY, with_step
 from analysis.tables.time_index import NANO, index_of, times_ns
 
 _LONGEST_DELAY_S = 3600.0
@@ -61,8 +61,8 @@ def attributes_of(recording: Recording) -> dict[str, Any]:
         "recording": str(recording.path),
         "sources": {name: list(recording.series[name].sources) for name in channels_of(recording)},
     }
-    history = _history_in(recording.metadata.get(KEY, {}).get(KEY, ""))
-    return {**attributes, KEY: history} if history else attributes
+    history = _history_in(recording.metadata.get(HISTORY_KEY, {}).get(HISTORY_KEY, ""))
+    return {**attributes, HISTORY_KEY: history} if history else attributes
 
 
 def _history_in(text: str) -> list[dict[str, Any]]:

@@ -40,7 +40,7 @@ class HeldWindows:
 
     ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
     channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
-    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.starts.with_starts`.
+    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.recordings.with_starts`.
     ``provenance`` says by trial where they come from (:func:`analysis.tables.provenance.provenance_of`).
     """
 

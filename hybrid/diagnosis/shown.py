@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.errors import InputError, storage_error
-from analysis.tables.parquet import read_parquet, write_parquet
+from analysis.tables.files import read_parquet, write_parquet
 from hybrid.diagnosis.result import (
     Correlation,
     Diagnosis,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.progress import Progress
 from analysis.estimation.local_polynomial import smooth_motion
-from analysis.tables.duplicates import refuse_twins
+from analysis.tables.provenance import refuse_duplicates
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
 from hybrid.prediction.prediction_windows import Horizons, from_rows, joined_horizons
@@ -71,7 +71,7 @@ def gather(
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
     :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
     """
-    hashes = refuse_twins(paths)
+    hashes = refuse_duplicates(paths)
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     windows = windows_of_tables(tables, horizon_s, stride_s)
     smooth = {trial: smooth_motion(table) for trial, table in tables.items()}

@@ -19,7 +19,7 @@ from acquisition.recording.reader import read_trial
 from analysis.batch.products import Options, Products, analysed
 from analysis.estimation.smoother import smooth
 from analysis.report.run_sheet import Ship
-from analysis.tables.duplicates import refuse_twins
+from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import percent_of
 from analysis.windows.recordings import trial_names
 from hybrid.calibrators.adaptive.calibrator import Adaptive
@@ -229,7 +229,7 @@ def load_case(
     :class:`ConfigurationError` for a vessel that is not the calibrator's.
     """
     paths = tuple(map(Path, recordings))
-    refuse_twins(paths)
+    refuse_duplicates(paths)
     trained = load(Path(calibrator)) if calibrator else None
     if trained is not None:
         plant_for(trained, vessel)

@@ -15,7 +15,7 @@ from acquisition.core.progress import Progress
 from acquisition.recording.reader import read_recording
 from acquisition.recording.trial import software_version
 from analysis.prepare import Preparation, prepared
-from analysis.tables.duplicates import refuse_twins
+from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import select
 from hybrid.diagnosis.add import repaired
 from hybrid.diagnosis.diagnose import Examined, diagnose
@@ -52,7 +52,7 @@ def diagnose_files(
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
     What a repair puts right is not diagnosed any more.
     """
-    hashes = refuse_twins(files)
+    hashes = refuse_duplicates(files)
     how = Preparation(repair=repair)
     tables: list[pd.DataFrame] = []
     for number, file in enumerate(files):

@@ -21,7 +21,7 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from analysis.quality.check import check_recording, check_table
-from analysis.tables.parquet import read_parquet
+from analysis.tables.files import read_parquet
 from analysis.tables.table import read_table
 from hybrid.simulation.trial import simulate_trial
 from seatrial import app

@@ -25,8 +25,7 @@ from acquisition.tables.import_table import import_table
 from analysis.prepare import Preparation, prepared
 from analysis.quality.findings import Checked
 from analysis.tables.export import export_table, matlab_name, with_flags
-from analysis.tables.history import history_of, with_step
-from analysis.tables.provenance import provenance_of
+from analysis.tables.provenance import history_of, provenance_of, with_step
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
 from seatrial import app

@@ -21,8 +21,8 @@ from analysis.batch import one_recording
 from analysis.batch.one_recording import SUMMARY, process, reusable
 from analysis.batch.products import cause_of
 from analysis.batch.row import distance_m, plain, thumbnail
-from analysis.tables.parquet import read_parquet
-from analysis.windows.files import read_windows
+from analysis.tables.files import read_parquet
+from analysis.windows.recordings import read_windows
 from tests.analysis.conftest import table_at
 from tests.analysis.season import QUICK, hashes, sailed
 

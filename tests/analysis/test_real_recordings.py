@@ -16,8 +16,8 @@ from acquisition.core.angles import unwrap
 from acquisition.tables.import_table import import_table
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
-from analysis.windows.files import read_windows
 from analysis.windows.held import held_windows
+from analysis.windows.recordings import read_windows
 from seatrial import app
 
 pytestmark = pytest.mark.shared

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
-from analysis.tables.history import history_of
+from analysis.tables.provenance import history_of
 from analysis.tables.resample import SETTINGS, resample, resample_recording
 from analysis.tables.table import select, table_of, without_delays
 from tests.analysis.conftest import START_S, table_at, turn_between

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from acquisition.core.channels import COMMAND, NAMES
 from acquisition.core.errors import DataShortageError, InputError
-from analysis.windows.files import read_windows, write_windows
 from analysis.windows.held import COLUMNS, held_windows, joined
-from analysis.windows.recordings import trial_names, windows_of_tables
+from analysis.windows.recordings import read_windows, trial_names, windows_of_tables, write_windows
 from analysis.windows.steady_controls import noise_of
 from tests.analysis.conftest import steady_table, table_at
 

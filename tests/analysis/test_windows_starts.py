@@ -16,9 +16,17 @@ from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from analysis.tables.resample import resample
-from analysis.windows.files import read_windows, starts_path, write_windows
 from analysis.windows.held import COLUMNS, REASONS, held_windows, joined
-from analysis.windows.starts import START_COLUMNS, STATES, Cutting, windows_of_recordings, with_starts
+from analysis.windows.recordings import (
+    START_COLUMNS,
+    STATES,
+    Cutting,
+    read_windows,
+    starts_path,
+    windows_of_recordings,
+    with_starts,
+    write_windows,
+)
 from analysis.windows.steady_controls import feedback_of
 from hybrid.simulation.trial import simulate_trial
 from seatrial import app

@@ -9,7 +9,7 @@ import pytest
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.motion import AZIMUTHS, motion_of
 from analysis.quality.orders import held_orders
-from analysis.tables.history import with_step
+from analysis.tables.provenance import with_step
 from tests.analysis.manoeuvres.conftest import Sail
 
 

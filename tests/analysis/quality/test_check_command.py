@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from analysis.report.quality_page import binned_flags
-from analysis.tables.parquet import read_parquet
+from analysis.tables.files import read_parquet
 from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 

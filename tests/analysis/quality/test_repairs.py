@@ -24,7 +24,7 @@ from analysis.quality.heading_wrap import heading_wrap
 from analysis.quality.orders import orders
 from analysis.quality.repairs import Repaired, repair, write_repaired
 from analysis.quality.wind import wind
-from analysis.tables.history import history_of
+from analysis.tables.provenance import history_of
 from analysis.tables.table import read_table, table_of
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
