@@ -244,13 +244,13 @@ def batch(
     timeout: Annotated[float | None, typer.Option(min=0.1, help="Give a recording up after so many s.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Process a season of recordings."""
+    """Process a batch of recordings."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
-    from analysis.batch.interrupts import Terminated
     from analysis.batch.products import Options
+    from analysis.batch.workers import Terminated
 
     if rebuild_positions and no_repair:
         raise typer.BadParameter("--rebuild-positions needs the repairs")

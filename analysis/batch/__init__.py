@@ -1,1 +1,1 @@
-"""A season of recordings: what is made of one, of many on worker processes, and one index over all."""
+"""A batch of recordings: what is computed for one, for many on worker processes, and one index over all."""

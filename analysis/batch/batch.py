@@ -1,42 +1,49 @@
-"""A season of recordings at once, on worker processes: one result a recording, whatever happens to the others.
+"""A batch of recordings: each processed on a worker process, and one index over all of them.
 
-Workers are those of dask.distributed, in a cluster of our own on this machine or behind a scheduler that is
-already there; those share the file system with us.
+The index has one row a recording, as Parquet for programs and as a page for people. Results whose recording is no
+longer there have rows too, with the status ``gone``: nothing is removed.
 """
 
 from __future__ import annotations
 
-import fcntl
-import os
+import json
 import re
-import shutil
-import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
-from queue import Empty, Queue
-from typing import Any, TypeAlias
+from typing import Any
 
-from acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError, storage_error
+import pandas as pd
+
+from acquisition.core.errors import DataShortageError, InputError, storage_error
 from acquisition.core.progress import Progress
-from analysis.batch.index import Failures, failures_of, gone_rows, write_index
-from analysis.batch.interrupts import deaf_to_interrupts, ended_by_terminate
-from analysis.batch.job import MARKS, MOST_ATTEMPTS, Job, attempt, failed_row
-from analysis.batch.one_recording import clear_partials
-from analysis.batch.products import Options, cause_of
-from analysis.batch.row import Row
+from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
+from analysis.batch.products import Options
+from analysis.batch.workers import (
+    LOCK,
+    MARKS,
+    Job,
+    Task,
+    attempt,
+    check_address,
+    exclusive_folder,
+    run_jobs,
+)
+from analysis.report.index_page import index_page
+from analysis.tables.files import read_parquet, write_parquet
 
-Task = Callable[[Job], Row]
-Client: TypeAlias = Any  # of distributed, whose functions have no types
-Future: TypeAlias = Any
-
-_LOCK = ".lock"
-_CONNECT_S, _WORKERS_S, _PATIENCE_S = 8, 30, 60.0
-_ADDRESS = re.compile(r"((tcp|tls|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:]+\]):\d{1,5}")
-_RESERVED = {"index.html", "index.parquet", MARKS, _LOCK}
+Failures = list[tuple[str, list[str]]]
+"""Causes and the names of the recordings that failed of each, the most frequent first."""
+REPORT = "report.html"
+"""A notebook report beside a result, which the page leads to where there is one."""
+GONE = "gone"
+"""The status of a result whose recording is not in the folder any more."""
+TEXTS = ("name", "path", "status", "cause", "vessel", "trial", "place", "grade")
+MEASURES = {"duration_s": "s", "distance_m": "m"}
+COUNTS = ("samples", "channels", "findings", "repairs", "windows_kept", "windows_candidates", "legs")
+NESTED_COUNTS = ("findings_by_code", "windows_dropped", "manoeuvres")
+_NUMBER = re.compile(r"\d[\d,.]*\d|\d")
+_RESERVED = {"index.html", "index.parquet", MARKS, LOCK}
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +117,8 @@ def run_batch(
         Job(name, str(path.resolve()), str(out), chosen, again, timeout_s)
         for name, path in zip(names, found, strict=True)
     ]
-    with alone_in(out):
-        rows = computed(jobs, task or attempt, workers, scheduler, progress)
+    with exclusive_folder(out):
+        rows = run_jobs(jobs, task or process_job, workers, scheduler, progress)
         for row, path in zip(rows, found, strict=True):
             row["path"] = path.relative_to(folder).as_posix()
         reused = sum(row.pop("reused", False) and row["status"] == "done" for row in rows)
@@ -121,26 +128,15 @@ def run_batch(
     return Summary(rows, done, reused, index, tuple(gone))
 
 
-def check_address(scheduler: str | None) -> None:
-    """Raises :class:`InputError` for what cannot be the address of a scheduler."""
-    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
-        raise InputError("is no address of a scheduler", where=repr(scheduler), fix="give one like tcp://host:8786")
+def process_job(job: Job) -> Row:
+    """What a worker does for one recording: a row comes back whatever happens, short of the worker's death."""
+    return attempt(job, _result)
 
 
-def computed(
-    jobs: Sequence[Job],
-    task: Task,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    progress: Progress = lambda share: None,
-) -> list[Row]:
-    """The rows that ``task`` makes of the jobs on worker processes, in the order of the jobs.
-
-    Arguments and errors as those of :func:`run_batch`; the jobs' output folder has to be ours, see
-    :func:`alone_in`.
-    """
-    with _client(workers or os.cpu_count() or 1, scheduler) as client:
-        return _gathered(client, jobs, task, progress)
+def _result(job: Job) -> Row:
+    path = Path(job.path)
+    row = None if job.again else reusable_row(path, job.folder, job.options, job.name)
+    return process_recording(path, job.folder, job.options, job.name) if row is None else {**row, "reused": True}
 
 
 def recordings_below(folder: Path, out: Path) -> list[Path]:
@@ -169,127 +165,94 @@ def result_names(paths: list[str]) -> list[str]:
     return names
 
 
-@contextmanager
-def alone_in(out: Path) -> Iterator[None]:
-    """The output folder to ourselves, cleared of what interrupted runs left there; SIGTERM ends as Ctrl-C does."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        lock = (out / _LOCK).open("a")
-    except OSError as error:
-        raise storage_error(out, error) from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise StorageError("is being written by another batch", where=str(out),
-                               fix="wait for it, or name another folder") from error  # fmt: skip
-        clear_partials(out)
-        shutil.rmtree(out / MARKS, ignore_errors=True)
-        (out / MARKS).mkdir()
-        try:
-            with ended_by_terminate():
-                yield
-        finally:
-            shutil.rmtree(out / MARKS, ignore_errors=True)
+def failures_of(rows: Sequence[Mapping[str, Any]]) -> Failures:
+    """Failed recordings by cause; causes that differ in their numbers only are one, with N for each number.
+
+    >>> failures_of([{"name": str(n), "status": "failed", "cause": f"damaged near byte {n}"} for n in (1, 2)])
+    [('damaged near byte N', ['1', '2'])]
+    """
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        if row["status"] == "failed":
+            groups.setdefault(_NUMBER.sub("N", row["cause"]), []).append(row)
+    named = []
+    for pattern, failed in groups.items():
+        causes = {row["cause"] for row in failed}
+        named.append((causes.pop() if len(causes) == 1 else pattern, sorted(row["name"] for row in failed)))
+    return sorted(named, key=lambda each: (-len(each[1]), each[0]))
 
 
-@contextmanager
-def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
-    """A client of a scheduler that is there, or of a cluster of worker processes that ends with it."""
-    dask, distributed = import_module("dask"), import_module("distributed")
-    quiet = {
-        "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # our own marks know who is to blame
-        "distributed.scheduler.worker-saturation": 1.0,
-        "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
+def index_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """The rows as a table with the same kinds of columns whatever failed: counts are whole or missing.
+
+    Counts by code, by reason and by kind stand in columns of their own, like ``findings_by_code.spikes``.
+    """
+    columns: dict[str, Any] = {name: pd.array([row.get(name) or "" for row in rows], dtype="str") for name in TEXTS}
+    starts = _array([row.get("start") for row in rows], "object")
+    columns["closed"] = _array([row.get("closed") for row in rows], "boolean")
+    missing = [None if row.get("missing") is None else " ".join(row["missing"]) for row in rows]
+    columns["missing"] = _array(missing, "str")
+    columns["start"] = pd.to_datetime(starts, utc=True, format="ISO8601").dt.as_unit("ns")
+    for name in MEASURES:
+        columns[name] = _array([row.get(name) for row in rows], "Float64")
+    for name in COUNTS:
+        columns[name] = _array([row.get(name) for row in rows], "Int64")
+    for name in NESTED_COUNTS:
+        columns |= _nested(rows, name, "Int64", 0)
+    columns |= _nested(rows, "indices", "Float64", None)
+    for name in ("bytes", "sha256", "options", "software"):
+        values = [row.get("provenance", {}).get(name) for row in rows]
+        texts = [json.dumps(value) if isinstance(value, dict) else value for value in values]
+        columns[name] = _array(texts, "Int64" if name == "bytes" else "str")
+    return pd.DataFrame(columns)
+
+
+def _nested(rows: Sequence[Mapping[str, Any]], name: str, dtype: str, absent: int | None) -> dict[str, Any]:
+    """A column for each key of the mappings called ``name``; ``absent`` where a recording was judged without it."""
+    keys = sorted({key for row in rows for key in row.get(name) or {}})
+    return {
+        f"{name}.{key}": _array(
+            [None if row.get(name) is None else row[name].get(key, absent) for row in rows], dtype
+        )
+        for key in keys
     }
-    with dask.config.set(quiet):
-        if scheduler is not None:
-            with _connected(scheduler) as client:
-                yield client
-            return
-        with deaf_to_interrupts():
-            cluster = distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1",
-                dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, silence_logs="CRITICAL",
-            )  # fmt: skip
-        with cluster, distributed.Client(cluster, set_as_default=False) as client:
-            yield client
 
 
-@contextmanager
-def _connected(scheduler: str) -> Iterator[Client]:
-    try:
-        client = import_module("distributed").Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise SourceError("no scheduler can be reached", where=scheduler,
-                          fix="start one with `dask scheduler`, or give its address") from error  # fmt: skip
-    with client:
+def _array(values: Sequence[Any], dtype: str) -> Any:
+    return pd.Series(list(values), dtype=dtype)
+
+
+def gone_rows(names: Collection[str], out: Path) -> list[dict[str, Any]]:
+    """The rows of complete results below ``out`` that belong to none of ``names``, in the order of their names."""
+    rows = []
+    for path in sorted(out.rglob(SUMMARY)):
+        name = path.parent.relative_to(out).as_posix()
         try:
-            client.wait_for_workers(1, timeout=_WORKERS_S)
-        except TimeoutError as error:
-            raise SourceError("the scheduler has no workers", where=scheduler,
-                              fix=f"start some with `dask worker {scheduler}`") from error  # fmt: skip
-        yield client
+            row = json.loads(path.read_text(encoding="utf-8"))
+            ours = name not in names and row["provenance"]["recording"] == name
+        except (OSError, ValueError, LookupError, TypeError):
+            continue  # somebody else's file of that name
+        if ours:
+            rows.append({**row, "name": name, "status": GONE, "cause": "its recording is not there any more"})
+    return rows
 
 
-_MOST_SUBMITTED = 2 * MOST_ATTEMPTS
-"""So often a row is asked for; who takes a worker down is told by the marks long before."""
+def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Path:
+    """Write ``index.parquet`` and ``index.html`` into ``out`` and return the path of the page.
 
-
-def _gathered(client: Client, jobs: Sequence[Job], task: Task, progress: Progress) -> list[Row]:
-    """The rows of all jobs in their order, as they come."""
-    ended: Queue[Future] = Queue()
-    pending: dict[str, tuple[int, Future]] = {}
-
-    def submit(number: int) -> None:
-        future = client.submit(task, jobs[number], pure=False)
-        submitted[number] += 1
-        pending[future.key] = number, future
-        future.add_done_callback(ended.put)
-
-    rows: dict[int, Row] = {}
-    submitted: Counter[int] = Counter()
+    Raises :class:`acquisition.core.errors.StorageError` when they cannot be written.
+    """
+    rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
+    write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
+    page, partial = out / "index.html", out / ".index.html.part"
     try:
-        for number in range(len(jobs)):
-            submit(number)
-        while pending:
-            future = _next(client, ended)
-            number, _ = pending.pop(future.key)
-            row = _row_of(future, jobs[number])
-            if row is None and submitted[number] < _MOST_SUBMITTED:
-                submit(number)
-                continue
-            rows[number] = row or failed_row(jobs[number], "its workers died over it again and again")
-            progress(len(rows) / len(jobs))
-    except BaseException:
-        with suppress(Exception):
-            client.cancel([future for _, future in pending.values()], force=True)
-        raise
-    return [rows[number] for number in range(len(jobs))]
+        partial.write_text(index_page(rows, failures_of(rows), title), encoding="utf-8")
+        partial.replace(page)
+    except OSError as error:
+        raise storage_error(page, error) from error
+    return page
 
 
-def _next(client: Client, ended: Queue[Future]) -> Future:
-    """The next task that has ended. Raises :class:`SourceError` when nobody is left who could end one."""
-    since = time.monotonic()
-    while True:
-        try:
-            return ended.get(timeout=1.0)
-        except Empty:
-            pass
-        if client.status == "running" and client.scheduler_info(n_workers=-1)["workers"]:
-            since = time.monotonic()
-        elif time.monotonic() - since > _PATIENCE_S or client.status == "closed":
-            raise SourceError("scheduler or workers are gone", fix="start them and the batch again: it resumes")
-
-
-def _row_of(future: Future, job: Job) -> Row | None:
-    """A task's row; ``None`` where it is to be asked for once more: its worker died, perhaps over another
-    recording, or it died with the row before anybody had fetched it (the result itself is on the disk then)."""
-    if future.status == "error":
-        error = future.exception()
-        return None if type(error).__name__ == "KilledWorker" else failed_row(job, cause_of(error))
-    try:
-        row: Row | None = future.result() if future.status == "finished" else None
-    except Exception:  # lost between the question and the answer
-        return None
-    return row
+def read_index(path: Path | str) -> pd.DataFrame:
+    """The index as a table. Raises :class:`InputError` for any other file."""
+    return read_parquet(path)[0]

@@ -1,34 +1,77 @@
-"""What is made of one recording: read once, and everything a season's index needs written into one folder.
+"""Everything that is made of one recording: read once, and what the index needs written into one folder.
 
 A result is written under another name and renamed when it is complete, so an interruption leaves no half of
 one. Its bytes depend on the recording, the options and the versions alone: there is no time of day and no
-place of the working folder in it.
+working folder in it.
 """
 
 from __future__ import annotations
 
 import json
-import shutil
+import math
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+
+from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
 from acquisition.recording.trial import software_version
-from analysis.batch.products import Options, Products, analysed
-from analysis.batch.row import Row, plain, row_of
-from analysis.manoeuvres import as_json
+from analysis.batch.products import Options, Products, analyse
+from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
 from analysis.tables.provenance import history_of, provenance_of, sha256_of
 from analysis.windows.recordings import write_windows
 
+Row = dict[str, Any]
+"""One recording in the index: plain values by name, see :func:`row_of`."""
 SUMMARY = "summary.json"
+GRADES = ("good", "suspect", "bad")
+KEY_INDICES = frozenset({
+    "overshoot_1_deg", "overshoot_2_deg", "overshoot_mean_deg", "advance_m", "transfer_m",
+    "tactical_diameter_m", "steady_diameter_m", "speed_over_ground_mps", "speed_through_water_mps",
+    "track_reach_m", "head_reach_m",
+})  # fmt: skip
+NOT_CLOSED = "was not closed and is read as far as it goes; see what is missing with `seatrial recover`"
+"""The remark on a recording that was cut off: done, and explained."""
+_COURSE_STEP_S = 5  # distances are summed over means of so long, or the noise of a position adds to them
+_THUMBNAIL_POINTS = 60
+
+
+def process_recording(path: Path | str, folder: Path | str, options: Options | None = None, name: str = "") -> Row:
+    """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
+
+    ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are to
+    be joined need different ones. Written are ``quality.json`` and ``flags.parquet``, ``table.parquet`` (1 Hz),
+    ``windows.parquet``, ``manoeuvres.json``, ``page.html`` and ``summary.json``, which is the row that is
+    returned: what the recording is, counts, ``status`` and ``cause``. What can be made of an incomplete recording
+    is made; its status is ``failed`` and its cause says what is missing. Raises :class:`InputError` for what is
+    no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a result cannot
+    be written.
+    """
+    path, folder, options = Path(path), Path(folder), options or Options()
+    provenance = origin_of(path, options, name)
+    products = analyse(path, options, name)
+    row = row_of(products, provenance)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".part-", dir=folder.parent) as place:
+            partial = Path(place) / folder.name
+            partial.mkdir()
+            _write(products, row, provenance, partial)
+            _put(partial, folder)
+    except OSError as error:
+        raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
+    return row
 
 
 def origin_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
@@ -57,33 +100,6 @@ def origin_of(path: Path, options: Options, name: str = "") -> dict[str, Any]:
     }
 
 
-def process(path: Path | str, folder: Path | str, options: Options | None = None, name: str = "") -> Row:
-    """Read a recording and write all that is made of it into ``folder``, which it replaces as a whole.
-
-    ``name`` is what windows and legs are called by, the file's name without it; recordings whose windows are to
-    be joined need different ones. Written are ``quality.json`` and ``flags.parquet``, ``table.parquet`` (1 Hz),
-    ``windows.parquet``, ``manoeuvres.json``, ``page.html`` and ``summary.json``, which is the row that is
-    returned: what the recording is, counts, ``status`` and ``cause``. What can be made of an incomplete recording
-    is made; its status is ``failed`` and its cause says what is missing. Raises :class:`InputError` for what is
-    no recording, :class:`DataShortageError` for one without samples, :class:`StorageError` when a result cannot
-    be written.
-    """
-    path, folder, options = Path(path), Path(folder), options or Options()
-    provenance = origin_of(path, options, name)
-    products = analysed(path, options, name)
-    row = row_of(products, provenance)
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".part-", dir=folder.parent) as place:
-            partial = Path(place) / folder.name
-            partial.mkdir()
-            _write(products, row, provenance, partial)
-            _put(partial, folder)
-    except OSError as error:
-        raise error if isinstance(error, SeatrialError) else storage_error(folder, error) from error
-    return row
-
-
 def _put(partial: Path, folder: Path) -> None:
     """Give a complete result its name; the older one goes, and one that came in between is as good as ours."""
     if folder.exists() and not (folder / SUMMARY).is_file():
@@ -98,7 +114,7 @@ def _put(partial: Path, folder: Path) -> None:
             raise
 
 
-def reusable(path: Path, folder: Path, options: Options, name: str = "") -> Row | None:
+def reusable_row(path: Path, folder: Path, options: Options, name: str = "") -> Row | None:
     """The row of an earlier result that is as good as a new one, ``None`` where there is none."""
     try:
         row: Row = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
@@ -107,18 +123,13 @@ def reusable(path: Path, folder: Path, options: Options, name: str = "") -> Row 
     return row if row.get("provenance") == json.loads(json.dumps(origin_of(path, options, name))) else None
 
 
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write values as JSON for people and programs."""
-    path.write_text(json.dumps(plain(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
 def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
     from analysis.report.recording_page import recording_page
 
-    origin = {"provenance": plain(provenance), "history": plain(history_of(products.one_hz))}
+    origin = {"provenance": json_value(provenance), "history": json_value(history_of(products.one_hz))}
     about = {key: json.dumps(value) for key, value in origin.items()}
-    trial = {"trial": json.dumps(plain(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
+    trial = {"trial": json.dumps(json_value(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name)))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
@@ -127,13 +138,100 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        named = {provenance["recording"]: plain(whence)}
+        named = {provenance["recording"]: json_value(whence)}
         write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
 
 
-def clear_partials(out: Path) -> None:
-    """Remove what interrupted runs left below ``out``; nobody else may be writing there."""
-    for partial in out.rglob(".part-*"):
-        shutil.rmtree(partial, ignore_errors=True)
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Write values as JSON for people and programs."""
+    path.write_text(json.dumps(json_value(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
+    """The row of a recording: plain values only, NaN as ``None``."""
+    recording, one_hz, windows = products.recording, products.one_hz, products.windows
+    trial, missing = recording.trial, missing_channels(products.table)
+    row: Row = {
+        "status": "failed" if products.shortfalls else "done",
+        "cause": "; ".join(products.shortfalls) or ("" if recording.closed else NOT_CLOSED),
+        "vessel": trial.vessel,
+        "trial": trial.name,
+        "place": trial.place,
+        "start": one_hz.index[0].isoformat(),
+        "duration_s": float(len(one_hz) - 1),
+        "distance_m": distance_m(one_hz),
+        "samples": sum(int(series.value.size) for series in recording.series.values()),
+        "channels": len(NAMES) - len(missing),
+        "missing": missing,
+        "closed": recording.closed,
+        "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
+        "findings": len(products.quality.findings),
+        "findings_by_code": dict(Counter(each.code for each in products.quality.findings)),
+        "repairs": len(products.repairs),
+        "manoeuvres": dict(Counter(each.kind for each in products.manoeuvres)),
+        "indices": key_indices(products.manoeuvres),
+        "windows_kept": windows.kept if windows else None,
+        "windows_candidates": windows.candidates if windows else None,
+        "windows_dropped": windows.dropped if windows else {},
+        "legs": windows.legs if windows else None,
+        "track": thumbnail(one_hz),
+        "provenance": dict(provenance),
+    }
+    return dict(json_value(row))
+
+
+def missing_channels(table: pd.DataFrame) -> list[str]:
+    """Those of the 13 channels that have no value at all; no check can judge them."""
+    return [name for name in NAMES if name not in table or not table[name].notna().any()]
+
+
+def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:
+    """The indices that a batch is compared by: the median of each over a recording's manoeuvres of a kind."""
+    values: dict[str, list[float]] = {}
+    for each in manoeuvres:
+        for name in KEY_INDICES & set(each.indices):
+            values.setdefault(f"{each.kind}_{name}", []).append(each.indices[name].value)
+    return {name: float(np.median(values[name])) for name in sorted(values)}
+
+
+def distance_m(one_hz: pd.DataFrame) -> float | None:
+    """The distance sailed over ground [m]: between means of its position over 5 s, straight across holes.
+
+    ``None`` where there are not two of them.
+    """
+    if not {"north_m", "east_m"} <= set(one_hz.columns):
+        return None
+    position = one_hz[["north_m", "east_m"]].to_numpy()
+    steps = position[: len(position) // _COURSE_STEP_S * _COURSE_STEP_S].reshape(-1, _COURSE_STEP_S, 2)
+    means = steps.mean(axis=1)
+    means = means[np.isfinite(means).all(axis=1)]
+    if len(means) < 2:
+        return None
+    return float(np.hypot(*np.diff(means, axis=0).T).sum())
+
+
+def thumbnail(one_hz: pd.DataFrame) -> str:
+    """The track as points of a polyline in a square of 100 by 100, north up and to scale; empty without one."""
+    if not {"north_m", "east_m"} <= set(one_hz.columns):
+        return ""
+    track = one_hz[["east_m", "north_m"]].dropna().to_numpy() * [1.0, -1.0]
+    if len(track) < 2:
+        return ""
+    chosen = track[np.unique(np.linspace(0, len(track) - 1, _THUMBNAIL_POINTS).astype(int))]
+    middle, size = (chosen.max(axis=0) + chosen.min(axis=0)) / 2.0, max(np.ptp(chosen, axis=0).max(), 1.0)
+    return " ".join(f"{x:.0f},{y:.0f}" for x, y in 50.0 + 92.0 * (chosen - middle) / size)
+
+
+def json_value(value: Any) -> Any:
+    """A value as JSON has it: numbers of Python, no NaN, times as ISO 8601."""
+    if isinstance(value, Mapping):
+        return {str(key): json_value(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [json_value(each) for each in value]
+    if isinstance(value, np.generic):
+        return json_value(value.item())
+    if isinstance(value, pd.Timestamp):
+        return value.isoformat()
+    return None if isinstance(value, float) and not math.isfinite(value) else value

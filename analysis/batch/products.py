@@ -71,7 +71,7 @@ class Products:
                 self.shortfalls.append(cause)
 
 
-def analysed(path: Path, options: Options, name: str = "") -> Products:
+def analyse(path: Path, options: Options, name: str = "") -> Products:
     """The analysis of one recording, step by step; what its channels do not allow is left out and said."""
     recording = read_recording(path)
     raw = table_of(recording)

@@ -94,7 +94,7 @@ apply();
 
 
 def index_page(rows: Sequence[Row], failures: Sequence[tuple[str, list[str]]], title: str) -> str:
-    """The whole page as text; ``rows`` as of :func:`analysis.batch.row.row_of`, failures by their cause."""
+    """The page as text, of rows as of :func:`analysis.batch.one_recording.row_of` and failures by their cause."""
     heads = "".join(_head(key, text) for key, text in _COLUMNS.items())
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'

@@ -16,7 +16,7 @@ import pandas as pd
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from acquisition.recording.reader import read_trial
-from analysis.batch.products import Options, Products, analysed
+from analysis.batch.products import Options, Products, analyse
 from analysis.estimation.smoother import smooth
 from analysis.report.run_sheet import Ship
 from analysis.tables.provenance import refuse_duplicates
@@ -78,7 +78,7 @@ class Case:
         length_m = None if ship is None else ship.between_perpendiculars_m
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
                           length_m=length_m)  # fmt: skip
-        products = analysed(path, options, name)
+        products = analyse(path, options, name)
         lacking = [each for each in NAMES if each not in products.one_hz]
         return replace(products, one_hz=products.one_hz.assign(**dict.fromkeys(lacking, np.nan)))
 

@@ -187,8 +187,7 @@ def batch_reports(
 
     Raises :class:`InputError` without the folder of the recordings, whose place no result knows.
     """
-    from analysis.batch.batch import run_batch
-    from analysis.batch.index import write_index
+    from analysis.batch.batch import run_batch, write_index
 
     if recordings is None:
         raise InputError("holds the results of a batch, which do not know where the recordings are", where=str(out),
@@ -213,7 +212,7 @@ def batch_reports(
 
 def _refuse_elsewhere(out: Path, recordings: Path) -> None:
     """Raise :class:`InputError` where none of a batch's recordings lies in the folder that is given for them."""
-    from analysis.batch.index import read_index
+    from analysis.batch.batch import read_index
 
     paths = [str(path) for path in read_index(out / "index.parquet")["path"] if path]
     if paths and not any((recordings / path).is_file() for path in paths):

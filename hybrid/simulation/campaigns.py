@@ -19,10 +19,9 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial, software_version
-from analysis.batch.batch import alone_in, check_address, computed
-from analysis.batch.job import Job, tried
+from analysis.batch.one_recording import Row
 from analysis.batch.products import Options
-from analysis.batch.row import Row
+from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, run_jobs
 from analysis.tables.files import in_place_of
 from hybrid.effects import CATALOGUE, apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
@@ -142,11 +141,11 @@ def run_campaign(
         TrialJob(trial.name, str(out / f"{trial.name}.mcap"), str(out), Options(), trial=trial)
         for trial in trials_of(campaign)
     ]
-    with alone_in(out):
+    with exclusive_folder(out):
         if workers == 1 and scheduler is None:
             rows = [_here(job, number / len(jobs), progress) for number, job in enumerate(jobs, 1)]
         else:
-            rows = computed(jobs, make, workers, scheduler, progress)
+            rows = run_jobs(jobs, make, workers, scheduler, progress)
         index = out / INDEX
         reused = sum(row.pop("reused", False) for row in rows)
         planned = [{"name": job.name, **_public(job)} for job in jobs]
@@ -157,7 +156,7 @@ def run_campaign(
 
 def make(job: Job) -> Row:
     """What a worker does for one trial; a row comes back whatever happens."""
-    return tried(job, _made)
+    return attempt(job, _made)
 
 
 def fingerprint(trial: PlannedTrial) -> str:

@@ -21,24 +21,22 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from acquisition.core.errors import DataShortageError, InputError, SourceError, StorageError
-from analysis.batch.batch import Summary, recordings_below, result_names, run_batch
-from analysis.batch.index import read_index
-from analysis.batch.job import MARKS, MOST_ATTEMPTS, Job, attempt
-from analysis.batch.one_recording import process
+from analysis.batch.batch import Summary, process_job, read_index, recordings_below, result_names, run_batch
+from analysis.batch.one_recording import NOT_CLOSED, Row, process_recording
 from analysis.batch.products import Options
-from analysis.batch.row import NOT_CLOSED, Row
+from analysis.batch.workers import MARKS, MOST_ATTEMPTS, Job
 from seatrial import app
-from tests.analysis.season import BROKEN, QUICK, hashes, sailed, write_broken, write_season
+from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken
 
 SOUND = 6
 FAST = ("--no-smooth", "--no-pictures")
 
 
 @pytest.fixture(scope="module")
-def season(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def batch_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six sound recordings and the ten broken ones."""
-    folder = tmp_path_factory.mktemp("season")
-    paths = write_season(folder, [sailed(60, 1.0, seed, yaw_rate_dps=seed - 1.0) for seed in range(3)], SOUND)
+    folder = tmp_path_factory.mktemp("batch")
+    paths = write_batch(folder, [sailed(60, 1.0, seed, yaw_rate_dps=seed - 1.0) for seed in range(3)], SOUND)
     write_broken(folder / "broken", paths[0])
     return folder
 
@@ -58,17 +56,17 @@ def scheduler() -> Iterator[str]:
 
 
 @pytest.fixture(scope="module")
-def first_run(season: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Summary, Path]:
+def first_run(batch_folder: Path, scheduler: str, tmp_path_factory: pytest.TempPathFactory) -> tuple[Summary, Path]:
     out = tmp_path_factory.mktemp("out")
-    return run_batch(season, out, scheduler=scheduler, options=QUICK), out
+    return run_batch(batch_folder, out, scheduler=scheduler, options=QUICK), out
 
 
 @pytest.fixture
-def one(season: Path, tmp_path: Path) -> Path:
+def one(batch_folder: Path, tmp_path: Path) -> Path:
     """A folder with one sound recording, to go wrong with."""
     folder = tmp_path / "in"
     folder.mkdir()
-    shutil.copy(season / "day_01" / "trial_001.mcap", folder)
+    shutil.copy(batch_folder / "day_01" / "trial_001.mcap", folder)
     return folder
 
 
@@ -101,23 +99,23 @@ def test_the_sound_are_done_and_the_broken_are_explained(first_run: tuple[Summar
     assert not [path for path in out.rglob(".*") if path.name != ".lock"]
 
 
-def test_the_index_has_a_row_for_each_with_its_path(first_run: tuple[Summary, Path], season: Path) -> None:
+def test_the_index_has_a_row_for_each_with_its_path(first_run: tuple[Summary, Path], batch_folder: Path) -> None:
     summary, out = first_run
     index = read_index(out / "index.parquet")
     assert list(index["name"]) == [row["name"] for row in summary.rows]
-    assert all((season / path).exists() for path in index["path"])
+    assert all((batch_folder / path).exists() for path in index["path"])
     done = index[index["status"] == "done"]
     assert (done["windows_kept"] >= 0).all()
     assert done["sha256"].str.len().eq(64).all()
 
 
 def test_a_second_run_computes_nothing_and_changes_nothing(
-    season: Path, scheduler: str, first_run: tuple[Summary, Path]
+    batch_folder: Path, scheduler: str, first_run: tuple[Summary, Path]
 ) -> None:
     first, out = first_run
     before, times = hashes(out), {path: path.stat().st_mtime_ns for path in out.rglob("table.parquet")}
     shares: list[float] = []
-    second = run_batch(season, out, scheduler=scheduler, options=QUICK, progress=shares.append)
+    second = run_batch(batch_folder, out, scheduler=scheduler, options=QUICK, progress=shares.append)
     assert (second.done, second.reused) == (first.done, first.done)
     assert hashes(out) == before
     touched = {path for path, at in times.items() if path.stat().st_mtime_ns != at}
@@ -127,10 +125,10 @@ def test_a_second_run_computes_nothing_and_changes_nothing(
 
 
 def test_what_was_made_by_a_worker_has_the_bytes_of_what_is_made_here(
-    season: Path, first_run: tuple[Summary, Path], tmp_path: Path
+    batch_folder: Path, first_run: tuple[Summary, Path], tmp_path: Path
 ) -> None:
     name = "day_01/trial_002"
-    process(season / f"{name}.mcap", tmp_path / "result", QUICK, name)
+    process_recording(batch_folder / f"{name}.mcap", tmp_path / "result", QUICK, name)
     assert hashes(tmp_path / "result") == hashes(first_run[1] / name)
 
 
@@ -166,7 +164,7 @@ def test_a_result_whose_recording_is_gone_stays_and_the_index_says_so(
 
 def _troubled(job: Job) -> Row:
     """An attempt in which 1 kills its worker once, 2 always, 3 surprises, 4 hangs; the others are light work."""
-    from analysis.batch import job as batch_job
+    from analysis.batch import batch
 
     once, last = Path(job.out).parent / "died_once", job.name[-1]
 
@@ -182,14 +180,14 @@ def _troubled(job: Job) -> Row:
         return {"status": "done", "cause": ""}
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batch_job, "process", work)
-        return attempt(replace(job, timeout_s=1.0 if last == "4" else None))
+        patch.setattr(batch, "process_recording", work)
+        return process_job(replace(job, timeout_s=1.0 if last == "4" else None))
 
 
 def test_whatever_a_recording_does_to_its_worker_is_one_row_and_the_others_are_done(
-    season: Path, scheduler: str, tmp_path: Path
+    batch_folder: Path, scheduler: str, tmp_path: Path
 ) -> None:
-    summary = run_batch(season / "day_01", tmp_path / "out", scheduler=scheduler, task=_troubled)
+    summary = run_batch(batch_folder / "day_01", tmp_path / "out", scheduler=scheduler, task=_troubled)
     causes = {row["name"]: row["cause"] for row in summary.rows}
     assert {name for name, cause in causes.items() if not cause} == {"trial_001", "trial_005", "trial_006"}
     assert f"its worker died {MOST_ATTEMPTS} times" in causes["trial_002"]
@@ -241,7 +239,7 @@ def test_folders_that_cannot_be_are_refused(one: Path, tmp_path: Path) -> None:
         run_batch(one, tmp_path)
 
 
-def test_what_lies_in_the_output_folder_is_no_recording_of_the_season(one: Path) -> None:
+def test_what_lies_in_the_output_folder_is_no_recording_of_the_batch(one: Path) -> None:
     (one / "out" / "x").mkdir(parents=True)
     (one / "out" / "x" / "left.mcap").touch()
     (one / ".trial_009.mcap").touch()
@@ -297,8 +295,8 @@ def _stopped(out: Path, running: subprocess.Popen[bytes], number: int, whole_gro
 
 
 @pytest.mark.parametrize("whole_group", [True, False])
-def test_sigterm_ends_it_as_cleanly_as_an_interrupt(season: Path, tmp_path: Path, whole_group: bool) -> None:
-    running = start_command(season, tmp_path / "out", "--workers", "1")
+def test_sigterm_ends_it_as_cleanly_as_an_interrupt(batch_folder: Path, tmp_path: Path, whole_group: bool) -> None:
+    running = start_command(batch_folder, tmp_path / "out", "--workers", "1")
     said = _stopped(tmp_path / "out", running, signal.SIGTERM, whole_group)
     assert said == ["seatrial: terminated; what is done stays, the same command goes on from there"]
     assert running.returncode == 143
@@ -306,15 +304,15 @@ def test_sigterm_ends_it_as_cleanly_as_an_interrupt(season: Path, tmp_path: Path
 
 
 def test_interrupted_and_resumed_is_as_never_interrupted(
-    season: Path, first_run: tuple[Summary, Path], tmp_path: Path
+    batch_folder: Path, first_run: tuple[Summary, Path], tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    running = start_command(season, out, "--workers", "1")
+    running = start_command(batch_folder, out, "--workers", "1")
     said = _stopped(out, running, signal.SIGINT, whole_group=True)  # the workers hear it too, as from a terminal
     assert said == ["seatrial: interrupted; what is done stays, the same command goes on from there"]
     assert running.returncode == 130
     assert not (out / "index.html").exists()
-    resumed = start_command(season, out, "--workers", "1", "--json")
+    resumed = start_command(batch_folder, out, "--workers", "1", "--json")
     printed, _ = resumed.communicate(timeout=60)
     assert 0 < json.loads(printed)["reused"] < json.loads(printed)["done"]
     assert hashes(out) == hashes(first_run[1])

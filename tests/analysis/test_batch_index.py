@@ -13,7 +13,7 @@ import pytest
 
 from acquisition.core.channels import NAMES as CHANNELS
 from acquisition.core.errors import StorageError
-from analysis.batch.index import failures_of, gone_rows, index_table, read_index, write_index
+from analysis.batch.batch import failures_of, gone_rows, index_table, read_index, write_index
 from analysis.report.index_page import index_page
 from tests.browser import Browser, running_browser
 
@@ -63,12 +63,12 @@ def test_columns_have_their_kinds_whatever_failed() -> None:
 def test_the_index_is_written_the_same_each_time_and_read_back(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-    first, second = (write_index(ROWS, tmp_path / name, "season") for name in ("a", "b"))
+    first, second = (write_index(ROWS, tmp_path / name, "batch") for name in ("a", "b"))
     assert first.read_bytes() == second.read_bytes()
     assert (tmp_path / "a/index.parquet").read_bytes() == (tmp_path / "b/index.parquet").read_bytes()
     assert list(read_index(tmp_path / "a" / "index.parquet")["name"]) == [each["name"] for each in ROWS]
     with pytest.raises(StorageError):
-        write_index(ROWS, first, "season")
+        write_index(ROWS, first, "batch")
 
 
 def test_what_recordings_call_themselves_is_text_and_no_markup() -> None:
@@ -85,7 +85,7 @@ def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None
         row(3, missing=list(CHANNELS[:9])),
         row(4, status="gone", cause="its recording is not there any more"),
     ]
-    page = index_page(rows, failures_of(rows), "season")
+    page = index_page(rows, failures_of(rows), "batch")
     seen = dict(zip((1, 2, 3, 4), page.split("<tbody>")[1].split("</tr>"), strict=False))
     assert "done, cut off" in seen[1]
     assert "without heading_deg" in seen[2]
@@ -109,7 +109,7 @@ def test_results_without_a_recording_are_told_from_other_peoples_files(tmp_path:
 
 
 def test_a_page_of_200_rows_is_small_and_needs_no_network() -> None:
-    page = index_page([row(number) for number in range(200)], [], "season")
+    page = index_page([row(number) for number in range(200)], [], "batch")
     assert len(page) < 600_000
     assert "http:" not in page
     assert "https:" not in page
@@ -118,13 +118,13 @@ def test_a_page_of_200_rows_is_small_and_needs_no_network() -> None:
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """A browser that has loaded the index's page; recordings that were done have a page to go to."""
-    folder = tmp_path_factory.mktemp("season")
+    folder = tmp_path_factory.mktemp("batch")
     for each in ROWS[:9]:
         page = folder / each["name"] / "page.html"
         page.parent.mkdir(parents=True)
         page.write_text(f"<title>{each['name']}</title>")
     with running_browser(tmp_path_factory.mktemp("browser")) as opened:
-        opened.open(write_index(ROWS, folder, "season"), LOADED)
+        opened.open(write_index(ROWS, folder, "batch"), LOADED)
         yield opened
 
 

@@ -18,13 +18,12 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from analysis.batch import one_recording
-from analysis.batch.one_recording import SUMMARY, process, reusable
+from analysis.batch.one_recording import SUMMARY, distance_m, json_value, process_recording, reusable_row, thumbnail
 from analysis.batch.products import cause_of
-from analysis.batch.row import distance_m, plain, thumbnail
 from analysis.tables.files import read_parquet
 from analysis.windows.recordings import read_windows
 from tests.analysis.conftest import table_at
-from tests.analysis.season import QUICK, hashes, sailed
+from tests.analysis.small_batch import QUICK, hashes, sailed
 
 SMOOTHED = replace(QUICK, smooth=True)
 
@@ -39,7 +38,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def result(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results") / "trial_1"
-    process(recording, folder, SMOOTHED)
+    process_recording(recording, folder, SMOOTHED)
     return folder
 
 
@@ -63,7 +62,7 @@ def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result
     elsewhere = tmp_path / "another" / "place" / recording.name
     elsewhere.parent.mkdir(parents=True)
     elsewhere.write_bytes(recording.read_bytes())
-    process(elsewhere, tmp_path / "out", SMOOTHED)
+    process_recording(elsewhere, tmp_path / "out", SMOOTHED)
     assert hashes(tmp_path / "out") == hashes(result)
     assert not any(str(tmp_path).encode() in path.read_bytes() for path in (tmp_path / "out").iterdir())
 
@@ -71,19 +70,19 @@ def test_the_bytes_depend_on_recording_and_options_alone(recording: Path, result
 def test_a_result_is_used_again_only_for_the_same_recording_options_and_name(
     recording: Path, result: Path, tmp_path: Path
 ) -> None:
-    assert reusable(recording, result, SMOOTHED) == json.loads((result / SUMMARY).read_text())
-    assert reusable(recording, result, replace(QUICK, stride_s=7)) is None
-    assert reusable(recording, result, SMOOTHED, name="another") is None
-    assert reusable(recording, tmp_path, SMOOTHED) is None
+    assert reusable_row(recording, result, SMOOTHED) == json.loads((result / SUMMARY).read_text())
+    assert reusable_row(recording, result, replace(QUICK, stride_s=7)) is None
+    assert reusable_row(recording, result, SMOOTHED, name="another") is None
+    assert reusable_row(recording, tmp_path, SMOOTHED) is None
     changed = tmp_path / recording.name
     changed.write_bytes(recording.read_bytes() + b"\0")
-    assert reusable(changed, result, SMOOTHED) is None
+    assert reusable_row(changed, result, SMOOTHED) is None
 
 
 def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    process(recording, tmp_path / "out", QUICK)
+    process_recording(recording, tmp_path / "out", QUICK)
     before = hashes(tmp_path)
 
     def interrupted(*_: object) -> None:
@@ -91,26 +90,28 @@ def test_what_fails_on_the_way_leaves_the_earlier_result_and_no_trace(
 
     monkeypatch.setattr(one_recording, "write_json", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        process(recording, tmp_path / "out", replace(QUICK, stride_s=7))
+        process_recording(recording, tmp_path / "out", replace(QUICK, stride_s=7))
     assert hashes(tmp_path) == before
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
 def test_a_result_takes_an_earlier_ones_place_and_nothing_elses(recording: Path, tmp_path: Path) -> None:
-    first, second = (process(recording, tmp_path / "out", replace(QUICK, stride_s=stride)) for stride in (5, 7))
+    first, second = (
+        process_recording(recording, tmp_path / "out", replace(QUICK, stride_s=stride)) for stride in (5, 7)
+    )
     assert first["windows_candidates"] > second["windows_candidates"]
     assert json.loads((tmp_path / "out" / SUMMARY).read_text()) == second
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes" / "mine.txt").write_text("mine")
     with pytest.raises(StorageError, match="no result of an earlier batch"):
-        process(recording, tmp_path / "notes")
+        process_recording(recording, tmp_path / "notes")
     assert (tmp_path / "notes" / "mine.txt").read_text() == "mine"
 
 
 def test_of_an_incomplete_recording_what_can_be_made_is_made(tmp_path: Path) -> None:
     path = tmp_path / "no_position.mcap"
     write_table(sailed().drop(columns=["north_m", "east_m"]), path, Trial())
-    row = process(path, tmp_path / "out", QUICK)
+    row = process_recording(path, tmp_path / "out", QUICK)
     assert row["status"] == "failed"
     assert "north_m, east_m" in row["cause"]
     assert str(tmp_path) not in row["cause"]
@@ -123,7 +124,7 @@ def test_of_an_incomplete_recording_what_can_be_made_is_made(tmp_path: Path) -> 
 def test_a_ship_without_a_tunnel_thruster_still_has_her_motion_with_uncertainties(tmp_path: Path) -> None:
     path = tmp_path / "plain.mcap"
     write_table(sailed().drop(columns=["tunnel_rpm", "wind_direction_deg"]), path, Trial("plain", "ship"))
-    row = process(path, tmp_path / "out", SMOOTHED)
+    row = process_recording(path, tmp_path / "out", SMOOTHED)
     table, _ = read_parquet(tmp_path / "out" / "table.parquet")
     assert "heading_deg_sigma" in table
     assert row["windows_kept"] is None
@@ -135,7 +136,7 @@ def test_the_page_says_which_uncertainties_are_in_doubt(tmp_path: Path) -> None:
     """A speed that is 30 % too high cannot agree with the positions, and no band can be believed."""
     table = sailed(300)
     write_table(table.assign(surge_mps=1.3 * table["surge_mps"]), tmp_path / "fast.mcap", Trial("fast", "ship"))
-    process(tmp_path / "fast.mcap", tmp_path / "out", replace(SMOOTHED, repair=False))
+    process_recording(tmp_path / "fast.mcap", tmp_path / "out", replace(SMOOTHED, repair=False))
     assert "in doubt" in (tmp_path / "out" / "page.html").read_text()
 
 
@@ -145,7 +146,7 @@ def test_a_clock_that_was_set_by_years_is_an_error_and_not_a_table_of_years(tmp_
     path = tmp_path / "jump.mcap"
     write_table(pd.concat([table, table.set_axis(late.rename("time"), axis=0)]), path, Trial())
     with pytest.raises(InputError, match="3,650 days"):
-        process(path, tmp_path / "out")
+        process_recording(path, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -153,7 +154,7 @@ def test_what_is_no_recording_is_one_error(tmp_path: Path) -> None:
     (tmp_path / "x.mcap").mkdir()
     for name in ("x.mcap", "not_there.mcap"):
         with pytest.raises(InputError, match=name):
-            process(tmp_path / name, tmp_path / "out")
+            process_recording(tmp_path / name, tmp_path / "out")
 
 
 @given(st.floats(0.5, 12.0), st.floats(-2.0, 2.0), st.floats(0.0, 360.0))
@@ -208,12 +209,12 @@ def test_one_cause_reads_the_same_for_every_recording_that_has_it() -> None:
     st.recursive(st.none() | st.floats() | st.integers() | st.text(), lambda inner: st.lists(inner), max_leaves=20)
 )
 def test_whatever_comes_out_is_json(value: object) -> None:
-    json.loads(json.dumps(plain(value), allow_nan=False))
+    json.loads(json.dumps(json_value(value), allow_nan=False))
 
 
 def test_numbers_and_times_of_other_libraries_become_plain() -> None:
     value = {"a": np.float32(np.nan), "b": np.arange(2), "c": pd.Timestamp("2022-10-27T00:00:00Z")}
-    assert plain(value) == {"a": None, "b": [0, 1], "c": "2022-10-27T00:00:00+00:00"}
+    assert json_value(value) == {"a": None, "b": [0, 1], "c": "2022-10-27T00:00:00+00:00"}
 
 
 def test_windows_and_their_starts_say_where_they_come_from(recording: Path, result: Path) -> None:
@@ -229,6 +230,6 @@ def test_one_stamp_of_1970_costs_a_row_and_not_the_recording(tmp_path: Path) -> 
     table = sailed(seconds=120)
     times = pd.DatetimeIndex(table.index).insert(0, pd.Timestamp(0, tz="UTC")).delete(1)
     write_table(table.set_axis(times.rename("time"), axis=0), tmp_path / "first.mcap", Trial())
-    row = process(tmp_path / "first.mcap", tmp_path / "out", QUICK)
+    row = process_recording(tmp_path / "first.mcap", tmp_path / "out", QUICK)
     assert row["findings_by_code"]["time_outlier"] == 1
     assert 100.0 < row["duration_s"] < 130.0

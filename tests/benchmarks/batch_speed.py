@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from analysis.batch.batch import run_batch
 from analysis.batch.products import Options
-from tests.analysis.season import sailed, write_season
+from tests.analysis.small_batch import sailed, write_batch
 
 
 def seconds_of(folder: Path, out: Path, workers: int, options: Options) -> tuple[float, float]:
@@ -37,8 +37,8 @@ def _processor_s() -> float:
 
 def main(count: int) -> None:
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "season"
-        write_season(folder, [sailed(600, 2.0, seed) for seed in range(10)], count)
+        folder = Path(place) / "batch"
+        write_batch(folder, [sailed(600, 2.0, seed) for seed in range(10)], count)
         for name, options in (("without smoother and pictures", Options(smooth=False, pictures=False)),
                               ("with pictures", Options(smooth=False))):  # fmt: skip
             each = {workers: seconds_of(folder, Path(place) / f"{name} {workers}", workers, options)

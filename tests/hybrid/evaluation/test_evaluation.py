@@ -137,7 +137,7 @@ def test_tables_name_every_method_and_split(evaluation: Evaluation) -> None:
 
 @pytest.fixture
 def long_names(evaluation: Evaluation) -> Evaluation:
-    """Recordings with names as a season gives them."""
+    """Recordings with names as a batch gives them."""
     split = evaluation.splits["recording"]
     named = {f"research_vessel-2026-06-01-{name}": each for name, each in split.breakdown["recording"].items()}
     return replace(evaluation, splits={"recording": replace(split, breakdown={"recording": named})})

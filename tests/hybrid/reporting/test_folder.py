@@ -160,13 +160,13 @@ def test_a_batch_leads_to_the_report_of_each_recording(unseen: Path, tmp_path: P
     from analysis.batch.batch import run_batch
     from analysis.batch.products import Options
 
-    season, out = tmp_path / "season", tmp_path / "out"
-    season.mkdir()
-    shutil.copy(unseen, season / "trial.mcap")
-    run_batch(season, out, workers=1, options=Options(smooth=False, pictures=False))
+    batch_folder, out = tmp_path / "batch_folder", tmp_path / "out"
+    batch_folder.mkdir()
+    shutil.copy(unseen, batch_folder / "trial.mcap")
+    run_batch(batch_folder, out, workers=1, options=Options(smooth=False, pictures=False))
     assert "report.html" not in (out / "index.html").read_text()
-    index, page = report(out, Choices(interactive=False), season)
+    index, page = report(out, Choices(interactive=False), batch_folder)
     assert (index, page) == (out.resolve() / "index.html", out / "trial" / "report.html")
     assert 'href="trial/report.html"' in index.read_text()
-    assert run_batch(season, out, workers=1, options=Options(smooth=False, pictures=False)).reused == 1
+    assert run_batch(batch_folder, out, workers=1, options=Options(smooth=False, pictures=False)).reused == 1
     assert 'href="trial/report.html"' in index.read_text()

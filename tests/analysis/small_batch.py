@@ -1,4 +1,4 @@
-"""A season of small recordings to run a batch over, sound ones and broken ones."""
+"""A batch of small recordings to run a batch over, sound ones and broken ones."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def sailed(seconds: int = 120, rate_hz: float = 2.0, seed: int = 0, yaw_rate_dps
     return table_at(time_s, {name: values[name] for name in NAMES})
 
 
-def write_season(folder: Path, tables: list[pd.DataFrame], count: int) -> list[Path]:
+def write_batch(folder: Path, tables: list[pd.DataFrame], count: int) -> list[Path]:
     """``count`` recordings below ``folder``, in a folder a day of eight, each with its own trial."""
     paths = []
     for number in range(count):

@@ -1,4 +1,4 @@
-"""The long proof: a season of 200 recordings, ten of them broken, on workers that die and on another's cluster."""
+"""The long proof: a batch of 200 recordings, ten of them broken, on workers that die and on another's cluster."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from typing import Any
 
 import pytest
 
-from tests.analysis.season import BROKEN, hashes, sailed, write_broken, write_season
+from tests.analysis.small_batch import BROKEN, hashes, sailed, write_batch, write_broken
 from tests.analysis.test_batch import start_command, wait_for_results
 
 SOUND = 190
 
 
 @pytest.fixture(scope="module")
-def season(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("season")
+def batch_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("batch")
     tables = [sailed(90, 1.0, seed, yaw_rate_dps=seed / 4.0) for seed in range(10)]
-    paths = write_season(folder, tables, SOUND)
+    paths = write_batch(folder, tables, SOUND)
     write_broken(folder / "broken", paths[0])
     return folder
 
@@ -58,9 +58,9 @@ def _address(scheduler: subprocess.Popen[str]) -> str:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_season_survives_its_workers_and_is_the_same_on_a_real_cluster(season: Path, tmp_path: Path) -> None:
+def test_a_batch_survives_its_workers_and_is_the_same_on_a_real_cluster(batch_folder: Path, tmp_path: Path) -> None:
     first, second = tmp_path / "own", tmp_path / "cluster"
-    running = start_command(season, first, "--workers", "2", "--json")
+    running = start_command(batch_folder, first, "--workers", "2", "--json")
     for count in (20, 60):  # twice in mid-run
         wait_for_results(first, count, 300.0)
         _one_worker_of(running.pid).send_signal(signal.SIGKILL)
@@ -76,7 +76,7 @@ def test_a_season_survives_its_workers_and_is_the_same_on_a_real_cluster(season:
         address = _address(scheduler)
         workers = [_dask("worker", address, "--nthreads", "1") for _ in range(2)]
         with ended(*workers):
-            remote = start_command(season, second, "--scheduler", address, "--json")
+            remote = start_command(batch_folder, second, "--scheduler", address, "--json")
             printed, said = remote.communicate(timeout=600)
     assert json.loads(printed)["done"] == summary["done"], said.decode()
     assert hashes(first) == hashes(second)
