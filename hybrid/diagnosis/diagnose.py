@@ -13,14 +13,14 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.composite_effects import perhaps_one
+from hybrid.diagnosis.acceptance import Remainder, perhaps_one, remainders
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.evidence import Examination, View, examined, view_of
 from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
 from hybrid.diagnosis.input_hold import read_as_fits
-from hybrid.diagnosis.lack_of_fit import Remainder, remainders
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
+from hybrid.diagnosis.map import Map, map_of, notable
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.nuisance_basis import FORMS
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
@@ -28,8 +28,6 @@ from hybrid.diagnosis.select_effects import Naming, moved_to, named
 from hybrid.diagnosis.sensor_consistency import contradictory, stated
 from hybrid.diagnosis.sentences import sentence
 from hybrid.diagnosis.verdict import WEAK, close_rivals, correlation_of, estimates, groups, unexplained, verdict_of
-from hybrid.diagnosis.view import View, view_of
-from hybrid.diagnosis.where import Map, map_of, notable
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.effects.catalogue import VERSION
 from hybrid.planning.information import limits

@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.evidence import drawn, fitted
-from hybrid.diagnosis.examine import Look, looked_at, products_of, some_of, tolerated_forces
+from hybrid.diagnosis.evidence import Look, drawn, fitted, looked_at, products_of, some_of, tolerated_forces
 from hybrid.diagnosis.innovations import Columns
 from hybrid.diagnosis.linearise import Model, Signature, reported
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
+from hybrid.diagnosis.nuisance_basis import WIND_MPS
 from hybrid.diagnosis.smoother import reconstructed
-from hybrid.diagnosis.tolerated import WIND_MPS
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated

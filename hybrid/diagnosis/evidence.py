@@ -1,22 +1,45 @@
-"""What the whitened data say of effects: all of it linear algebra on the products of the filter's columns.
+"""The evidence for effects: a linear regression on whitened data, by its Gram matrices.
 
 Data z, signatures S and nuisances N (the tolerance granted to the model and to each sensor), all whitened, give
 
     z = S a + N b + e,  e ~ N(0, I),  b ~ N(0, I),  so that  z - S a ~ N(0, V),  V = I + N N'
 
 Everything that follows needs inner products under the inverse of V only (Woodbury), and these follow from the
-products of all columns, added up leg by leg. What leaves some legs out subtracts theirs.
+Gram matrix of all columns, added up leg by leg. What leaves some legs out subtracts theirs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from math import expm1, log, log1p
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.stats import chi2
 
 from acquisition.core.arrays import Floats, Ints
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.innovations import Columns, columns_of, whitened
+from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, signatures
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.nuisance_basis import (
+    FEATURES,
+    FORMS,
+    GRANTED,
+    WIND_MPS,
+    ForceRange,
+    beyond,
+    features,
+    force_range,
+    tolerances,
+    wind_errors,
+)
+from hybrid.effects import Effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,3 +121,300 @@ def log_evidence(inner: Floats, columns: Sequence[int], prior: Floats) -> float:
     factor = np.linalg.cholesky(scaled)
     half = solve_triangular(factor, right, lower=True, check_finite=False)
     return float(0.5 * half @ half - np.log(np.diag(factor)).sum())
+
+
+Arrays = TypeVar("Arrays", Linear, Columns)
+
+_LEGS_AT_ONCE = 4
+_UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Which column of the products is what: data 0, then effects, tolerated wind errors, varied effects, features.
+
+    ``effect`` [P] names each effect column's effect, ``varied`` that of each varied one with what it varies with;
+    ``features`` counts the tolerance's features a force axis; those of what is in no catalogue stand behind them in
+    each axis, and ``depends`` says on what each depends.
+    """
+
+    effect: tuple[str, ...]
+    prior: Floats
+    tolerated: Floats
+    wind: int
+    features: int
+    varied: tuple[str, ...]
+    varied_prior: Floats
+    varied_granted: Floats
+    depends: tuple[str, ...]
+
+    def of(self, name: str) -> tuple[int, ...]:
+        """The columns of an effect."""
+        return tuple(1 + number for number, each in enumerate(self.effect) if each == name)
+
+    @property
+    def first_wind(self) -> int:
+        """The first of the wind errors' columns."""
+        return 1 + len(self.effect)
+
+    @property
+    def first_feature(self) -> int:
+        """The first of the force features' columns."""
+        return self.first_varied + len(self.varied)
+
+    @property
+    def first_varied(self) -> int:
+        """The first of the varied effects' columns."""
+        return self.first_wind + self.wind
+
+    def axis(self, axis: int) -> Ints:
+        """The columns of the tolerance's features in a body axis."""
+        return np.arange(self.features) + self.first_feature + axis * (self.features + len(self.depends))
+
+    def beyond(self, axis: int) -> Ints:
+        """The columns of the features of what is in no catalogue, in a body axis."""
+        return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Examination:
+    """What one pass over a log gives: see the modules that it calls."""
+
+    log: Log
+    model: Model
+    linear: Linear
+    effects: tuple[Signature, ...]
+    range: ForceRange
+    tolerance: float
+    noise: Noise
+    layout: Layout
+    products: Products
+    nuisance: Ints
+    nuisance_scale: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A log seen through a model, before any noise is known."""
+
+    linear: Linear
+    effects: tuple[Signature, ...]
+    columns: Columns
+    layout: Layout
+    range: ForceRange
+    tolerance: float
+
+
+def examined(
+    log: Log,
+    model: Model,
+    tolerance: float,
+    noise: Noise,
+    progress: Progress = lambda share: None,
+    forms: Sequence[str] = (),
+    known_effects: Sequence[Signature] | None = None,
+) -> Examination:
+    """Examine ``log`` through ``model``, which may have effects in it already.
+
+    ``tolerance`` is the share of the force range that the model may be off by; ``forms`` are effects whose form is
+    in question (:mod:`.beyond`); ``known_effects`` are signatures that are at hand.
+    """
+    look = looked_at(log, model, tolerance, known_effects=known_effects, forms=forms)
+    nuisance, scale = _nuisances(look)
+    products = products_of(log, look.linear, look.columns, noise, progress)
+    return Examination(
+        log, model, look.linear, look.effects, look.range, tolerance, noise, look.layout, products, nuisance, scale
+    )
+
+
+def looked_at(
+    log: Log,
+    model: Model,
+    tolerance: float,
+    number: int = FEATURES,
+    known_effects: Sequence[Signature] | None = None,
+    forms: Sequence[str] = (),
+) -> Look:
+    """A look with so many features of the tolerance a force; ``known_effects`` are signatures that are at hand."""
+    linear = linear_model(log, model.plant())
+    effects = known_effects or signatures(log, model, linear.origin, list(model.catalogue))
+    wind = wind_errors(log, model, linear.origin)
+    extent = force_range(log, model.base, linear.origin)
+    known = features(log, linear.origin, number)
+    more = beyond(log, linear.origin, effects, forms)
+    columns = columns_of(linear, [*effects, *wind, *more.varied], np.hstack([known, more.features]))
+    varied = tuple(each.effect for each in more.varied)
+    of = [model.catalogue[label.split("*")[0]] for label in varied]
+    layout = Layout(
+        effect=tuple(each.effect for each in effects),
+        prior=np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
+        tolerated=tolerances(log, model.catalogue, effects),
+        wind=len(wind),
+        features=known.shape[1],
+        varied=varied,
+        varied_prior=np.array([each.free_scale[0] for each in of]),
+        varied_granted=np.array([_granted(*each) for each in zip(varied, of, strict=True)]),
+        depends=more.depends,
+    )
+    return Look(linear, tuple(effects), columns, layout, extent, tolerance)
+
+
+def _granted(label: str, effect: Effect) -> float:
+    """How uneven an effect may be in the way that its label says; of its form it is granted nothing."""
+    return 0.0 if label.split("*")[1] in FORMS else _UNEVEN * effect.smallest_free[0]
+
+
+def tolerated_forces(look: Look) -> Floats:
+    """The model's tolerance in each body axis [3], in the filter's units."""
+    return np.asarray(look.tolerance * look.range.as_array() / FORCE_UNITS)
+
+
+def _nuisances(look: Look) -> tuple[Ints, Floats]:
+    """The columns that stand for what is tolerated, and the standard deviation of each."""
+    layout = look.layout
+    some = np.flatnonzero(layout.tolerated > 0.0)
+    wind = np.arange(layout.wind) + layout.first_wind
+    columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, WIND_MPS)]
+    for axis, force in enumerate(tolerated_forces(look)):
+        columns.append(layout.axis(axis))
+        scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
+        for depends in dict.fromkeys(layout.depends):
+            own = layout.beyond(axis)[[each == depends for each in layout.depends]]
+            columns.append(own)
+            scale.append(np.full(len(own), GRANTED[depends] * force / np.sqrt(len(own))))
+    uneven = np.flatnonzero(layout.varied_granted > 0.0)
+    columns.append(uneven + layout.first_varied)
+    scale.append(layout.varied_granted[uneven])
+    return np.concatenate(columns), np.concatenate(scale)
+
+
+def products_of(
+    log: Log, linear: Linear, columns: Columns, noise: Noise, progress: Progress = lambda share: None
+) -> Products:
+    """The products of all whitened columns, leg by leg; a few legs are in memory at a time."""
+    result = np.empty((log.legs, columns.count, columns.count))
+    rows = np.empty(log.legs, dtype=np.int64)
+    for first in range(0, log.legs, _LEGS_AT_ONCE):
+        chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
+        part = log.subset(chosen)
+        z, _ = whitened(some_of(linear, chosen), some_of(columns, chosen), noise, part.edges)
+        for leg in range(part.legs):
+            block = z[part.leg == leg].reshape(-1, columns.count)
+            result[first + leg] = block.T @ block
+            rows[first + leg] = np.isfinite(part.measured[part.leg == leg]).sum()
+        progress(min(1.0, (first + _LEGS_AT_ONCE) / log.legs))
+    return Products(result, rows)
+
+
+def some_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
+    """Some seconds of a linear model, or of columns."""
+    return type(arrays)(*(getattr(arrays, each.name)[rows] for each in fields(arrays)))
+
+
+_CLOCKS = (
+    2  # that may be wrong at once: where all records are late by the same none is, and three are as the fourth
+)
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Inner products under V of the data without any effect, column 0, and all effects' columns [1+P, 1+P].
+
+    ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone`` of each leg by itself.
+    """
+
+    inner: Floats
+    examination: Examination
+    left_out: Floats | None = None
+    alone: Floats | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All effects."""
+        return tuple(self.examination.model.catalogue)
+
+    def columns(self, names: Sequence[str]) -> tuple[int, ...]:
+        """The columns of some effects, in their order."""
+        return tuple(column for name in names for column in self.examination.layout.of(name))
+
+    def prior(self, names: Sequence[str]) -> Floats:
+        """The standard deviations of their priors."""
+        return np.asarray(self.examination.layout.prior[np.array(self.columns(names), dtype=int) - 1])
+
+    def evidence(self, names: Sequence[str]) -> float:
+        """Log odds of these effects against none, less what each pays for the catalogue's size."""
+        if not names:
+            return 0.0
+        return log_evidence(self.inner, self.columns(names), self.prior(names)) - self.price * len(names)
+
+    @property
+    def price(self) -> float:
+        """What an effect has to be better than chance by: one of so many would be as good."""
+        return log(len(self.names))
+
+    def chance(self, gain: float, degrees: int) -> float:
+        """The chance that any of so many effects gains as much where there is none (Sidak 1967)."""
+        single = min(float(chi2.sf(max(gain, 0.0), degrees)), 1.0 - 1e-12)
+        return -expm1(len(self.names) * log1p(-single))
+
+    def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
+        """The joint fit."""
+        return fitted(self.inner, self.columns(names), self.prior(names) if prior and names else None)
+
+    def places(self, fit: Fit, name: str) -> list[int]:
+        """Where an effect's coordinates stand in a fit."""
+        return [fit.columns.index(column) for column in self.columns([name])]
+
+    def possible(self, names: Sequence[str]) -> bool:
+        """Whether these effects can be at work together: few enough clocks are wrong, all values within bounds."""
+        late = [name for name in names if self.examination.model.catalogue[name].family == "clock"]
+        return len(late) <= _CLOCKS and all(value is not None for value in self.values(names).values())
+
+    def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
+        """The fitted parameters of each, None where they are out of bounds."""
+        fit, result = self.fit(names, prior=True), dict[str, dict[str, float] | None]()
+        for name in names:
+            free = fit.values[self.places(fit, name)].tolist()
+            try:
+                result[name] = self.examination.model.values(name, free)
+            except ConfigurationError:
+                result[name] = None
+        return result
+
+
+def view_of(examination: Examination, by_leg: bool = False) -> View:
+    """The reduced products of an examination, its model's own effects put back into the data."""
+    total = examination.products.total
+
+    def inner(products: Floats) -> Floats:
+        return whole_data(examination, products, examination.nuisance_scale)[0]
+
+    if not by_leg:
+        return View(inner(total), examination)
+    legs = examination.products.legs
+    left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
+    return View(inner(total), examination, left_out, alone)
+
+
+def whole_data(examination: Examination, products: Floats, scale: Floats) -> tuple[Floats, float]:
+    """Reduced products of the data without any effect and of all effects, and the logarithm of V's determinant."""
+    kept = np.arange(1 + len(examination.layout.effect))
+    inner, determinant = reduced(products, kept, examination.nuisance, scale)
+    back = np.eye(len(kept))
+    back[:, 0] = put_back(examination)[kept]
+    return back.T @ inner @ back, determinant
+
+
+def view_without(examination: Examination, legs: NDArray[np.bool_]) -> View:
+    """As :func:`view_of`, some legs left out."""
+    products = examination.products
+    return view_of(replace(examination, products=Products(products.legs[~legs], products.rows[~legs])))
+
+
+def put_back(examination: Examination) -> Floats:
+    """The data with what the model's own effects have taken off, as a combination of all columns [C]."""
+    back = np.zeros(examination.products.legs.shape[1])
+    back[0] = 1.0
+    for name, free in examination.model.at.items():
+        back[list(examination.layout.of(name))] = free
+    return back

@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import FALSE_ALARM
-from hybrid.diagnosis.averages import STEPS_PER_SECOND
-from hybrid.diagnosis.examine import Examination
+from hybrid.diagnosis.evidence import Examination, View, view_without
 from hybrid.diagnosis.linearise import DT_S, Model, between, driven, paths, unreported
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.noise_floor import left_by_noise_m
 from hybrid.diagnosis.result import Gap, Tracks
 from hybrid.diagnosis.select_effects import Coordinates, moved_to, searched
-from hybrid.diagnosis.view import View, view_without
 from hybrid.prediction.baselines import present_motion_held
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant

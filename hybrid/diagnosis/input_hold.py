@@ -13,14 +13,12 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from hybrid.diagnosis.averages import READINGS, SELDOM_S, Reading, mean_settings
 from hybrid.diagnosis.estimate_noise import spread_out
-from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.evidence import examined, view_of
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import READINGS, SELDOM_S, Log, Reading, mean_settings
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.select_effects import log_density, named, searched
-from hybrid.diagnosis.view import view_of
 
 _ENOUGH_S = 600.0  # of the log: it shows in every turn
 _PLAIN = 20.0  # log likelihood by which steps have to be better than lines

@@ -21,8 +21,7 @@ from scipy.signal import lfilter
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from hybrid.diagnosis.averages import STEPS_PER_SECOND
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel

@@ -1,9 +1,10 @@
-"""A trial as the diagnosis sees it: what was measured at each full second, and what drove the ship between them.
+"""The log of a trial: one row a second of what was measured, and what drove the ship between the rows.
 
-A measured value is the mean of all samples within half a second, and the model is asked for the mean at the same
-times, so that neither the rate of a recording nor the curvature of the motion matters. The smoothed motion is only
-where the equations are made linear: it need not be right, just near. All that was recorded is used, not only
-windows in which the thrusters were held: those hide inertia and lags.
+A measured value is the mean of all samples within half a second, and the model is asked for the mean at the
+same times, so that neither the rate of a recording nor the curvature of the motion matters. Samples that jump
+away from their neighbours are refused. The smoothed motion is only where the equations are made linear first:
+it need not be right, just near. All that was recorded is used, not only windows in which the thrusters were
+held: those hide inertia and lags.
 """
 
 from __future__ import annotations
@@ -11,26 +12,24 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+from scipy.ndimage import median_filter
 
+from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import COMMAND
+from acquisition.core.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.noise_levels import NoiseLevels
+from analysis.estimation.smoother import smooth
 from analysis.tables.table import require
-from hybrid.diagnosis.averages import (
-    MOTION,
-    Reading,
-    averaged_motion,
-    mean_settings,
-    mean_wind,
-    setting_step_s,
-    smoothed_motion,
-)
+from analysis.tables.time_index import NANO, times_ns
+from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 
 BLOCK_S = 60
 """Each block starts from a state of its own that nobody knows; longer ones gain nothing that can be measured."""
@@ -166,3 +165,219 @@ def _legs(block: Ints, seconds: Ints) -> Ints:
         leg[rows] = number
         length, before = length + len(rows), int(seconds[rows[-1]])
     return leg
+
+
+STEPS_PER_SECOND = 4
+"""Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
+
+Reading = Literal["line", "until the next record", "since the last record"]
+"""What a setting does between two records: moves on a straight line, stays as it was, or is already what comes."""
+
+READINGS: tuple[Reading, ...] = get_args(Reading)
+
+MOTION = (*POSE, *VELOCITY)
+"""The channels of the motion."""
+
+_LONGEST_GAP_S = 1.2  # of a setting, unless it is recorded more seldom: what moved meanwhile is anyone's guess
+_GAP_STEPS = 2.5
+SELDOM_S = 0.3  # between samples of a setting: what happens meanwhile matters
+_OUTLIER = 6.0
+
+
+def smoothed_motion(table: pd.DataFrame) -> tuple[Ints, Floats, Floats, NoiseLevels]:
+    """The motion without waves at full seconds: their times [s], states [T, 6] and rates of change [T, 6],
+    and the levels of noise."""
+    smoothed = smooth(_thinned(table), 1.0)
+    slow = smoothed.slow
+    seconds = (times_ns(slow) // NANO).astype(np.int64)
+    states = slow[list(MOTION)].to_numpy(dtype=float)
+    known = np.isfinite(states[:, 2])
+    states[known, 2] = unwrap(states[known, 2])
+    states = states * STATE_UNITS
+    psi, u, v, r = states[:, 2:].T
+    accelerations = slow[["surge_mps2", "sway_mps2", "yaw_dps2"]].to_numpy(dtype=float)
+    north, east = u * np.cos(psi) - v * np.sin(psi), u * np.sin(psi) + v * np.cos(psi)
+    slopes = np.column_stack([north, east, r, accelerations * [1.0, 1.0, np.pi / 180.0]])
+    return seconds, states, slopes, smoothed.noise
+
+
+def _thinned(table: pd.DataFrame) -> pd.DataFrame:
+    """The motion at two rows a second at most: enough for a smoothed motion, and quickly smoothed."""
+    motion = table[list(MOTION)].dropna(how="all")
+    half = times_ns(motion) // (NANO // 2)
+    if np.unique(half).size > 0.7 * len(motion):
+        return motion
+    columns = {
+        "time": times_ns(motion),
+        **{name: motion[name].to_numpy(dtype=float, copy=True) for name in MOTION},
+    }
+    for name in CIRCULAR.intersection(MOTION):
+        known = np.isfinite(columns[name])
+        columns[name][known] = unwrap(columns[name][known])
+    middles = pd.DataFrame(columns).groupby(half).median()  # an outlier among several samples does no harm
+    thin = pd.DataFrame({name: middles[name].to_numpy() for name in MOTION})
+    thin["heading_deg"] %= 360.0
+    thin.index = pd.DatetimeIndex(
+        pd.to_datetime(middles["time"].to_numpy().astype(np.int64), utc=True), name="time"
+    )
+    thin.attrs = table.attrs
+    return thin
+
+
+def averaged_motion(
+    table: pd.DataFrame, seconds: Ints, motion: Floats, slopes: Floats
+) -> tuple[Floats, Floats, int]:
+    """The mean measured state near each second [T, 6], its weights [T, 6, 5], and how many samples were refused."""
+    nodes = (seconds - seconds[0]).astype(float)
+    measured, refused = np.full_like(motion, np.nan), 0
+    weight = np.zeros((*motion.shape, STEPS_PER_SECOND + 1))
+    known = np.isfinite(motion).all(axis=1)
+    if known.sum() < 2:
+        return measured, weight, 0
+    stamps = (times_ns(table) - int(seconds[0]) * NANO) / NANO
+    path = CubicHermiteSpline(nodes[known], motion[known], slopes[known])
+    for column, name in enumerate(MOTION):
+        values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
+        rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
+        times, expected = stamps[rows], path(stamps[rows])[:, column]
+        off = values[rows] - expected
+        if name in CIRCULAR:
+            off = (off + np.pi) % (2.0 * np.pi) - np.pi
+        away = np.abs(off - _near(off, times))
+        good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
+        refused += int((~good).sum())
+        measured[:, column], weight[:, column] = _binned(times[good], (expected + off)[good], len(nodes))
+    return measured, weight, refused
+
+
+def _near(values: Floats, times_s: Floats) -> Floats:
+    """The median of the neighbours within a third of a second of each sample, without itself; of four at least."""
+    if values.size < 5:
+        return np.full(values.size, np.median(values) if values.size else 0.0)
+    reach = int(np.clip(0.35 / max(float(np.median(np.diff(times_s))), 1e-3), 2, 50))
+    around = sliding_window_view(np.pad(values, reach, mode="reflect"), 2 * reach + 1)
+    return np.asarray(np.median(np.delete(around, reach, axis=1), axis=1))
+
+
+def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats]:
+    """Means [count] of the values within half a second of each node; the times' weights on quarters [count, 5]."""
+    node = np.floor(times_s + 0.5).astype(int)
+    place = (times_s - node + 0.5) * STEPS_PER_SECOND
+    lower = np.minimum(place.astype(int), STEPS_PER_SECOND - 1)
+    weight = np.zeros((count, STEPS_PER_SECOND + 1))
+    np.add.at(weight, (node, lower), 1.0 - (place - lower))
+    np.add.at(weight, (node, lower + 1), place - lower)
+    number = np.bincount(node, minlength=count)
+    total = np.bincount(node, weights=values, minlength=count)
+    mean = np.where(number > 0, total / np.maximum(number, 1), np.nan)
+    return mean, weight / np.maximum(number, 1)[:, None]
+
+
+def mean_settings(table: pd.DataFrame, seconds: Ints, reading: Reading = "line") -> Floats:
+    """The thrusters' mean setting in each quarter of the second after each node [T, 4, 5]."""
+    quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
+    result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
+    for column, name in enumerate(COMMAND):
+        mean = _means(table, name, quarters + float(seconds[0]), reading) * CONTROL_UNITS[column]
+        result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
+    return result
+
+
+def setting_step_s(table: pd.DataFrame) -> float:
+    """How often thruster settings were recorded [s], the rarest of them."""
+    steps = [0.0]
+    for name in COMMAND:
+        times = times_ns(table)[table[name].notna().to_numpy()] / NANO
+        if times.size > 2:
+            steps.append(float(np.median(np.diff(times))))
+    return max(steps)
+
+
+def mean_wind(table: pd.DataFrame, seconds: Ints) -> Floats:
+    """Direction the wind comes from [rad] and its speed [m/s] in the second after each node, 0 if not recorded."""
+    edges = np.arange(len(seconds) + 1) + float(seconds[0])
+    if not set(ENVIRONMENT) <= set(table.columns):
+        return np.zeros((len(seconds), 2))
+    direction, speed = (table[name].to_numpy(dtype=float) for name in ENVIRONMENT)
+    towards = pd.DataFrame({"n": speed * np.cos(np.deg2rad(direction)), "e": speed * np.sin(np.deg2rad(direction))})
+    towards.index = table.index
+    north, east = (_filled(_means(towards, name, np.asarray(edges, dtype=np.float64))) for name in ("n", "e"))
+    # The mean of the vane's own noise makes no wind: components, not speeds, are averaged.
+    return np.column_stack([np.arctan2(east, north), np.hypot(north, east)])
+
+
+def _filled(values: Floats) -> Floats:
+    """Unknown values taken from between the known ones; none where nothing is known."""
+    known = np.flatnonzero(np.isfinite(values))
+    if not known.size:
+        return np.zeros(len(values))
+    return np.interp(np.arange(len(values)), known, values[known])
+
+
+def _means(table: pd.DataFrame, name: str, edges_s: Floats, reading: Reading = "line") -> Floats:
+    """The mean of a channel, as read between its samples, from each edge to the next; NaN across long gaps."""
+    values = table[name].to_numpy(dtype=float)
+    rows = np.isfinite(values)
+    times, values = times_ns(table)[rows] / NANO, values[rows]
+    if times.size < 2:
+        return np.full(len(edges_s) - 1, np.nan)
+    if name in CIRCULAR:
+        values = unwrap(values)
+    upto = _integral(*_path(times, _without_blips(times, values), reading), edges_s)
+    steps = np.diff(times)
+    gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
+    in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
+    crosses = np.interp(edges_s[1:], times, np.concatenate([[0.0], np.cumsum(gap)])) > in_gap
+    outside = (edges_s[:-1] < times[0] - 1.0) | (edges_s[1:] > times[-1] + 1.0)
+    return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
+
+
+def _path(times_s: Floats, values: Floats, reading: Reading) -> tuple[Floats, Floats]:
+    """Points that are joined by straight lines: with corners between the samples, or two at each step."""
+    if reading == "line":
+        return _with_corners(times_s, values)
+    times, twice = np.repeat(times_s, 2), np.repeat(values, 2)
+    return (times[1:], twice[:-1]) if reading == "until the next record" else (times[:-1], twice[1:])
+
+
+def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:
+    """The integral from the first sample on of what is linear between samples."""
+    steps = np.diff(times_s)
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * steps)])
+    index = np.clip(np.searchsorted(times_s, until_s, side="right") - 1, 0, times_s.size - 2)
+    into = until_s - times_s[index]
+    slope = (values[index + 1] - values[index]) / np.where(steps[index] > 0.0, steps[index], 1.0)
+    return np.asarray(area[index] + values[index] * into + 0.5 * slope * into**2)
+
+
+def _with_corners(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Samples that come seldom, with those between at which a drive began or ended to move at an even rate.
+
+    Where the lines through the two samples before and the two behind meet within a step, they meet in a corner that
+    a straight line from sample to sample would cut; what it cuts off passes for a force. Noise makes no corners.
+    """
+    steps = np.diff(times_s)
+    if times_s.size < 4 or np.median(steps) < SELDOM_S or (steps <= 0.0).any():
+        return times_s, values
+    slope = np.diff(values) / steps
+    turns = np.diff(slope)  # at each inner sample
+    before, behind, inside = slope[:-2], slope[2:], slope[1:-1]
+    alike = (turns[:-1] * turns[1:] > 0.0) & (
+        np.abs(before - behind) > _OUTLIER * 1.4826 * np.median(np.abs(turns))
+    )
+    part = np.where(alike, (inside - behind) / np.where(alike, before - behind, 1.0), 0.0)
+    corner_s = (times_s[1:-2] + part * steps[1:-1])[alike]
+    corner = (values[1:-2] + before * part * steps[1:-1])[alike]
+    place = np.flatnonzero(alike) + 2
+    return np.insert(times_s, place, corner_s), np.insert(values, place, corner)
+
+
+def _without_blips(times_s: Floats, values: Floats) -> Floats:
+    """The values with those that jump away from their neighbours and back at once taken from between the others."""
+    if times_s.size < 5 or np.median(np.diff(times_s)) > 0.5:  # more seldom, a jump may be true
+        return values
+    away = np.abs(values - median_filter(values, 5, mode="nearest"))
+    # A drive that turns back is away from its neighbours too, by what it moves in a step.
+    moves = median_filter(np.abs(np.diff(values, append=values[-1])), 9, mode="nearest")
+    good = away <= _OUTLIER * 1.4826 * np.median(away) + 3.0 * moves + 1e-9
+    return np.asarray(np.interp(times_s, times_s[good], values[good]))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.examine import Examination
+from hybrid.diagnosis.evidence import Examination
 from hybrid.diagnosis.innovations import Columns
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.smoother import reconstructed

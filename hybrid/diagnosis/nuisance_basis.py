@@ -1,20 +1,33 @@
-"""What no effect of the catalogue says: forces and errors that depend on heading, place, time or azimuth.
+"""The nuisance basis: what may be wrong with model, sensors and sea without being an effect of the catalogue.
 
-Each family is a handful of columns that together can take any smooth shape. They name nothing: they say whether
-something remains when the named effects have had their say, along which axis, and on what it depends.
+Three kinds of columns stand beside the effects' own in the design matrix, each with a standard deviation.
+
+- The model's tolerance. No reference model is exact: with the sensors' noise alone as the yardstick every trial
+  would show a missing effect. So the model is granted an error of a stated share of the force range and of
+  unknown shape: a Gaussian process over speeds and thruster settings, by random Fourier features (Rahimi and
+  Recht 2007).
+- Errors that every sensor and drive has anyway: the catalogue's own ``tolerance``, the wind that a vane reports
+  in still air, and settings that are recorded now and then only.
+- Families of smooth forces over heading, place, time and azimuth, and effects that vary. They name nothing:
+  they say whether something remains when the named effects have had their say, along which axis, and on what it
+  depends.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numba import njit
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.linearise import Signature
+from hybrid.diagnosis.linearise import Model, Signature, next_states
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.tolerance import operating_point
+from hybrid.effects import Catalogue
+from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
+from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.thrusters import pod_force, port_pod, starboard_pod, tunnel_force
 
 AXES = ("surge", "sway", "yaw")
 
@@ -136,3 +149,114 @@ def _hinges(log: Log) -> Floats:
     return np.column_stack(
         [np.maximum(side * angle - share * largest, 0.0) for side in (1.0, -1.0) for share in _EDGES]
     )
+
+
+FEATURES = 200
+"""So many a force: with 40 the tolerance is too poor a family, and every second trial shows a false effect."""
+
+_FEATURES_SEED = 20260901
+_LEAST_SHARE = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class ForceRange:
+    """The range of the forces in a trial: along, across [N] and in yaw [N m]."""
+
+    surge_n: float
+    sway_n: float
+    yaw_nm: float
+
+    def as_array(self) -> Floats:
+        """As [3]."""
+        return np.array([self.surge_n, self.sway_n, self.yaw_nm])
+
+
+def force_range(log: Log, plant: Plant, origin: Floats) -> ForceRange:
+    """The largest forces (99 of 100 seconds are below) that pods and tunnel thruster exert in a trial.
+
+    Sideways and in yaw at least a share of what the pods push ahead would make there: a trial of straight runs is
+    no proof of a model that is exact across.
+    """
+    forces = _thruster_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
+    surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
+    lever = max(abs(plant.port_x_m), abs(plant.starboard_x_m))
+    sway = max(sway, _LEAST_SHARE * surge)
+    return ForceRange(float(surge), float(sway), float(max(yaw, _LEAST_SHARE * surge * lever)))
+
+
+def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
+    """Random Fourier features [T, number] of unit mean square, of speeds and thruster settings."""
+    inputs = operating_point(log, origin)
+    generator = np.random.default_rng(_FEATURES_SEED)
+    frequency = generator.standard_normal((inputs.shape[1], number))
+    phase = generator.uniform(0.0, 2.0 * np.pi, number)
+    return np.asarray(np.sqrt(2.0) * np.cos(inputs @ frequency + phase))
+
+
+def operating_point(log: Log, origin: Floats) -> Floats:
+    """What a model error may depend on, each over its usual range: [T, 8].
+
+    Surge, sway, yaw rate; the pods' thrust vectors, each by its square-law size along and across; the tunnel.
+    """
+    port, port_rad, starboard, starboard_rad, tunnel = log.controls.mean(axis=1).T
+    push = [n * abs_n for n, abs_n in ((port, np.abs(port)), (starboard, np.abs(starboard)))]
+    vectors = [push[0] * np.cos(port_rad), push[0] * np.sin(port_rad), push[1] * np.cos(starboard_rad)]
+    vectors.append(push[1] * np.sin(starboard_rad))
+    columns = np.column_stack([origin[:, 3:6], *vectors, tunnel * np.abs(tunnel)])
+    scale = np.maximum(np.quantile(np.abs(columns), 0.95, axis=0), 1e-9)
+    return np.asarray(columns / scale)
+
+
+def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
+    @njit(cache=True, fastmath=FAST, error_model="numpy")
+    def thruster_forces(p: Record, states: Floats, controls: Floats) -> Floats:
+        """X [N], Y [N], N [N m] of pods and tunnel thruster in still water at each state and control: [T, 3]."""
+        forces = np.full((len(states), 3), 0.0 * stamp)
+        for k in range(len(states)):
+            u, v, r = states[k, 3], states[k, 4], states[k, 5]
+            X1, Y1, N1 = pod_force(p, port_pod(p, controls[k, 0], controls[k, 1]), u, v, r)
+            X2, Y2, N2 = pod_force(p, starboard_pod(p, controls[k, 2], controls[k, 3]), u, v, r)
+            side = tunnel_force(p, controls[k, 4])
+            forces[k, 0], forces[k, 1], forces[k, 2] = X1 + X2, Y1 + Y2 + side, N1 + N2 + p.tunnel_x_m * side
+        return forces
+
+    return thruster_forces  # type: ignore[no-any-return]
+
+
+_thruster_forces = _make(PHYSICS_STAMP)
+
+
+WIND_MPS = 0.3
+"""What an anemometer is off by in each direction: its noise has a mean, and the ship disturbs the air."""
+
+_SETTING = ("command_delay", "thruster_lag")
+
+
+def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
+    """The standard deviation of what is tolerated of each signature's free coordinate [P], 0 for none."""
+    result = []
+    for each in signatures:
+        effect = catalogue[each.effect]
+        size = effect.parameters[each.coordinate].tolerance
+        if each.effect in _SETTING and log.reading == "line":  # it may have changed at any time between two records
+            size = max(size, 0.5 * log.setting_step_s)
+        result.append(size if effect.chart == "linear" else 0.0)
+    return np.array(result)
+
+
+def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
+    """Signatures of 1 m/s more wind from the north, the east, ahead and starboard."""
+    plant, none = model.plant(), np.zeros_like(origin)
+    north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])
+    cosine, sine = np.cos(origin[:, 2]), np.sin(origin[:, 2])
+    one, nil = np.ones(len(log)), np.zeros(len(log))
+    ways = ((one, nil), (nil, one), (cosine, sine), (-sine, cosine))
+    result = []
+    for number, (to_north, to_east) in enumerate(ways):
+        ends = []
+        for side in (WIND_MPS, -WIND_MPS):
+            n, e = north + side * to_north, east + side * to_east
+            air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
+            ends.append(next_states(replace(log, wind=air), plant, origin))
+        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * WIND_MPS), none))
+    return result

@@ -15,11 +15,10 @@ import numpy as np
 
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import Tested, tested
-from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.evidence import View, examined, view_of, whole_data
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.view import View, view_of, whole_data
 
 CLOSE = 4.5
 """A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""

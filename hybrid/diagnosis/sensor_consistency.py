@@ -15,16 +15,13 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Tested, tested
-from hybrid.diagnosis.averages import STEPS_PER_SECOND
-from hybrid.diagnosis.examine import Examination, Layout, products_of
+from hybrid.diagnosis.evidence import Examination, Layout, View, products_of, view_of
 from hybrid.diagnosis.innovations import columns_of
 from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, reported, signatures
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.nuisance_basis import ForceRange, tolerances
 from hybrid.diagnosis.select_effects import CLOSE, Coordinates, Naming, moved_to, rivals_of, searched, stays
-from hybrid.diagnosis.tolerance import ForceRange
-from hybrid.diagnosis.tolerated import tolerances
-from hybrid.diagnosis.view import View, view_of
 from hybrid.diagnosis.words import number, parameter_title
 from hybrid.effects import Catalogue
 from hybrid.report.words import listed, plain

@@ -18,6 +18,7 @@ import pandas as pd
 
 from acquisition.core.errors import InputError, storage_error
 from analysis.tables.files import read_parquet, write_parquet
+from hybrid.diagnosis.map import FORCES, Map
 from hybrid.diagnosis.result import (
     Correlation,
     Diagnosis,
@@ -33,7 +34,6 @@ from hybrid.diagnosis.result import (
     Unexplained,
 )
 from hybrid.diagnosis.sensor_consistency import Consistency
-from hybrid.diagnosis.where import FORCES, Map
 from hybrid.prediction.bootstrap import Interval
 from hybrid.report.diagnosis_page import Extras
 

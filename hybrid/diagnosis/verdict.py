@@ -8,7 +8,7 @@ from math import atan2, degrees, hypot
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.lack_of_fit import Remainder
+from hybrid.diagnosis.acceptance import Remainder
 from hybrid.diagnosis.nuisance_basis import AXES, FORMS, OPERATION
 from hybrid.diagnosis.result import Correlation, Estimate, Rival, Unexplained, Verdict
 from hybrid.diagnosis.select_effects import CLOSE, Naming, rivals_of

@@ -19,8 +19,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import FALSE_ALARM, UNSEEN
-from hybrid.diagnosis.evidence import reduced
-from hybrid.diagnosis.examine import Examination
+from hybrid.diagnosis.evidence import Examination, reduced
 from hybrid.effects import Catalogue, Effect
 
 POWER = 0.9

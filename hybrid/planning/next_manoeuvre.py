@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 from acquisition.core.errors import ModelRangeError
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.evidence import Examination, examined
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE

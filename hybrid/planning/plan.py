@@ -18,7 +18,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.evidence import examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.noise import Noise

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.averages import STEPS_PER_SECOND
-from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log
+from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from hybrid.simulation.manoeuvres import Manoeuvre
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import sail_through

@@ -13,8 +13,8 @@ from hybrid.report.words import plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hybrid.diagnosis.map import Map
     from hybrid.diagnosis.sensor_consistency import Consistency
-    from hybrid.diagnosis.where import Map
 
 
 def add_map(page: Page, places: Sequence[Place], before: Map | None, after: Map | None) -> None:

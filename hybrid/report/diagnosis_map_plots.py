@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
+from hybrid.diagnosis.map import FORCES, Map
 from hybrid.diagnosis.result import Place
-from hybrid.diagnosis.where import FORCES, Map
 
 QUANTITIES = {
     "speed_mps": "speed [m/s]",

@@ -17,8 +17,8 @@ from hybrid.report.words import listed, plain
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hybrid.diagnosis.map import Map
     from hybrid.diagnosis.sensor_consistency import Consistency
-    from hybrid.diagnosis.where import Map
 
 PAGE_FILE = "report.html"
 

@@ -19,11 +19,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.examine import examined
+from hybrid.diagnosis.evidence import examined, view_of
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import named
-from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel

@@ -11,9 +11,9 @@ from math import sqrt
 
 from scipy.stats import chi2
 
-from hybrid.diagnosis.lack_of_fit import CHANCE, Remainder, families, remainders
+from hybrid.diagnosis.acceptance import CHANCE, Remainder, families, remainders
+from hybrid.diagnosis.evidence import view_of
 from hybrid.diagnosis.select_effects import searched
-from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE
 from hybrid.planning.information import noncentrality
 from tests.benchmarks.diagnosis.design import Design

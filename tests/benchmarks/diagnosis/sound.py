@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.evidence import Examination, examined
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.effects import CATALOGUE, Effect

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.evidence import Products
-from hybrid.diagnosis.examine import Examination, Layout
+from hybrid.diagnosis.evidence import Examination, Layout, Products
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.tolerance import ForceRange
+from hybrid.diagnosis.nuisance_basis import ForceRange
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 

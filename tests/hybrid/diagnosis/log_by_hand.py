@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.averages import STEPS_PER_SECOND
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import simulate

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hybrid.diagnosis.map import FORCES, Map
 from hybrid.diagnosis.result import (
     Diagnosis,
     Estimate,
@@ -19,7 +20,6 @@ from hybrid.diagnosis.result import (
     Tracks,
     Unexplained,
 )
-from hybrid.diagnosis.where import FORCES, Map
 from hybrid.prediction.bootstrap import Interval
 
 CURRENT = NamedEffect(

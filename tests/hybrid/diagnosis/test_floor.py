@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.examine import Examination
+from hybrid.diagnosis.evidence import Examination
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.noise_floor import left_by_noise_m
 from hybrid.diagnosis.smoother import reconstructed

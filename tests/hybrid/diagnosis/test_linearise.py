@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.averages import STEPS_PER_SECOND
 from hybrid.diagnosis.linearise import Model, driven, linear_model, next_states, reported, signatures, unreported
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate

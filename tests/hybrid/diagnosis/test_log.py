@@ -18,8 +18,7 @@ from acquisition.core.channels import COMMAND, ENVIRONMENT, POSE, VELOCITY
 from acquisition.core.errors import DataShortageError, InputError
 from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
-from hybrid.diagnosis.averages import _with_corners
-from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, log_of
+from hybrid.diagnosis.log import BLOCK_S, LEG_S, Log, _with_corners, log_of
 from hybrid.vessel.channels import as_table
 
 START_S = 1_800_000_000
@@ -74,7 +73,7 @@ def quick() -> Iterator[None]:
     """The smoother told the noise, which it would search for each time: that is tested where it is done."""
     known = NoiseLevels(0.03, 0.001, 0.02, 0.0005, jerk=0.01, yaw_jerk=0.001)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.diagnosis.averages.smooth", partial(smooth, levels=known, engine="compiled"))
+        patch.setattr("hybrid.diagnosis.log.smooth", partial(smooth, levels=known, engine="compiled"))
         yield
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.lack_of_fit import Remainder
+from hybrid.diagnosis.acceptance import Remainder
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.verdict import intervals, unexplained, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES

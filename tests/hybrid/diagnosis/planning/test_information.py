@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.evidence import Examination, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.evidence import Examination, examined
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise

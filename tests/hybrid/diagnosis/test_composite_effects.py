@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.composite_effects import perhaps_one
+from hybrid.diagnosis.acceptance import perhaps_one
+from hybrid.diagnosis.evidence import View, view_of
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.view import View, view_of
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import Design, a_design

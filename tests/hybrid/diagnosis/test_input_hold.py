@@ -9,10 +9,9 @@ import pandas as pd
 import pytest
 
 from acquisition.core.channels import COMMAND
-from hybrid.diagnosis.averages import READINGS, Reading, mean_settings
 from hybrid.diagnosis.input_hold import read_as, read_as_fits
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import log_of
+from hybrid.diagnosis.log import READINGS, Reading, log_of, mean_settings
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS

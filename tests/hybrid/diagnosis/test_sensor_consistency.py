@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hybrid.diagnosis.evidence import view_of
 from hybrid.diagnosis.linearise import Model, linear_model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.sensor_consistency import _examined, consistency, motion_sensors, without_dynamics
-from hybrid.diagnosis.view import view_of
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial

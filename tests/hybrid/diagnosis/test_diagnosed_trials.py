@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.lack_of_fit import remainders
+from hybrid.diagnosis.acceptance import remainders
 from hybrid.diagnosis.select_effects import CLOSE, Naming
 from hybrid.diagnosis.verdict import close_rivals
 from tests.hybrid.diagnosis.conftest import Diagnosed

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binom
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.lack_of_fit import ANOTHER_FORM, Remainder, families, remainders
+from hybrid.diagnosis.acceptance import ANOTHER_FORM, Remainder, families, remainders
+from hybrid.diagnosis.evidence import view_of
 from hybrid.diagnosis.nuisance_basis import FORMS
-from hybrid.diagnosis.view import view_of
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
 

@@ -10,11 +10,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from hybrid.diagnosis.cells import LEAST_S, cells_of, quantities, round_edges
-from hybrid.diagnosis.examine import Examination, examined
+from hybrid.diagnosis.evidence import Examination, examined
 from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.map import (
+    FORCES,
+    LEAST_S,
+    MOTIONS,
+    Map,
+    cells_of,
+    map_of,
+    notable,
+    quantities,
+    round_edges,
+    where,
+)
 from hybrid.diagnosis.result import Place
-from hybrid.diagnosis.where import FORCES, MOTIONS, Map, map_of, notable, where
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE

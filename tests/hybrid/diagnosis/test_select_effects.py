@@ -12,9 +12,9 @@ from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
 from hybrid.diagnosis.acceptance import tested as stands
 from hybrid.diagnosis.diagnose import suspects
+from hybrid.diagnosis.evidence import View, view_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.select_effects import Coordinates, _about_itself, log_density, moved_to, rivals_of, searched
-from hybrid.diagnosis.view import View, view_of
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,
