@@ -8,11 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from hybrid.calibrators.artefact import Trained
     from hybrid.calibrators.network import NetworkCalibrator
     from hybrid.vessel.plant import Plant
+
+# How long an example takes is the machine's affair, and no finding.
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 Simulated = Callable[..., Path]
 SMALL_HORIZON_S = 30

@@ -123,7 +123,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         page = folder / each["name"] / "page.html"
         page.parent.mkdir(parents=True)
         page.write_text(f"<title>{each['name']}</title>")
-    with running_browser(tmp_path_factory.mktemp("browser")) as opened:
+    with running_browser() as opened:
         opened.open(write_index(ROWS, folder, "batch"), LOADED)
         yield opened
 

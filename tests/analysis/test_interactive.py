@@ -216,7 +216,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     path = write_interactive(
         folder / "page.html", table, windows, predicted, [manoeuvre()], "Circling", "for tests"
     )
-    with running_browser(folder) as browser:
+    with running_browser() as browser:
         browser.open(path, READY)
         yield browser
 

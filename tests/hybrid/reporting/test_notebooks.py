@@ -25,7 +25,7 @@ REAL = {
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with running_browser(tmp_path_factory.mktemp("browser")) as opened:
+    with running_browser() as opened:
         yield opened
 
 
