@@ -21,8 +21,7 @@ from acquisition.core.frames import Quality
 from analysis.quality import heading_wrap as wrapped
 from analysis.quality import orders, wind
 from analysis.quality.findings import Finding, Flags
-from analysis.quality.motion import rebuilt_path
-from analysis.quality.motion.rebuilt_heading import rebuilt_heading
+from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
 from analysis.quality.runs import integral, samples_of
 from analysis.quality.samples import in_turn, possible
 from analysis.quality.summary import ALL, OTHER_TURN
@@ -143,8 +142,8 @@ def scaled_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> D
 
 
 def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
-    """The shape of the turns from the yaw rate (:mod:`analysis.quality.motion.rebuilt_heading`)."""
-    rebuilt = rebuilt_heading(table)
+    """The shape of the turns from the yaw rate (:mod:`analysis.quality.motion.reconstruction`)."""
+    rebuilt = reconstruct_heading(table)
     if rebuilt is None:
         return Done(_HEADING_STAYS, {}, told=True)
     text = f"heading rebuilt from the integrated yaw rate, tied to the recorded one over {rebuilt.tie_s:.0f} s"
@@ -152,8 +151,8 @@ def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -
 
 
 def rebuilt_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
-    """Positions from the path that speeds and heading give (:mod:`analysis.quality.motion.rebuilt_path`)."""
-    rebuilt = rebuilt_path.rebuilt(table)
+    """Positions from the path that speeds and heading give (:mod:`analysis.quality.motion.reconstruction`)."""
+    rebuilt = reconstruct_positions(table)
     if rebuilt is None:
         return _NOTHING
     tie = f"tied to the recorded ones over {rebuilt.tie_s:.0f} s"

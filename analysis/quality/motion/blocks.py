@@ -1,8 +1,8 @@
 """Robust least squares on blocks of time, frequency by frequency, with intervals that mean what they say.
 
 Differences of a measured level (position, heading) and an integrated rate are white noise of the level plus the
-random walk of the integrated noise. The cosine transform of a block makes both uncorrelated, so each frequency
-is weighted by its own noise, estimated from the residuals themselves; the mean of a block is left out, hence no
+random walk of the integrated noise. The cosine transform of a block makes both uncorrelated, so each frequency is
+weighted by its own noise, estimated from the residuals themselves; the mean of a block is left out, hence no
 level and no drift from block to block matters. Blocks that do not belong (jumps) lose weight. The covariance is
 the larger of what the noise says and what leaving out one block after another says (jackknife: B. Efron, The
 Jackknife, the Bootstrap and Other Resampling Plans, 1982).
@@ -58,7 +58,7 @@ def solve(residuals: Floats, slopes: Floats, halves: tuple[Floats, Floats], prio
     matrices, sides = _normal(residuals, slopes, weights)
     first, second = (each.reshape(len(each), prior.size, -1) for each in halves)
     common = np.einsum("bpn,bn,bqn->pq", first, weights.reshape(len(weights), -1), second, optimize=True)
-    return _told(matrices, sides, 0.5 * (common + common.T), prior)
+    return _solution(matrices, sides, 0.5 * (common + common.T), prior)
 
 
 def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats, Floats]:
@@ -69,7 +69,7 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
     return weighted @ flat.transpose(0, 2, 1), (weighted @ residuals.reshape(count, -1, 1))[..., 0]
 
 
-def _told(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Solution:
+def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Solution:
     """The solution in the directions whose slopes are signal; in the others nothing is moved and little known: ten
     times the standard error that the slopes pretend, or the prior.
 

@@ -1,29 +1,42 @@
-"""What is wrong between position, heading, speeds and yaw rate: scales, offsets, delays, jittering stamps.
+"""Findings from a comparison of position, heading, speeds and yaw rate: scales, offsets, delays, jittering stamps.
 
-A difference is found when it is larger than anyone should care about and larger than chance explains: the level
-of significance is such that a sound trial gives a false finding less than once in five hundred, all figures
+A difference is reported when it is larger than anyone should care about and larger than chance explains: the
+level of significance is such that a sound trial gives a false finding less than once in five hundred, all figures
 together.
+
+Which channel is late is the odd one out among the three delays between the four groups of motion channels. The
+delays of positions and headings after the speeds, and of headings after the yaw rate, and the lever arm forward,
+which at steady speed looks just like a delay, are explained by as few causes as their covariance allows
+(generalised least squares; an added cause must reduce the misfit by more than it costs).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
+from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from analysis.quality.findings import Checked, Finding, no_flags
 from analysis.quality.motion.coarse import coarse_fit
-from analysis.quality.motion.contradictions import contradiction, flag_displaced, jump_finding, unfitted
-from analysis.quality.motion.delays import CAUSES, OBSERVED, Explanation, explain
-from analysis.quality.motion.heading_jitter import certain, heading_jitter
-from analysis.quality.motion.jitter import Jitter, stamp_jitter
-from analysis.quality.motion.jumps import PositionJump, position_jumps
-from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
-from analysis.quality.motion.parts import with_parts
-from analysis.quality.motion.scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
+from analysis.quality.motion.heading_jitter import heading_jitter, is_certain
+from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics, quantile, widen_by_parts
+from analysis.quality.motion.position_jitter import Jitter, PositionJump, position_jumps, stamp_jitter
+from analysis.quality.motion.scales import (
+    contradiction_finding,
+    diverged_fit_finding,
+    flag_displaced,
+    heading_offset,
+    jump_finding,
+    speed_scale,
+    yaw_rate_bias,
+    yaw_rate_scale,
+)
 from analysis.quality.motion.series import GROUPS, MOTION
 from analysis.tables.time_index import utc_index
 
@@ -55,12 +68,12 @@ def motion(table: pd.DataFrame) -> Checked:
     try:
         coarse = coarse_fit(table)
         if coarse.contradiction:
-            return _flagged(flags, table, (contradiction(table, coarse),), ())
+            return _flagged(flags, table, (contradiction_finding(table, coarse),), ())
         fit = fit_kinematics(table, coarse)
     except (DataShortageError, InputError):
         return Checked(flags)
     if not fit.converged:
-        return _flagged(flags, table, (unfitted(table),), ())
+        return _flagged(flags, table, (diverged_fit_finding(table),), ())
     return _flagged(flags, table, findings_of(table, fit), position_jumps(table, fit))
 
 
@@ -84,14 +97,14 @@ def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     """What a fit to a table says in words. Only where it says something are the parts of the recording compared,
     which cannot but widen what is said."""
     found = _findings_of(table, fit)
-    return _findings_of(table, with_parts(fit)) if found else ()
+    return _findings_of(table, widen_by_parts(fit)) if found else ()
 
 
 def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
     index = utc_index(table)
     start, end = index.min(), index.max()
     jitter = stamp_jitter(table, fit)
-    explanation = explain(fit, jitter.variance_s2 if jitter.beyond(_SMALLEST_JITTER_S) else 0.0)
+    explanation = explain_delays(fit, jitter.variance_s2 if jitter.beyond(_SMALLEST_JITTER_S) else 0.0)
     found = [
         speed_scale(fit, start, end),
         yaw_rate_scale(fit, start, end),
@@ -200,7 +213,7 @@ def _jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding |
 
 
 def _turning_jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
-    if not certain(jitter):
+    if not is_certain(jitter):
         return None
     low, high = jitter.interval()
     text = (
@@ -214,3 +227,75 @@ def _turning_jitter(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> F
         " then, and --rebuild-positions takes it.",
         {"seconds": jitter.seconds, "low": low, "high": high},
     )  # fmt: skip
+
+
+OBSERVED = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s", "forward_m", "starboard_m")
+CAUSES: dict[str, tuple[float, ...]] = {
+    "north_m": (1.0, 0.0, 0.0, 0.0, 0.0),
+    "heading_deg": (0.0, 1.0, 1.0, 0.0, 0.0),
+    "surge_mps": (-1.0, -1.0, 0.0, 0.0, 0.0),
+    "yaw_rate_dps": (0.0, 0.0, -1.0, 0.0, 0.0),
+    "forward": (0.0, 0.0, 0.0, 1.0, 0.0),
+    "starboard": (0.0, 0.0, 0.0, 0.0, 1.0),
+}
+"""What one unit of each cause does to the observed figures: seconds late, or metres of lever arm."""
+
+_ADEQUATE = 25.0  # misfit that is still no reason for one more cause: five standard deviations
+_AS_WELL = 9.0
+_NEGLIGIBLE = np.array([0.1, 0.1, 0.05, 0.25, 0.25])
+"""Unmodelled differences (smoothing inside sensors) of this size are left alone, as standard deviations / 2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """Sizes of the ``causes`` with standard errors, the misfit they leave (chi squared), rival causes."""
+
+    causes: tuple[str, ...]
+    sizes: Floats
+    standard_errors: Floats
+    misfit: float
+    rivals: tuple[tuple[str, float], ...] = ()
+
+    def size(self, cause: str) -> tuple[float, float]:
+        place = self.causes.index(cause)
+        return float(self.sizes[place]), float(self.standard_errors[place])
+
+
+def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
+    """The simplest adequate explanation of the delays and the lever arm; no cause where all is well.
+
+    ``jitter_s2`` is the variance of the positions' stamps: by chance they are late on the whole.
+    """
+    best = Explanation((), np.empty(0), np.empty(0), 0.0)
+    for count in range(4):
+        tried = sorted(
+            (_explanation(fit, causes, jitter_s2) for causes in combinations(CAUSES, count)), key=_misfit
+        )
+        best = tried[0]
+        if best.misfit <= _ADEQUATE:
+            rivals = [each for each in tried[1:] if each.misfit <= best.misfit + _AS_WELL and count == 1]
+            named = tuple((each.causes[0], float(each.sizes[0])) for each in rivals)
+            return Explanation(best.causes, best.sizes, best.standard_errors, best.misfit, named)
+    return best
+
+
+def _misfit(tried: Explanation) -> float:
+    return tried.misfit
+
+
+def _explanation(fit: Kinematics, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
+    places = [NAMES.index(name) for name in OBSERVED]
+    observed = fit.parameters[places]
+    # The spread of few blocks is less known than a normal deviate's: widened as Student's t is at 95 %.
+    wider = np.array([quantile(0.975, fit.informative[place]) / 1.96 for place in places])
+    covariance = fit.covariance[np.ix_(places, places)] * np.outer(wider, wider) + np.diag(
+        (0.5 * _NEGLIGIBLE) ** 2 / 9.0
+    )
+    covariance[0, 0] += jitter_s2 / max(fit.informative[places[0]], 1.0)
+    inverse = np.linalg.inv(covariance)
+    design = np.array([CAUSES[cause] for cause in causes]).reshape(-1, len(OBSERVED)).T
+    normal = design.T @ inverse @ design
+    sizes = np.linalg.solve(normal, design.T @ inverse @ observed) if causes else np.empty(0)
+    left = observed - design @ sizes if causes else observed
+    errors = np.sqrt(np.diag(np.linalg.inv(normal))) if causes else np.empty(0)
+    return Explanation(causes, sizes, errors, float(left @ inverse @ left))

@@ -1,9 +1,10 @@
 """Whether the motion channels tell of one motion at all, before anything fine is fitted to them.
 
 Positions and the path by heading and speeds are compared as complex moves (north + i east) over windows of ten
-seconds: their ratio is a scale and an angle, free from minus to plus infinity, and so is the ratio of turns. Signs
-and units that nothing fine could mend (a mirrored chart, sway to port, a heading in radians) are tried in turn:
-the one that takes most of what is left away is named. Lever arms and delays are left room, lest they pass for one.
+seconds: their ratio is a scale and an angle, free from minus to plus infinity, and so is the ratio of turns.
+Signs and units that nothing fine could mend (a mirrored chart, sway to port, a heading in radians) are tried in
+turn: the one that takes most of what is left away is named. Lever arms and delays are left room, lest they pass
+for one.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Complexes, Floats
-from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, isolated
+from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
 from analysis.tables.table import require
 
 _WINDOW_S = 10.0
@@ -61,14 +62,14 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     """
     require(table, tuple(name for names in GROUPS.values() for name in names))
     position, heading, speed, yaw_rate = (group_samples(table, channels) for channels in GROUPS.values())
-    speed, yaw_rate = (each.without(isolated(each.levels)) for each in (speed, yaw_rate))
+    speed, yaw_rate = (each.without(outliers(each.levels)) for each in (speed, yaw_rate))
     step_s = max(STEP_S, min(each.interval_s for each in (position, heading, speed, yaw_rate)))
     motion = Motion(position, heading, speed, yaw_rate, step_s)
     moves = _Moves.of(motion, _WINDOW_S)
     if moves.count < _FEWEST_WINDOWS:
         return Coarse()
     yaw_rate_factor = moves.yaw_rate_factor()
-    named = _named(moves)
+    named = _sign_or_unit(moves)
     if named is not None:
         return Coarse(1.0, 0.0, yaw_rate_factor, *named)
     left = _left_of_long(_Moves.of(motion, _LONG_S), motion)
@@ -90,17 +91,17 @@ def _scale_and_angle(moves: _Moves) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Explained:
+class _Regression:
     """The ratio of moves to what explains them, and what is left [m] by it alone, and with an arm and a delay."""
 
     ratio: complex
     plainly_m: float
     left_m: float
 
-    def removes(self, other: _Explained) -> bool:
+    def removes(self, other: _Regression) -> bool:
         return self.left_m < _REMOVED * other.left_m
 
-    def likelier(self, other: _Explained, windows: int) -> bool:
+    def likelier(self, other: _Regression, windows: int) -> bool:
         """Whether it leaves much less by itself and, where noise hides how much less, is better still when an arm
         and a delay have taken what they can: sway to port looks much like a lever arm."""
         much = self.plainly_m < _REMOVED * other.plainly_m
@@ -132,7 +133,7 @@ class _Moves:
             for column in group.levels.T
         )
         heading = np.interp(grid_s, motion.heading.time_s, np.unwrap(motion.heading.levels[:, 0]))
-        moved = np.asarray(_over(north + 1j * east, starts, length))
+        moved = np.asarray(_changes_over(north + 1j * east, starts, length))
         return cls(grid_s, starts, length, moved, heading, ahead + 1j * aside, rate)
 
     @property
@@ -143,40 +144,42 @@ class _Moves:
         """The moves by heading and speeds."""
         velocity = body * np.exp(1j * heading)
         step = self.grid_s[1] - self.grid_s[0]
-        return _over(
+        return _changes_over(
             np.append(0.0, np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]))), self.starts, self.length
         )
 
-    def explained(self, moved: Complexes, heading: Floats, body: Complexes) -> _Explained:
+    def explained(self, moved: Complexes, heading: Floats, body: Complexes) -> _Regression:
         """Moves by those that heading and speeds make."""
         travelled = self.travelled(heading, body)
-        arm = _over(np.exp(1j * heading), self.starts, self.length)
-        late = _over(body * np.exp(1j * heading), self.starts, self.length)
-        values, plainly = _regressed(moved, travelled[:, np.newaxis])
-        left = _regressed(moved, np.column_stack([travelled, arm, late]))[1]
-        return _Explained(complex(values[0]), _trimmed(plainly), _trimmed(left))
+        arm = _changes_over(np.exp(1j * heading), self.starts, self.length)
+        late = _changes_over(body * np.exp(1j * heading), self.starts, self.length)
+        values, plainly = _regress(moved, travelled[:, np.newaxis])
+        left = _regress(moved, np.column_stack([travelled, arm, late]))[1]
+        return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(left))
 
     def ratio(self) -> complex:
         """What turns and stretches the moves by heading and speeds to those of the positions; 1 where they differ
         by more than that."""
         by = self.explained(self.moved, self.heading, self.body)
-        return by.ratio if by.left_m < _AGREES * _trimmed(self.moved) and abs(by.ratio) > 0.0 else 1.0 + 0.0j
+        return by.ratio if by.left_m < _AGREES * _trimmed_rms(self.moved) and abs(by.ratio) > 0.0 else 1.0 + 0.0j
 
     def yaw_rate_factor(self) -> float:
         """What the yaw rate must be multiplied by to be the heading's rate, where that is far from 1 and sure."""
         step = self.grid_s[1] - self.grid_s[0]
         rate = self.yaw_rate
-        turned = _over(np.append(0.0, np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))), self.starts, self.length)
-        headed = _over(self.heading, self.starts, self.length)
-        values, left = _regressed(headed, np.column_stack([turned, np.ones(turned.size)]))
+        turned = _changes_over(
+            np.append(0.0, np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))), self.starts, self.length
+        )
+        headed = _changes_over(self.heading, self.starts, self.length)
+        values, left = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
         factor, about = float(values[0].real), np.abs(headed - np.median(headed))
-        sure = _trimmed(left) < _AGREES * _trimmed(about) and factor != 0.0
+        sure = _trimmed_rms(left) < _AGREES * _trimmed_rms(about) and factor != 0.0
         return factor if sure and abs(factor - 1.0) > _FAR else 1.0
 
 
-def _named(moves: _Moves) -> tuple[str, str, float] | None:
+def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
     """The sign or unit that takes away what the channels contradict each other by: words, channel, share left."""
-    path, plain = _trimmed(moves.moved), moves.explained(moves.moved, moves.heading, moves.body)
+    path, plain = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body)
     if not max(plain.left_m, plain.plainly_m) > _LEAST_LEFT * path:
         return None
     tried = {
@@ -215,18 +218,18 @@ def _left_of_long(moves: _Moves, motion: Motion) -> float:
     """The share of the moves in a minute that is left, where it is beyond noise and the ship went anywhere."""
     if moves.count < _FEWEST_LONG:
         return 0.0
-    path, left = _trimmed(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
+    path, left = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
     rough = np.abs(np.diff(motion.position.levels, n=2, axis=0))
     noise = float(np.median(rough)) / (0.6745 * np.sqrt(6.0))
     return left / path if path > _LEAST_MOVE_M and left > _BEYOND_NOISE * noise else 0.0
 
 
-def _over(values: NDArray[Any], starts: NDArray[np.int64], length: int) -> NDArray[Any]:
+def _changes_over(values: NDArray[Any], starts: NDArray[np.int64], length: int) -> NDArray[Any]:
     """By how much values on the grid change over each window."""
     return np.asarray(values[starts + length] - values[starts])
 
 
-def _regressed(moved: Complexes | Floats, slopes: Complexes | Floats) -> tuple[Complexes, Complexes]:
+def _regress(moved: Complexes | Floats, slopes: Complexes | Floats) -> tuple[Complexes, Complexes]:
     """Complex least squares with Cauchy's weights: the values [p] and what is left [n]."""
     size = np.sqrt(np.mean(np.abs(slopes) ** 2, axis=0)) + 1e-12
     scaled = (slopes / size).astype(np.complex128)
@@ -240,7 +243,7 @@ def _regressed(moved: Complexes | Floats, slopes: Complexes | Floats) -> tuple[C
     return np.asarray(values / size), np.asarray(left)
 
 
-def _trimmed(values: Complexes | Floats) -> float:
+def _trimmed_rms(values: Complexes | Floats) -> float:
     """The root mean square of all but the largest fifth."""
     squares = np.sort(np.abs(values) ** 2)
     return float(np.sqrt(squares[: max(1, int(_KEPT * squares.size))].mean()))

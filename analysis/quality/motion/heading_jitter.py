@@ -1,9 +1,9 @@
 """Stamps of headings that jitter: the heading scatters about the integrated yaw rate in proportion to the rate.
 
-A ship's inertia keeps her yaw rate smooth, and noise of compass and gyro is the same whether she turns or not. The
-variance that grows with the square of the yaw rate is therefore that of the stamps. Each stretch of time counts for
-itself, about its own straight line and, within what is known of such sensors, its own scale and delay; the interval
-comes from leaving out one stretch after another.
+A ship's inertia keeps her yaw rate smooth, and noise of compass and gyro is the same whether she turns or not.
+The variance that grows with the square of the yaw rate is therefore that of the stamps. Each stretch of time
+counts for itself, about its own straight line and, within what is known of such sensors, its own scale and delay;
+the interval comes from leaving out one stretch after another.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats
-from analysis.quality.motion.jitter import Jitter
 from analysis.quality.motion.kinematics import Kinematics, quantile
 from analysis.quality.motion.path import turn_model
+from analysis.quality.motion.position_jitter import Jitter
 from analysis.quality.motion.series import GROUPS, group_samples
 
 _SMALLEST_S = 0.1
@@ -53,7 +53,7 @@ class HeadingErrors:
 def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     """The jitter of the headings in a table about the turns that were fitted to it."""
     raw = group_samples(table, GROUPS["heading_deg"])
-    turned, rate = turned_at(fit, raw.time_s)
+    turned, rate = integrated_yaw_rate_at(fit, raw.time_s)
     error = np.deg2rad(unwrap(np.rad2deg(raw.levels[:, 0] - turned)))
     steps = np.abs(np.diff(raw.levels[:, 0]))
     moved = steps[steps > 1e-7]
@@ -73,16 +73,16 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
     jitter = _jitter(lines, errors.rate**2, errors.step)
     for _ in range(_ROUNDS):
         if jitter.seconds >= _SMALLEST_S:
-            jitter = _jitter(lines, _swung2(errors, jitter.seconds), errors.step)
+            jitter = _jitter(lines, _spoilt_by_stamps2(errors, jitter.seconds), errors.step)
     return jitter
 
 
-def certain(jitter: Jitter) -> bool:
+def is_certain(jitter: Jitter) -> bool:
     """Whether headings jitter: not by chance, not next to nothing, nor by more than stamps do."""
     return jitter.beyond(_SMALLEST_S, _CHANCE) and jitter.seconds <= _LARGEST_STAMP_ERROR_S
 
 
-def turned_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
+def integrated_yaw_rate_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
     """What a heading with these stamps should read but for a constant [rad], and the yaw rate then [rad/s].
 
     From the recorded yaw rate with the factor, the bias and the delay between the two that were fitted.
@@ -97,7 +97,7 @@ def turned_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Floats, Floats]:
     return both[:, 0], both[:, 1]
 
 
-def leaps(error: Floats, rate: Floats) -> Bools:
+def discontinuities(error: Floats, rate: Floats) -> Bools:
     """Where headings part from the integrated yaw rate for good, as at a splice: [n - 1], steps that no stamp error
     of 3 s and no noise explains."""
     steps = np.abs(np.diff(error))
@@ -106,7 +106,7 @@ def leaps(error: Floats, rate: Floats) -> Bools:
     return np.asarray(steps > _LARGEST_STAMP_ERROR_S * turning + _LEAP * noise)
 
 
-def _swung2(errors: HeadingErrors, seconds: float) -> Floats:
+def _spoilt_by_stamps2(errors: HeadingErrors, seconds: float) -> Floats:
     """By how much stamps with this standard deviation spoil each heading: squared error over squared stamp error,
     by the three points of Gauss and Hermite."""
     aside_s = np.sqrt(3.0) * seconds
@@ -128,13 +128,13 @@ class _Lines:
 def _about_lines(errors: HeadingErrors, seconds: float) -> _Lines:
     stretch = (errors.time_s // seconds).astype(np.int64)
     count = np.bincount(stretch)
-    broken = np.bincount(stretch[1:], leaps(errors.error, errors.rate), count.size) > 0
+    broken = np.bincount(stretch[1:], discontinuities(errors.error, errors.rate), count.size) > 0
     usable = ~broken & (count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0]))))
     columns = np.column_stack([np.ones(stretch.size), errors.time_s, errors.turned, errors.rate])
     noise2, left = _noise2(errors.error), np.zeros(stretch.size)
     for end, number in zip(np.cumsum(count)[usable], count[usable], strict=True):
         within = slice(end - number, end)
-        left[within] = _left(columns[within], errors.error[within], noise2)
+        left[within] = _residual(columns[within], errors.error[within], noise2)
     return _Lines(stretch, left, np.asarray(usable))
 
 
@@ -144,7 +144,7 @@ def _noise2(error: Floats) -> float:
     return float(max((1.4826 * np.median(np.abs(bends))) ** 2 / 1.5, _FINEST_RAD**2))
 
 
-def _left(columns: Floats, error: Floats, noise2: float) -> Floats:
+def _residual(columns: Floats, error: Floats, noise2: float) -> Floats:
     """What is left about the line, scale and delay of a stretch, as large as if they were known."""
     columns = columns - np.concatenate([[0.0], columns[:, 1:].mean(axis=0)])
     solution = np.linalg.solve(columns.T @ columns + np.diag(noise2 / _PRIOR**2), columns.T)

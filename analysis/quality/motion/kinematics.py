@@ -9,12 +9,17 @@ speeds to that of the positions, scale c and bias d of the yaw rate; and each gr
 equations are integrated over blocks of time and solved by Gauss-Newton steps, from slow motion to faster so that
 a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
 out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.motion.coarse`).
+
+Whether the values are the same throughout a recording is tested by its quarters, each fitted by itself. Where
+they differ by more than their errors, their spread is an error of its own (random effects: R. DerSimonian and N.
+Laird, Meta-analysis in clinical trials, 1986), and the interval is Student's for as many quarters.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -24,7 +29,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from analysis.quality.motion.blocks import Solution, cosines, solve
 from analysis.quality.motion.coarse import Coarse, coarse_fit
-from analysis.quality.motion.path import Model, path_model, turn_model, without_jumps
+from analysis.quality.motion.path import Model, path_model, remove_jumps, turn_model
 from analysis.quality.motion.series import Group, Motion, block_starts, motion_of, spline
 
 PATH_PARAMETERS = (
@@ -54,7 +59,7 @@ class Kinematics:
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
     to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
     ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
-    where they agree or were not asked (:func:`analysis.quality.motion.parts.with_parts`).
+    where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
@@ -104,30 +109,30 @@ def fit_kinematics(table: pd.DataFrame, coarse: Coarse | None = None) -> Kinemat
     coarse = coarse_fit(table) if coarse is None else coarse
     if coarse.neutral:
         return replace(fit_motion(motion_of(table)), coarse=coarse)
-    return _begun(fit_motion(motion_of(_corrected(table, coarse))), coarse)
+    return _fit_of_uncorrected(fit_motion(motion_of(_apply_coarse(table, coarse))), coarse)
 
 
-def _corrected(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
+def _apply_coarse(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
     speeds = {name: table[name] * coarse.speed_factor for name in ("surge_mps", "sway_mps")}
     heading = (table["heading_deg"] - np.rad2deg(coarse.heading_offset_rad)) % 360.0
     return table.assign(**speeds, heading_deg=heading, yaw_rate_dps=table["yaw_rate_dps"] * coarse.yaw_rate_factor)
 
 
-def _begun(fit: Kinematics, coarse: Coarse) -> Kinematics:
+def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
     """A fit to a corrected table as one to the table itself: factors multiply, angles add."""
     scale = np.ones(len(NAMES))
     scale[NAMES.index("speed_factor")] = coarse.speed_factor
     scale[NAMES.index("yaw_rate_factor")] = coarse.yaw_rate_factor
     parameters = fit.parameters * scale
     parameters[NAMES.index("heading_offset_rad")] += coarse.heading_offset_rad
-    recorded = rescaled(
+    recorded = rescale(
         fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
     )
     covariance = fit.covariance * np.outer(scale, scale)
     return replace(fit, parameters=parameters, covariance=covariance, motion=recorded, coarse=coarse)
 
 
-def rescaled(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
+def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
     """Speeds and yaw rate multiplied by their factors, and the offset subtracted from the heading."""
     return replace(
         motion,
@@ -159,11 +164,11 @@ def fit_motion(motion: Motion) -> Kinematics:
     return Kinematics(
         np.concatenate([path.parameters, turn.parameters]), covariance,
         np.concatenate([path.informative, turn.informative]), len(starts), motion,
-        _inside(path.parameters[:2]) and _inside(turn.parameters[:2]),
+        _within_bounds(path.parameters[:2]) and _within_bounds(turn.parameters[:2]),
     )  # fmt: skip
 
 
-def _inside(parameters: Floats) -> bool:
+def _within_bounds(parameters: Floats) -> bool:
     """Whether factor and angle (or bias) stayed where the fit can be believed; the coarse fit is to lead there."""
     return bool(abs(parameters[0] - 1.0) < _FARTHEST and abs(parameters[1]) < _FARTHEST)
 
@@ -194,7 +199,7 @@ def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solut
     To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
     """
     solution = _gauss_newton(level, models, prior, frame)
-    steady = without_jumps(level, models[0], frame.grid_s, solution.parameters)
+    steady = remove_jumps(level, models[0], frame.grid_s, solution.parameters)
     if steady is level:
         return solution
     other = _gauss_newton(steady, models, prior, frame)
@@ -220,3 +225,73 @@ def _gauss_newton(level: Group, models: Models, prior: Floats, frame: _Frame) ->
     # What the last step still moved is not known better.
     moving = np.diag(np.where(prior >= _DELAY_PRIOR_S, 2.0 * solution.parameters, 0.0) ** 2)
     return replace(solution, parameters=values, covariance=solution.covariance + moving)
+
+
+_PARTS = 4
+_FEWEST_PARTS = 3
+_CHANCE_OF_PARTS = 1e-3
+_SAMPLES = 8
+_ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 5e-4, 1e-5, 0.01])
+"""Differences that sampling and interpolation may make, as standard deviations."""
+
+
+def widen_by_parts(fit: Kinematics) -> Kinematics:
+    """The fit with the half widths of intervals that its quarters ask for.
+
+    It takes as long as the fit itself. Recordings of whose quarters fewer than three can be
+    fitted stay as they are.
+    """
+    coarse = fit.coarse
+    motion = rescale(fit.motion, coarse.speed_factor, coarse.heading_offset_rad, coarse.yaw_rate_factor)
+    parts = [part for part in map(_fit_or_none, _quarters(motion)) if part is not None and part.converged]
+    if len(parts) < _FEWEST_PARTS:
+        return fit
+    half = _half_between(
+        np.array([part.parameters for part in parts]), np.array([_variance(part) for part in parts])
+    )
+    half[0] *= abs(coarse.speed_factor)
+    half[6] *= abs(coarse.yaw_rate_factor)
+    return replace(fit, half_between=half)
+
+
+def _half_between(values: Floats, variance: Floats) -> Floats:
+    """Half of the 95 % interval of the mean of values [parts, p], zero where they agree within their variances."""
+    from scipy.special import chdtri, stdtrit
+
+    weights, freedom = 1.0 / variance, len(values) - 1
+    total = weights.sum(axis=0)
+    apart = (weights * (values - (weights * values).sum(axis=0) / total) ** 2).sum(axis=0)
+    added = np.maximum(apart - freedom, 0.0) / np.maximum(total - (weights**2).sum(axis=0) / total, 1e-300)
+    error = np.sqrt(1.0 / (1.0 / (variance + added)).sum(axis=0))
+    limit, times = float(chdtri(freedom, _CHANCE_OF_PARTS)), float(stdtrit(freedom, 0.975))
+    half: Floats = np.where(apart > limit, times * error, 0.0)
+    return half
+
+
+def _variance(part: Kinematics) -> Floats:
+    """As large as few blocks make it, as Student's t is wider than a normal deviate at 95 %."""
+    wider = np.array([quantile(0.975, each) / 1.96 for each in part.informative])
+    return np.asarray((part.standard_errors * wider) ** 2 + _ALIKE**2)
+
+
+def _quarters(motion: Motion) -> list[Motion]:
+    edges = np.linspace(motion.position.time_s[0], motion.position.time_s[-1], _PARTS + 1)
+    return [part for part in (_part(motion, *bounds) for bounds in pairwise(edges)) if part is not None]
+
+
+def _part(motion: Motion, begin: float, end: float) -> Motion | None:
+    position, heading, speed, yaw_rate = (_between(each, begin, end) for each in motion.groups)
+    if min(each.time_s.size for each in (position, heading, speed, yaw_rate)) < _SAMPLES:
+        return None
+    return Motion(position, heading, speed, yaw_rate, motion.step_s)
+
+
+def _between(samples: Group, begin: float, end: float) -> Group:
+    return samples.without((samples.time_s < begin) | (samples.time_s > end))
+
+
+def _fit_or_none(motion: Motion) -> Kinematics | None:
+    try:
+        return fit_motion(motion)
+    except DataShortageError:
+        return None

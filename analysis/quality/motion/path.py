@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from analysis.quality.motion.series import Group, Motion, rotated, spline
+from analysis.quality.motion.series import Group, Motion, rotate, spline
 
 Model = Callable[[Floats], tuple[Floats, Floats]]
 """Levels [points, m] on the grid (2 of position or 1 of heading) for p parameters, and their slopes [points, p, m].
@@ -38,14 +38,14 @@ def path_model(motion: Motion, grid_s: Floats) -> Model:
         times = np.clip(grid_s + heading_late_s, first + width, last - width)
         true = heading_at(times)[:, 0] - offset
         turning = (heading_at(times + width) - heading_at(times - width)) / (2.0 * width)
-        moving = rotated(true, body)
+        moving = rotate(true, body)
         travelled = integral(grid_s, moving)
         ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
         arm = forward * ahead + starboard * aside
-        swung = turning * _turned(arm)
-        bent = integral(grid_s, turning * factor * _turned(moving))
-        slopes = (travelled, -factor * _turned(travelled) - _turned(arm), -factor * moving - swung, bent + swung,
-                  ahead, aside)  # fmt: skip
+        swung = turning * _quarter_turn(arm)
+        bent = integral(grid_s, turning * factor * _quarter_turn(moving))
+        by_offset = -factor * _quarter_turn(travelled) - _quarter_turn(arm)
+        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside)
         return factor * travelled + arm, np.stack(slopes, axis=1)
 
     return model
@@ -72,7 +72,7 @@ def turn_model(motion: Motion, grid_s: Floats) -> Model:
     return model
 
 
-def without_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
+def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
     """Positions or headings whose jumps are taken out, as they come from jittering stamps and clocks that are set.
 
     A step from one sample to the next is a jump where it differs from the model's by far more than the usual
@@ -85,13 +85,13 @@ def without_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) ->
     if not _jumps(steps).any():
         return level
     starts = (values, _most_frequent(steps, values))
-    fits = [_regressed(level, model, grid_s, start) for start in starts]
+    fits = [_robust_fit(level, model, grid_s, start) for start in starts]
     steps = min((_steps(level, model, grid_s, fit) for fit in fits), key=lambda each: float(_scale(each)[0]))
     jumps = _jumps(steps)
     if not jumps.any() or jumps.mean() > _MOST_JUMPS:
         return level
     around = jumps | np.append(jumps[1:], False) | np.append(False, jumps[:-1])
-    removed = np.where(around[:, np.newaxis], _turned_by(steps.angle, steps.error), 0.0)
+    removed = np.where(around[:, np.newaxis], _to_sample_frame(steps.angle, steps.error), 0.0)
     shift = np.vstack([np.zeros(removed.shape[1]), np.cumsum(removed, axis=0)])
     return Group(level.time_s, level.levels - shift, level.interval_s)
 
@@ -107,7 +107,7 @@ class _Steps:
     angle: Floats
 
 
-def _regressed(level: Group, model: Model, grid_s: Floats, values: Floats) -> Floats:
+def _robust_fit(level: Group, model: Model, grid_s: Floats, values: Floats) -> Floats:
     """Parameters by redescending weights (Cauchy's, squared) whose tolerance narrows."""
     for number in range(_ROUNDS):
         steps = _steps(level, model, grid_s, values)
@@ -148,7 +148,7 @@ def _jumps(steps: _Steps) -> NDArray[np.bool_]:
 def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps:
     wanted, slopes = model(values)
     both = np.concatenate([wanted[:, np.newaxis], slopes], axis=1)
-    at = interpolated(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
+    at = interpolate(level.time_s - values[2], grid_s, both.reshape(grid_s.size, -1))
     moves = np.diff(at.reshape(-1, *both.shape[1:]), axis=0)
     measured = np.diff(level.levels, axis=0)
     if measured.shape[1] == 1:
@@ -156,16 +156,16 @@ def _steps(level: Group, model: Model, grid_s: Floats, values: Floats) -> _Steps
         error, moves = (measured - moves[:, 0]) * forward[:, np.newaxis], moves * forward[:, np.newaxis, np.newaxis]
         return _Steps(error, moves[:, 1:], np.abs(moves[:, 0, 0]), np.where(forward < 0.0, np.pi, 0.0))
     angle = np.arctan2(moves[:, 0, 1], moves[:, 0, 0])
-    body = np.stack([rotated(-angle, moves[:, each]) for each in range(moves.shape[1])], axis=1)
-    return _Steps(rotated(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
+    body = np.stack([rotate(-angle, moves[:, each]) for each in range(moves.shape[1])], axis=1)
+    return _Steps(rotate(-angle, measured) - body[:, 0], body[:, 1:], np.hypot(*moves[:, 0].T), angle)
 
 
-def _turned_by(angle: Floats, errors: Floats) -> Floats:
+def _to_sample_frame(angle: Floats, errors: Floats) -> Floats:
     """Errors [n, m] back in the frame of the samples."""
-    return rotated(angle, errors) if errors.shape[1] == 2 else errors * np.cos(angle)[:, np.newaxis]
+    return rotate(angle, errors) if errors.shape[1] == 2 else errors * np.cos(angle)[:, np.newaxis]
 
 
-def interpolated(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
+def interpolate(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
     """Columns [points, m] on the even grid, linearly at other times."""
     place = np.clip((time_s - grid_s[0]) / (grid_s[1] - grid_s[0]), 0.0, grid_s.size - 1.000001)
     before = place.astype(np.int64)
@@ -180,6 +180,6 @@ def integral(grid_s: Floats, rates: Floats) -> Floats:
     return np.asarray(CubicSpline(grid_s, rates).antiderivative()(grid_s))
 
 
-def _turned(vectors: Floats) -> Floats:
+def _quarter_turn(vectors: Floats) -> Floats:
     """Vectors [n, 2] north and east turned by +90 deg: the change by a turn of one radian."""
     return np.column_stack([-vectors[:, 1], vectors[:, 0]])

@@ -86,11 +86,11 @@ def motion_of(table: pd.DataFrame) -> Motion:
     require(table, MOTION)
     raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
     step_s = max(STEP_S, min(each.interval_s for each in raw.values()))
-    speed, yaw_rate = (_binned(_without_spikes(raw[name]), step_s) for name in ("surge_mps", "yaw_rate_dps"))
-    heading = _binned(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
+    speed, yaw_rate = (_average(_without_spikes(raw[name]), step_s) for name in ("surge_mps", "yaw_rate_dps"))
+    heading = _average(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
-    spikes = isolated(raw["north_m"].levels - path)
-    return Motion(_binned(raw["north_m"].without(spikes), step_s), heading, speed, yaw_rate, step_s)
+    spikes = outliers(raw["north_m"].levels - path)
+    return Motion(_average(raw["north_m"].without(spikes), step_s), heading, speed, yaw_rate, step_s)
 
 
 def group_samples(table: pd.DataFrame, channels: tuple[str, ...]) -> Group:
@@ -124,7 +124,7 @@ def _without_repeats(samples: Group) -> Group:
     return Group(samples.time_s[new], samples.levels[new], usual * samples.interval_s)
 
 
-def isolated(values: Floats) -> Bools:
+def outliers(values: Floats) -> Bools:
     """Rows of [n, channels] that stick out of their two neighbours on either side far more than noise does.
 
     What rises or falls steadily never sticks out, however steep.
@@ -161,22 +161,22 @@ def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floa
     grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
     angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
     ahead, aside = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
-    velocity = rotated(angle, np.column_stack([ahead, aside]))
+    velocity = rotate(angle, np.column_stack([ahead, aside]))
     travelled = np.vstack([np.zeros(2), np.cumsum(0.5 * step_s * (velocity[1:] + velocity[:-1]), axis=0)])
     return np.column_stack([np.interp(time_s, grid, column) for column in travelled.T])
 
 
-def rotated(angle_rad: Floats, body: Floats) -> Floats:
+def rotate(angle_rad: Floats, body: Floats) -> Floats:
     """Vectors [n, 2] from forward and starboard to north and east."""
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     return np.column_stack([body[:, 0] * cosine - body[:, 1] * sine, body[:, 0] * sine + body[:, 1] * cosine])
 
 
 def _without_spikes(samples: Group) -> Group:
-    return samples.without(isolated(samples.levels))
+    return samples.without(outliers(samples.levels))
 
 
-def _binned(samples: Group, step_s: float) -> Group:
+def _average(samples: Group, step_s: float) -> Group:
     """Means of time and value over each step; what is slower stays as it is, but for repeated times."""
     bins = np.floor(samples.time_s / step_s + 1e-6).astype(np.int64)
     _, place, count = np.unique(bins, return_inverse=True, return_counts=True)

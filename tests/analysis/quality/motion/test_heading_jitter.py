@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import difference, wrap_360
 from analysis.quality.findings import Finding
 from analysis.quality.motion.checks import motion
-from analysis.quality.motion.rebuilt_heading import rebuilt_heading
+from analysis.quality.motion.reconstruction import reconstruct_heading
 from analysis.quality.repairs import repair
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault
@@ -162,7 +162,7 @@ def test_a_yaw_rate_that_cannot_help_is_said_to(sound: pd.DataFrame, noise_dps: 
         poor = jittering.assign(
             yaw_rate_dps=jittering["yaw_rate_dps"] + dice().normal(0.0, noise_dps, len(jittering))
         )
-    assert rebuilt_heading(poor) is None
+    assert reconstruct_heading(poor) is None
     (left,) = repair(poor, [stated(poor)]).repairs
     assert left.changed == 0
     assert "left as it is" in left.text

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from acquisition.core.errors import DataShortageError, InputError
 from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics
-from analysis.quality.motion.series import group_samples, isolated, motion_of
+from analysis.quality.motion.series import group_samples, motion_of, outliers
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 
 NEUTRAL = np.array([1.0, 0, 0, 0, 0, 0, 1.0, 0, 0])
@@ -170,7 +170,7 @@ def test_values_written_again_and_again_are_one_sample() -> None:
 
 def test_what_rises_steadily_is_no_spike() -> None:
     ramp = np.concatenate([np.zeros(50), np.linspace(0.0, 500.0, 20), np.full(50, 500.0)])[:, np.newaxis]
-    assert not isolated(ramp + 0.01 * np.random.default_rng(0).standard_normal(ramp.shape)).any()
+    assert not outliers(ramp + 0.01 * np.random.default_rng(0).standard_normal(ramp.shape)).any()
 
 
 def test_means_over_a_step_shift_nothing() -> None:

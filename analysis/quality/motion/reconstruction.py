@@ -1,6 +1,7 @@
-"""Positions with jittering time stamps, rebuilt from the path that speeds and heading give.
+"""Positions and headings with jittering time stamps, reconstructed from speeds and yaw rate.
 
-A complementary filter: fast motion from the integrated velocity, slow from the recorded positions.
+A complementary filter for each: fast motion from the integrated velocity or yaw rate, slow motion from the
+recorded positions or headings.
 """
 
 from __future__ import annotations
@@ -11,28 +12,37 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Floats
+from acquisition.core.angles import unwrap, wrap_360
+from acquisition.core.arrays import Bools, Floats
+from acquisition.core.errors import DataShortageError, InputError
+from analysis.quality.motion.heading_jitter import (
+    HeadingErrors,
+    discontinuities,
+    integrated_yaw_rate_at,
+    is_certain,
+    jitter_of,
+)
+from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
 from analysis.quality.runs import Samples, integral, samples_of
 from analysis.tables.time_index import NANO, times_ns, utc_index
 
-POSITION = ("north_m", "east_m")
-_NEEDED = (*POSITION, "heading_deg", "surge_mps", "sway_mps")
-_TIES_S = (60.0, 120.0, 300.0, 600.0)
+POSITIONS = ("north_m", "east_m")
+_NEEDED = (*POSITIONS, "heading_deg", "surge_mps", "sway_mps")
+_POSITION_TIES_S = (60.0, 120.0, 300.0, 600.0)
 _SLOW = 0.01
 """A tie may move the path by one per cent of the ship's speed, hardly more than speeds are uncertain by."""
 _LEAP = 6.0
 
 
 @dataclass(frozen=True, slots=True)
-class Rebuilt:
+class PositionReconstruction:
     """The two position columns, [rows] each, and over how many seconds they are tied; infinite for a median."""
 
     columns: dict[str, Floats]
     tie_s: float
 
 
-def rebuilt(table: pd.DataFrame) -> Rebuilt | None:
+def reconstruct_positions(table: pd.DataFrame) -> PositionReconstruction | None:
     """Positions from the integrated velocity, tied to the recorded ones; None where a channel is lacking.
 
     What lies between path and positions is passed through a running median over 60 s, which leaps do not move,
@@ -43,27 +53,27 @@ def rebuilt(table: pd.DataFrame) -> Rebuilt | None:
     """
     if any(samples_of(table, name).rows.size < 2 for name in _NEEDED):
         return None
-    way_m = path(table)
-    both = np.flatnonzero(table[list(POSITION)].notna().all(axis=1))
+    way_m = dead_reckoning(table)
+    both = np.flatnonzero(table[list(POSITIONS)].notna().all(axis=1))
     times, way_m = utc_index(table)[both], way_m[both]
-    recorded_m = table[list(POSITION)].to_numpy(dtype=float)[both]
+    recorded_m = table[list(POSITIONS)].to_numpy(dtype=float)[both]
     off_m = recorded_m - way_m
     side = _sides(off_m)
-    tie_s = _TIES_S[0]
-    tied_m = tied(off_m, side, times, tie_s)
+    tie_s = _POSITION_TIES_S[0]
+    tied_m = slow_difference(off_m, side, times, tie_s)
     if _agrees_between_leaps(way_m, off_m):
-        for tie_s in (*_TIES_S, np.inf):
-            tied_m = tied(off_m, side, times, tie_s)
+        for tie_s in (*_POSITION_TIES_S, np.inf):
+            tied_m = slow_difference(off_m, side, times, tie_s)
             if _pull(tied_m, way_m, side) < _SLOW:
                 break
     columns = {}
-    for number, name in enumerate(POSITION):
+    for number, name in enumerate(POSITIONS):
         columns[name] = table[name].to_numpy(dtype=float, copy=True)
         columns[name][both] = way_m[:, number] + tied_m[:, number]
-    return Rebuilt(columns, tie_s)
+    return PositionReconstruction(columns, tie_s)
 
 
-def path(table: pd.DataFrame) -> Floats:
+def dead_reckoning(table: pd.DataFrame) -> Floats:
     """North and east of the way that the speeds over ground and the heading give since the start: [rows, 2]."""
     time_ns = times_ns(table)
     since_s = np.asarray((time_ns - time_ns[0]) / NANO)
@@ -82,7 +92,7 @@ def _sides(off_m: Floats) -> NDArray[np.intp]:
     return np.concatenate([[0], np.cumsum(leap)])
 
 
-def tied(off: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
+def slow_difference(off: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
     """Running median and mean over ``tie_s`` of what lies between the recorded and the integrated [n, m], on each
     side by itself; where ``tie_s`` is infinite, the median of a side."""
     parts = []
@@ -114,3 +124,61 @@ def _pull(tied_m: Floats, way_m: Floats, side: NDArray[np.intp]) -> float:
     within = np.diff(side) == 0
     moved, way = (np.sum(np.diff(each, axis=0)[within] ** 2) for each in (tied_m, way_m))
     return float(np.sqrt(moved / max(way, 1e-12)))
+
+
+_HEADING_TIES_S = (15.0, 30.0, 60.0)
+"""Short against what the yaw rate needs to part from the heading by its bias and a scale that changes, long against
+most errors of stamps; how long these last the recording tells."""
+_WORTH = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingReconstruction:
+    """The heading column [rows, deg], and over how many seconds it is tied to the recorded one."""
+
+    heading_deg: Floats
+    tie_s: float
+
+
+def reconstruct_heading(table: pd.DataFrame) -> HeadingReconstruction | None:
+    """Headings with the shape of the integrated yaw rate, taken with factor, bias and delay as they fit the table.
+
+    What lies between the two is passed through a running median, which short errors of stamps do not move, and a
+    running mean; where they part for good (a splice, a hole in the yaw rate) each side is tied by itself. The tie
+    is made longer until what it lets through no longer scatters with the yaw rate. None where channels are lacking
+    or the yaw rate would bring more noise than it mends: headings leave it in turns hardly more than without.
+    """
+    try:
+        fit = fit_kinematics(table)
+    except (DataShortageError, InputError):
+        return None
+    heading = samples_of(table, "heading_deg")
+    turned, rate = integrated_yaw_rate_at(fit, heading.time_s)
+    off = np.deg2rad(unwrap(heading.value - np.rad2deg(turned)))
+    side = np.concatenate([[0], np.cumsum(discontinuities(off, rate) | _unknown(fit, heading.time_s))])
+    times = utc_index(table)[heading.rows]
+    for tie_s in _HEADING_TIES_S:
+        slow = slow_difference(off[:, np.newaxis], side, times, tie_s)[:, 0]
+        left = HeadingErrors(heading.time_s, slow, turned, rate, 0.0)
+        if not is_certain(jitter_of(left)):
+            break
+    if not _worth_it(off - slow, rate):
+        return None
+    column = table["heading_deg"].to_numpy(dtype=float, copy=True)
+    column[heading.rows] = wrap_360(np.rad2deg(turned + slow))
+    return HeadingReconstruction(column, tie_s)
+
+
+def _unknown(fit: Kinematics, heading_time_s: Floats) -> Bools:
+    """Between which headings nothing was recorded of the yaw rate for too long: [n - 1]."""
+    unknown = np.zeros(max(heading_time_s.size - 1, 0), np.bool_)
+    for begin, end in fit.motion.yaw_rate.gaps():
+        unknown |= (heading_time_s[1:] > begin) & (heading_time_s[:-1] < end)
+    return unknown
+
+
+def _worth_it(mended: Floats, rate: Floats) -> bool:
+    """Whether what would be mended in turns is beyond what compass and yaw rate scatter by without turning."""
+    turning, mended2 = rate**2, mended**2
+    still = mended2[turning <= np.median(turning)].mean()
+    return bool((turning * mended2).sum() > _WORTH * still * turning.sum())
