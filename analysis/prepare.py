@@ -40,7 +40,7 @@ def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool 
     """The recording's table, the steps that were done in its history.
 
     ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
-    (:func:`analysis.quality.repairs.rebuilding_positions`).
+    (:func:`analysis.quality.repairs.request_position_repair`).
     Raises :class:`acquisition.core.errors.DataShortageError` for a recording without samples,
     :class:`acquisition.core.errors.InputError` where smoothing lacks position or heading.
     """

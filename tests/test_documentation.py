@@ -192,13 +192,13 @@ def test_the_check_of_the_page_finds_an_overspeed() -> None:
     table = pd.DataFrame({"port_rpm": 150.0 + noise, "starboard_rpm": 150.0 - noise}, index=time)
     table.iloc[20:30, 0] = 260.0
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(check, "CHECKS", (*check.CHECKS, known["overspeed"]))
+        patch.setattr(check, "CHECKS", (*check.CHECKS, known["check_overspeed"]))
         quality = check.check_table(table)
     (finding,) = [each for each in quality.findings if each.code == "overspeed"]
     assert (finding.channel, finding.estimate["rpm"]) == ("port_rpm", 260.0)
     assert (finding.start, finding.end) == (time[20], time[29])
     assert (quality.flags["port_rpm"].iloc[20:30] >= 3).all()
-    assert not known["overspeed"](table[["starboard_rpm"]]).findings
+    assert not known["check_overspeed"](table[["starboard_rpm"]]).findings
 
 
 def test_the_sentence_and_the_group_of_the_page_are_read() -> None:

@@ -14,7 +14,7 @@ from acquisition.recording.reader import Recording, read_recording
 from analysis.estimation.smoother import Smoothed, smooth
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
-from analysis.quality.repairs import Repair, Repaired, repair
+from analysis.quality.repairs import Repair, RepairResult, repair
 from analysis.tables.export import SIGMA_SUFFIX
 from analysis.tables.provenance import with_step
 from analysis.tables.resample import resample
@@ -77,7 +77,7 @@ def analyse(path: Path, options: Options, name: str = "") -> Products:
     raw = table_of(recording)
     raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
-    mended = Repaired(raw, ())
+    mended = RepairResult(raw, ())
     if options.repair:
         mended = repair(
             raw, quality.findings, quality.flags, recording, rebuild_positions=options.rebuild_positions

@@ -23,10 +23,9 @@ from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE, VELOCITY
 from analysis.estimation.local_polynomial import local_quadratic
-from analysis.quality.orders import CODE as ORDER_INTERPOLATED
-from analysis.quality.orders import orders
-from analysis.quality.runs import runs
-from analysis.quality.samples import white_noise
+from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
+from analysis.quality.commands import check_orders
+from analysis.quality.samples import runs, white_noise
 from analysis.tables.provenance import history_of
 from analysis.tables.resample import resample
 from analysis.tables.table import require
@@ -159,7 +158,7 @@ def orders_are_events(table: pd.DataFrame) -> bool:
     mended = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
     angles = table[[name for name in AZIMUTHS if name in table]]
-    return bool(mended & set(AZIMUTHS)) or bool(orders(angles).findings)
+    return bool(mended & set(AZIMUTHS)) or bool(check_orders(angles).findings)
 
 
 def filled(values: Floats) -> Floats:

@@ -15,7 +15,7 @@ from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import Channel
 from acquisition.core.frames import Quality
 from analysis.quality.findings import Flags
-from analysis.quality.samples import Stretch, flags_where, in_time, possible, times_of
+from analysis.quality.samples import Stretch, flags_where, is_possible, sort_by_time, times_of
 from analysis.tables.time_index import NANO
 
 WIDEST_SPIKE = 3
@@ -27,7 +27,7 @@ _POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("environ
 _POSSIBLE_ACCELERATION = {("pose", "m"): 0.5, ("pose", "deg"): 2.0}
 
 
-def gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
+def find_gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
     """Where the channel is silent for much longer than its own interval; two missing samples are the least.
 
     Silent is longer than 2.5 intervals, and than 2.5 times what 95 % of the intervals keep, for channels that
@@ -47,13 +47,13 @@ def gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | Non
     return sorted(found)
 
 
-def out_of_range(samples: pd.Series[Any], channel: Channel) -> Flags:
+def flag_out_of_range(samples: pd.Series[Any], channel: Channel) -> Flags:
     """Bad where the value is impossible by :meth:`Channel.holds`."""
     values = samples.to_numpy(dtype=float)
-    return flags_where(~possible(channel.name, values) & ~np.isnan(values), Quality.BAD, values)
+    return flags_where(~is_possible(channel.name, values) & ~np.isnan(values), Quality.BAD, values)
 
 
-def in_other_turn(samples: pd.Series[Any], channel: Channel) -> bool:
+def is_other_convention(samples: pd.Series[Any], channel: Channel) -> bool:
     """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back.
 
     They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
@@ -61,7 +61,7 @@ def in_other_turn(samples: pd.Series[Any], channel: Channel) -> bool:
     the channel's own turn, like a heading of 360, is always the same angle.
     """
     values = samples.dropna().to_numpy(dtype=float)
-    outside = values[out_of_range(samples.dropna(), channel) == Quality.BAD]
+    outside = values[flag_out_of_range(samples.dropna(), channel) == Quality.BAD]
     if not channel.circular or not outside.size:
         return False
     closed = -180.0 if channel.low < 0.0 else 360.0
@@ -74,12 +74,12 @@ def in_other_turn(samples: pd.Series[Any], channel: Channel) -> bool:
     return whole_turn and np.unique(outside).size >= 3
 
 
-def duplicates(samples: pd.Series[Any]) -> Flags:
+def flag_duplicates(samples: pd.Series[Any]) -> Flags:
     """Suspect where a measured time comes again."""
     return flags_where(samples.index.duplicated(), Quality.SUSPECT, samples.to_numpy(dtype=float))
 
 
-def time_backwards(samples: pd.Series[Any]) -> tuple[Flags, list[Stretch]]:
+def flag_time_backwards(samples: pd.Series[Any]) -> tuple[Flags, list[Stretch]]:
     """Suspect where a sample is measured before one that came earlier; the steps back are listed."""
     times = times_of(samples)
     behind = np.zeros(times.size, dtype=bool)
@@ -90,7 +90,7 @@ def time_backwards(samples: pd.Series[Any]) -> tuple[Flags, list[Stretch]]:
     return flags_where(behind, Quality.SUSPECT, samples.to_numpy(dtype=float)), found
 
 
-def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
+def flag_spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
     """Bad where one to three samples leave their neighbours and return.
 
     What they leave is the line between the samples before and after. Leaving is more than 5 times what 80 % of
@@ -101,7 +101,7 @@ def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
     than twice the steps just beside: the crest of a wave and a thruster that is stirred are lively there too.
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
-    places, times, values = in_time(samples, channel)
+    places, times, values = sort_by_time(samples, channel)
     bad = np.zeros(len(samples), dtype=bool)
     seconds = (times - times[0]) / NANO if times.size else times.astype(float)
     once = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
@@ -109,14 +109,14 @@ def spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
     if values.size >= 16:
         found = np.zeros(values.size, dtype=bool)
         slope, noise, step = _local_slope(seconds, values), np.zeros(values.size), _smallest_step(values)
-        possible = 2.0 * _sustained_step(values)
+        sustained = 2.0 * _sustained_step(values)
         sparse = float(np.median(np.diff(seconds))) >= _SPARSE_S
         for width in range(1, WIDEST_SPIKE + 1):
             away, leaving, span = _leaving(seconds, values, slope, width)
             noise = np.maximum(noise, _neighbourhood(away, 0.8 if width == 1 else 0.9))
             if sparse:
                 noise = np.maximum(noise, 0.5 * np.quantile(away, 0.97))
-            limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(possible, _possible(channel, span)))
+            limit = np.maximum(_SPIKE_SIZE * noise, np.minimum(sustained, _possible(channel, span)))
             starts = np.flatnonzero(leaving > np.maximum(limit, 3.0 * step))
             starts = starts[leaving[starts] > 2.0 * _beside(seconds, values, slope, starts, width)]
             for offset in range(width):

@@ -11,11 +11,16 @@ import pandas as pd
 from acquisition.core.arrays import Bools
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality, iso
-from analysis.quality import channel_checks
+from analysis.quality.channel_checks import (
+    find_gaps,
+    flag_out_of_range,
+    flag_spikes,
+    flag_time_backwards,
+    is_other_convention,
+)
 from analysis.quality.findings import Flags
-from analysis.quality.quantisation import quantised
+from analysis.quality.repeated_values import flag_stuck, quantisation_step
 from analysis.quality.samples import ASSUMED, Stretch, interval_ns, stretches_of, times_of
-from analysis.quality.stuck import stuck
 from analysis.quality.time_checks import ClockJump, jitter_s
 from analysis.tables.time_index import NANO
 
@@ -133,22 +138,22 @@ def channel_faults(
     An assumed constant is neither stuck nor quantised.
     """
     channel, times = BY_NAME[str(samples.name)], times_of(samples)
-    outside = channel_checks.out_of_range(whole, channel) == Quality.BAD
-    possible = samples.mask(outside)
+    outside = flag_out_of_range(whole, channel) == Quality.BAD
+    sound = samples.mask(outside)
     none = np.zeros(len(samples), dtype=bool)
-    behind, steps_back = channel_checks.time_backwards(samples)
+    behind, steps_back = flag_time_backwards(samples)
     jitter = jitter_s(times)
     return ChannelFaults(
         samples=samples,
-        gaps=channel_checks.gaps(samples, *(bounds_ns or (None, None))),
-        stuck=none if assumed else stuck(possible, channel, rate) == Quality.BAD,
-        spikes=none.copy() if assumed else channel_checks.spikes(possible, channel) == Quality.BAD,
+        gaps=find_gaps(samples, *(bounds_ns or (None, None))),
+        stuck=none if assumed else flag_stuck(sound, channel, rate) == Quality.BAD,
+        spikes=none.copy() if assumed else flag_spikes(sound, channel) == Quality.BAD,
         out_of_range=outside,
         duplicates=samples.index.duplicated(),
         behind=behind == Quality.SUSPECT,
         steps_back=steps_back,
-        step=0.0 if assumed else quantised(possible, channel),
-        other_turn=channel_checks.in_other_turn(whole, channel),
+        step=0.0 if assumed else quantisation_step(sound, channel),
+        other_turn=is_other_convention(whole, channel),
         jitter_s=jitter if jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times) else 0.0,
     )
 

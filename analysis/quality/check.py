@@ -9,35 +9,35 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
-from analysis.quality.findings import Check, Checked, Finding, worst
-from analysis.quality.heading_wrap import heading_wrap
-from analysis.quality.motion.checks import motion
-from analysis.quality.orders import orders
-from analysis.quality.samples import column_samples, in_turn, rows_of, series_samples, times_of
-from analysis.quality.stuck import following_rates
+from analysis.quality.commands import check_orders, check_thruster_feedback
+from analysis.quality.findings import Check, CheckResult, Finding, merge_flags
+from analysis.quality.heading_wrap import check_heading_wrap
+from analysis.quality.motion.checks import check_motion
+from analysis.quality.repeated_values import expected_rates
+from analysis.quality.samples import column_samples, rows_of, series_samples, times_of
 from analysis.quality.summary import (
     ALL,
-    WORDS,
+    WORDING,
     clock_jump_finding,
     findings_of,
-    in_other_words,
+    other_convention_finding,
     time_outlier_finding,
 )
-from analysis.quality.thruster_feedback import thruster_feedback
-from analysis.quality.time_checks import ClockJump, clock_jumps, part_of, reception_jumps
-from analysis.quality.wind import wind
+from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps, select_samples
+from analysis.quality.wind import check_wind
 from analysis.tables.table import table_of
 from analysis.tables.time_index import index_of, main_stretch, times_ns, utc_index
 
-CHECKS: tuple[Check, ...] = (motion, heading_wrap, orders, thruster_feedback, wind)
+CHECKS: tuple[Check, ...] = (check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_wind)
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
-GRAVITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
+SEVERITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
            "motion_contradiction", "stuck", "position_jump", "heading_wrap_interpolated", "speed_scale",
            "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter", "heading_offset",
            "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset", "order_interpolated",
@@ -111,14 +111,14 @@ def _check(
     if inside.all():
         return _check_stretch(samples, whole, joined, series)
     some, some_whole = _within(samples, first, last), _within(whole, first, last)
-    parts = {name: part_of(each, (each.measured_ns >= first) & (each.measured_ns <= last))
+    parts = {name: select_samples(each, (each.measured_ns >= first) & (each.measured_ns <= last))
              for name, each in series.items()}  # fmt: skip
     found = time_outlier_finding(samples, first, last)
     quality = _check_stretch(some, some_whole, joined[inside], parts, (found,))
     columns = joined[list(samples)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(some)] = quality.flags.to_numpy()
-    channels = {name: replace(each, count=len(whole[name]), flagged=dict(_counted(flags[name])))
+    channels = {name: replace(each, count=len(whole[name]), flagged=dict(_count_flags(flags[name])))
                 for name, each in quality.channels.items()}  # fmt: skip
     return DataQuality(channels, quality.findings, flags)
 
@@ -129,7 +129,7 @@ def _within(samples: Mapping[str, pd.Series[Any]], first: int, last: int) -> dic
     return {name: each for name, each in found.items() if len(each)}
 
 
-def _counted(flags: pd.Series[Any]) -> Iterator[tuple[int, int]]:
+def _count_flags(flags: pd.Series[Any]) -> Iterator[tuple[int, int]]:
     kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
     return ((int(kind), int(count)) for kind, count in zip(kinds, counts, strict=True))
 
@@ -145,7 +145,7 @@ def _check_stretch(
     out of range."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
-    rates, sources = following_rates(joined), joined.attrs.get("sources", {})
+    rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
     faults = {
         name: channel_faults(each, whole[name], rates.get(name), bounds, sources.get(name) == ASSUMED_SOURCES)
         for name, each in samples.items()
@@ -154,12 +154,12 @@ def _check_stretch(
     possible = _possible(joined, whole, faults, rows)
     checked = [check(possible) for check in CHECKS]
     across = tuple(finding for each in checked for finding in each.findings)
-    _explain(faults, rows, checked)
+    _drop_explained_spikes(faults, rows, checked)
     jumps, jump_findings = _clock_jumps(samples, joined, series)
     findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
-    flags = _merged(faults, rows, checked, joined)
-    channels = {name: each.quality(_named(findings, name), whole[name], jumps) for name, each in faults.items()}
-    return DataQuality(channels, tuple(sorted(findings, key=_gravity)), flags)
+    flags = _merge_all_flags(faults, rows, checked, joined)
+    channels = {name: each.quality(_is_about(findings, name), whole[name], jumps) for name, each in faults.items()}
+    return DataQuality(channels, tuple(sorted(findings, key=_severity)), flags)
 
 
 def _possible(
@@ -183,7 +183,9 @@ def _possible(
     return cleaned
 
 
-def _explain(faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[Checked]) -> None:
+def _drop_explained_spikes(
+    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[CheckResult]
+) -> None:
     """Take back spikes where a check across channels knows better what happened to the channel."""
     for each in checked:
         named = {finding.channel for finding in each.findings if finding.code in _EXPLAINED_BY["spike"]}
@@ -223,7 +225,7 @@ def _single_findings(
     """Findings of the checks of one channel, without what a finding across channels says better."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
     found: list[Finding] = []
-    for code in WORDS:
+    for code in WORDING:
         said = (
             {each.channel for each in across if each.code in _EXPLAINED_BY.get(code, ())} if code == "stuck" else ()
         )
@@ -234,12 +236,12 @@ def _single_findings(
         }
         made = findings_of(code, troubles, len(faults))
         turned = [name for name, fault in faults.items() if fault.other_turn] if code == "out_of_range" else []
-        found += [in_other_words(each) if each.channel in turned else each for each in made]
+        found += [other_convention_finding(each) if each.channel in turned else each for each in made]
     return found
 
 
-def _merged(
-    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[Checked], joined: pd.DataFrame
+def _merge_all_flags(
+    faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[CheckResult], joined: pd.DataFrame
 ) -> pd.DataFrame:
     """The flags of all checks on the rows of the joined table."""
     columns = {}
@@ -249,21 +251,21 @@ def _merged(
         present: Bools = joined[name].notna().to_numpy() if name in joined else np.zeros(len(joined), dtype=bool)
         for each in checked:
             if name in each.flags:
-                column = np.where(present, worst(column, each.flags[name].to_numpy(np.uint8)), column)
+                column = np.where(present, merge_flags(column, each.flags[name].to_numpy(np.uint8)), column)
         columns[name] = column
     return pd.DataFrame(columns, index=joined.index)
 
 
-def _named(findings: tuple[Finding, ...], name: str) -> bool:
+def _is_about(findings: tuple[Finding, ...], name: str) -> bool:
     """Whether a finding is about this channel, or about the pair of which it is the other half."""
     return any(
         finding.channel == ALL
         or name in finding.channel
-        or (finding.code not in WORDS and _PAIRS.get(name, name) in finding.channel)
+        or (finding.code not in WORDING and _PAIRS.get(name, name) in finding.channel)
         for finding in findings
     )
 
 
-def _gravity(finding: Finding) -> tuple[int, pd.Timestamp, str]:
-    rank = GRAVITY.index(finding.code) if finding.code in GRAVITY else len(GRAVITY)
+def _severity(finding: Finding) -> tuple[int, pd.Timestamp, str]:
+    rank = SEVERITY.index(finding.code) if finding.code in SEVERITY else len(SEVERITY)
     return rank, finding.start, finding.channel

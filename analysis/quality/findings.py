@@ -50,7 +50,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckResult:
     """What a check across channels made of a table.
 
     ``flags`` has the table's index and a column for each channel that the check judged, as uint8.
@@ -60,11 +60,11 @@ class Checked:
     findings: tuple[Finding, ...] = ()
 
 
-Check = Callable[[pd.DataFrame], Checked]
+Check = Callable[[pd.DataFrame], CheckResult]
 """A check across channels: from the joined table of raw samples, in the order of measured time."""
 
 
-def no_flags(table: pd.DataFrame, names: tuple[str, ...] = ()) -> pd.DataFrame:
+def initial_flags(table: pd.DataFrame, names: tuple[str, ...] = ()) -> pd.DataFrame:
     """Flags that say nothing yet: missing where ``table`` has no value, else not evaluated."""
     columns = {
         name: np.where(table[name].isna(), Quality.MISSING, Quality.NOT_EVALUATED).astype(np.uint8)
@@ -79,7 +79,7 @@ for _rank, _flag in enumerate(_PRECEDENCE):
     _RANK[_flag] = _rank
 
 
-def worst(first: Flags, second: Flags) -> Flags:
+def merge_flags(first: Flags, second: Flags) -> Flags:
     """The graver of two flags, value by value; what was judged counts more than what was not.
 
     >>> worst(np.array([1, 2, 3, 9], np.uint8), np.array([2, 1, 4, 4], np.uint8)).tolist()

@@ -16,11 +16,11 @@ from scipy import special
 from acquisition.core.angles import difference, wrap_360
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME, COMMAND
-from analysis.quality.findings import Checked, Finding, no_flags
-from analysis.quality.runs import Samples, mark, median_step_s, runs, samples_of, scatter
+from analysis.quality.findings import CheckResult, Finding, initial_flags
+from analysis.quality.samples import Samples, median_step_s, robust_spread, runs, samples_of, set_flags
 from analysis.tables.time_index import utc_index
 
-CODE = "heading_wrap_interpolated"
+WRAP_INTERPOLATED = "heading_wrap_interpolated"
 JUDGED = ("heading_deg", "wind_direction_deg", *(name for name in COMMAND if BY_NAME[name].circular))
 _SMALLEST_DEG = 1.0
 """Samples nearer than this to where they belong are left: they do no harm and noise looks like them."""
@@ -34,29 +34,29 @@ _CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
 """Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
 
 
-def heading_wrap(table: pd.DataFrame) -> Checked:
+def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     """Find angles that were interpolated straight through their seam (``heading_wrap_interpolated``).
 
     Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
     lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
     """
     names = tuple(name for name in JUDGED if name in table)
-    flags, index, findings = no_flags(table, names), utc_index(table), []
+    flags, index, findings = initial_flags(table, names), utc_index(table), []
     for name in names:
         series = _possible(table, name)
-        wrong, places = _found(table, name, series)
-        mark(flags, name, series.rows, series.rows[wrong])
+        wrong, places = _wrong_samples(table, name, series)
+        set_flags(flags, name, series.rows, series.rows[wrong])
         if places:
             rows = series.rows[wrong]
             findings.append(_finding(name, index[rows[0]], index[rows[-1]], rows.size, places))
-    return Checked(flags, tuple(findings))
+    return CheckResult(flags, tuple(findings))
 
 
-def straight_through(table: pd.DataFrame, name: str) -> Bools:
+def interpolated_through_seam(table: pd.DataFrame, name: str) -> Bools:
     """Whether each value of an angle lies on a straight line through its seam: [rows]."""
     wrong = np.zeros(len(table), np.bool_)
     series = _possible(table, name)
-    wrong[series.rows[_found(table, name, series)[0]]] = True
+    wrong[series.rows[_wrong_samples(table, name, series)[0]]] = True
     return wrong
 
 
@@ -64,7 +64,7 @@ def _finding(name: str, start: pd.Timestamp, end: pd.Timestamp, samples: int, pl
     seam = "360 and 0" if BY_NAME[name].low == 0.0 else "180 and -180"
     text = f"{name} was interpolated as a plain number between {seam}: {samples} samples in {places} places"
     remedy = "They are put back on the circle between their neighbours by --repair"
-    return Finding(CODE, name, start, end, text, remedy,
+    return Finding(WRAP_INTERPOLATED, name, start, end, text, remedy,
                    {"samples": float(samples), "places": float(places)}, certain=True)  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def _possible(table: pd.DataFrame, name: str) -> Samples:
     return Samples(series.rows[held], series.time_s[held], series.value[held])
 
 
-def _found(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
+def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
     """The wrong samples [n] and the number of places, none where chance would do as well.
 
     A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
@@ -86,7 +86,7 @@ def _found(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]
     if series.rows.size < 4:
         return nothing
     expected_deg = _expected_steps(table, name, series)
-    scatter_deg = scatter(difference(np.diff(series.value), expected_deg))
+    scatter_deg = robust_spread(difference(np.diff(series.value), expected_deg))
     if 10.0 * scatter_deg > _LARGEST_DEG:
         return nothing
     limit_deg = max(10.0 * scatter_deg, _SMALLEST_DEG)
@@ -160,7 +160,9 @@ def _lines(time_s: Floats, from_seam_deg: Floats, expected_deg: Floats, limit_de
     wrong = np.zeros(time_s.size, np.bool_)
     whole_deg = 360.0 - 6.0 * limit_deg
     sure = [
-        each for each in usable if abs(each.turns) == 1 or _crosses(step_deg[each.first : each.last], whole_deg)
+        each
+        for each in usable
+        if abs(each.turns) == 1 or _makes_whole_turn(step_deg[each.first : each.last], whole_deg)
     ]
     # Swinging about the seam, samples may go astray twice and come back on the side they left from: no turn
     # is left over. Alone that is a spike near north; beside places that are sure it is one of them.
@@ -188,7 +190,7 @@ def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit
     return _Group(first, last, turns, off_deg, bool(closes), at_seam)
 
 
-def _crosses(step_deg: Floats, whole_deg: float) -> bool:
+def _makes_whole_turn(step_deg: Floats, whole_deg: float) -> bool:
     """Whether a stretch of one sign, of two steps or more, makes up a whole turn: there and back again."""
     sign = np.sign(step_deg)
     starts: Ints = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])

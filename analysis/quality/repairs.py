@@ -19,7 +19,7 @@ from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
 from acquisition.recording.tables import write_table
 from analysis.quality.findings import Finding
-from analysis.quality.samples import possible, rows_of
+from analysis.quality.samples import is_possible, rows_of
 from analysis.quality.single_repairs import REPAIRS, Columns, FlagsByChannel
 from analysis.quality.summary import OTHER_TURN
 from analysis.tables.files import expect_suffix
@@ -38,7 +38,7 @@ class Repair:
 
 
 @dataclass(frozen=True, slots=True)
-class Repaired:
+class RepairResult:
     """A table after its repairs, with a step in its history for each."""
 
     table: pd.DataFrame
@@ -52,7 +52,7 @@ def repair(
     recording: Recording | None = None,
     *,
     rebuild_positions: bool = False,
-) -> Repaired:
+) -> RepairResult:
     """Put right what is certain of ``findings``; the given table stays as it is.
 
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
@@ -62,7 +62,7 @@ def repair(
     taken out by resampling, on request) are passed over, and so is a repair whose channels are lacking.
     """
     if rebuild_positions:
-        findings = rebuilding_positions(findings, table)
+        findings = request_position_repair(findings, table)
     order = tuple(REPAIRS)
     certain = sorted(
         (finding for finding in findings if finding.certain and finding.code in REPAIRS),
@@ -87,10 +87,10 @@ def repair(
             table.assign(**done.columns), "repair", code=finding.code, channel=finding.channel, text=done.text,
             changed=changed, estimate=dict(finding.estimate),
         )  # fmt: skip
-    return Repaired(table, tuple(repairs))
+    return RepairResult(table, tuple(repairs))
 
 
-def rebuilding_positions(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
+def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
     """The findings with the order to rebuild the positions and, where it was found to jitter, the heading that
     their path leans on, for :func:`repair`.
 
@@ -116,7 +116,7 @@ def write_repaired(
     flags: FlagsByChannel | None = None,
     *,
     rebuild_positions: bool = False,
-) -> Repaired:
+) -> RepairResult:
     """Repair ``table``, which is ``recording`` as read, and write it as a new recording at ``path``.
 
     The trial's metadata are kept; sources of channels that were changed say so; ``flags`` become the samples'
@@ -174,6 +174,6 @@ def _with_impossible(table: pd.DataFrame, recording: Recording, name: str) -> pd
     """The table with the impossible values of a channel that reading a recording leaves out."""
     series, value = recording.series[name], table[name].to_numpy(dtype=float, copy=True)
     rows = rows_of(times_ns(table), series.measured_ns)
-    outside = np.isfinite(series.value) & ~possible(name, series.value)
+    outside = np.isfinite(series.value) & ~is_possible(name, series.value)
     value[rows[outside]] = series.value[outside]
     return table.assign(**{name: value})

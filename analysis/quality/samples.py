@@ -1,4 +1,8 @@
-"""The samples of one channel as the checks see them, and what the checks share: noise, steps, runs, stretches."""
+"""The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps, flags.
+
+Checks of one channel work on its samples in the order of receipt (a pandas series), checks across channels on its
+samples in the rows of the joined table (:class:`Samples`).
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,7 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME, Channel
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Series
-from analysis.quality.runs import runs
-from analysis.tables.time_index import NANO, index_of
+from analysis.tables.time_index import NANO, index_of, times_ns
 
 ASSUMED = ("assumed",)
 
@@ -60,7 +63,7 @@ def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
     return np.minimum(rows, table_ns.size - 1)
 
 
-def possible(name: str, values: Floats) -> Bools:
+def is_possible(name: str, values: Floats) -> Bools:
     """As :meth:`acquisition.core.channels.Channel.holds`, of many values."""
     channel = BY_NAME[name]
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
@@ -68,14 +71,7 @@ def possible(name: str, values: Floats) -> Bools:
     return np.asarray(beyond_low & below_high)
 
 
-def in_turn(name: str, angle_deg: Floats) -> Floats:
-    """Angles brought into their channel's turn, as :meth:`acquisition.core.channels.Channel.wrapped`."""
-    low = BY_NAME[name].low
-    turned = low + np.mod(angle_deg - low, 360.0)
-    return np.where((turned >= low + 360.0) | ((low < 0.0) & (turned == low)), -low if low < 0.0 else 0.0, turned)
-
-
-def in_time(samples: pd.Series[Any], channel: Channel) -> tuple[Ints, Ints, Floats]:
+def sort_by_time(samples: pd.Series[Any], channel: Channel) -> tuple[Ints, Ints, Floats]:
     """Which samples have a value, in the order of measured time: their places, times [ns], values.
 
     Angles come unwrapped, so that differences are turns.
@@ -105,7 +101,7 @@ def white_noise(values: Floats) -> float:
     return float(np.median(np.abs(np.diff(values, 3))) / 0.6745 / np.sqrt(20.0))
 
 
-def turns_between(values: Floats, circular: bool) -> Floats:
+def steps_between(values: Floats, circular: bool) -> Floats:
     """The steps from value to value; on a circle the shorter way."""
     steps = np.diff(values)
     return wrap_180(steps) if circular else steps
@@ -125,3 +121,66 @@ def stretches_of(samples: pd.Series[Any], flagged: Bools) -> list[Stretch]:
     starts, ends = runs(flagged)
     pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
     return [Stretch(first, last, float(count)) for (first, last), count in pairs]
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """The values that one channel has: their ``rows`` in the table, times [s] and values, all of shape [n]."""
+
+    rows: Ints
+    time_s: Floats
+    value: Floats
+
+
+def samples_of(table: pd.DataFrame, name: str) -> Samples:
+    """The finite values of a channel at distinct times; of a repeated time the first. Empty if it is lacking."""
+    if name not in table:
+        return Samples(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+    value = table[name].to_numpy(dtype=float)
+    time_ns = times_ns(table)
+    rows = np.flatnonzero(np.isfinite(value))
+    rows = rows[np.concatenate([[True], np.diff(time_ns[rows]) > 0])] if rows.size else rows
+    since_s = (time_ns[rows] - (time_ns[0] if time_ns.size else 0)) / NANO
+    return Samples(rows, since_s, value[rows])
+
+
+def runs(mask: Bools) -> tuple[Ints, Ints]:
+    """First and one past the last index of every stretch of ``True``.
+
+    >>> [ends.tolist() for ends in runs(np.array([True, False, True, True]))]
+    [[0, 2], [1, 4]]
+    """
+    edges = np.diff(np.concatenate([[0], np.asarray(mask, np.int8), [0]]))
+    return np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+
+
+def mask_of_runs(first: Ints, stop: Ints, count: int) -> Bools:
+    """Whether each of ``count`` samples lies in one of the stretches: the inverse of :func:`runs`."""
+    edges = np.zeros(count + 1, np.int64)
+    np.add.at(edges, first, 1)
+    np.add.at(edges, stop, -1)
+    return np.cumsum(edges[:-1]) > 0
+
+
+def robust_spread(values: Floats) -> float:
+    """The standard deviation of the bulk of ``values``, which outliers do not move: 1.4826 median |x|."""
+    return float(1.4826 * np.median(np.abs(values))) if values.size else 0.0
+
+
+def median_step_s(time_s: Floats) -> float:
+    """The usual time between samples [s]; 0 for fewer than two."""
+    return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
+
+
+def integrate(rate: Samples) -> Floats:
+    """By the trapezoidal rule, from 0 at the first sample."""
+    steps = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.time_s)
+    return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def set_flags(flags: pd.DataFrame, name: str, judged: Ints, wrong: Ints, flag: Quality = Quality.BAD) -> None:
+    """Write into a check's fresh ``flags``: the ``judged`` rows of a channel are good but for the ``wrong``."""
+    column = flags[name].to_numpy(copy=True)
+    column[judged] = Quality.GOOD
+    column[wrong] = flag
+    flags[name] = column

@@ -14,17 +14,18 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import unwrap
+from acquisition.core.angles import in_turn, unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from analysis.quality import heading_wrap as wrapped
-from analysis.quality import orders, wind
+from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
+from analysis.quality.commands import hold_orders
 from analysis.quality.findings import Finding, Flags
+from analysis.quality.heading_wrap import JUDGED, WRAP_INTERPOLATED, interpolated_through_seam
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
-from analysis.quality.runs import integral, samples_of
-from analysis.quality.samples import in_turn, possible
+from analysis.quality.samples import integrate, is_possible, samples_of
 from analysis.quality.summary import ALL, OTHER_TURN
+from analysis.quality.wind import true_wind
 from analysis.tables.time_index import NANO, main_stretch, times_ns, utc_index
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
@@ -38,7 +39,7 @@ _EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray val
             "stuck": "values of a sensor that stood still became gaps"}  # fmt: skip
 
 
-class Done(NamedTuple):
+class SingleRepair(NamedTuple):
     """What a repair did, in words, and the columns it gives; ``told`` if people are to read it even where no value
     changed."""
 
@@ -47,10 +48,10 @@ class Done(NamedTuple):
     told: bool = False
 
 
-_NOTHING = Done("", {})
+_NOTHING = SingleRepair("", {})
 
 
-def without_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> Done:
+def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
     """Gaps where values within the finding are flagged bad; impossible ones need no flag to be known.
 
     Angles on a line through their seam are bad too, but they can be mended and are left for that.
@@ -62,35 +63,35 @@ def without_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
-            value[bad & ~wrapped.straight_through(table, name) if name in wrapped.JUDGED else bad] = np.nan
+            value[bad & ~interpolated_through_seam(table, name) if name in JUDGED else bad] = np.nan
         if finding.code == "out_of_range" and name in BY_NAME:
-            value[~possible(name, value)] = np.nan
+            value[~is_possible(name, value)] = np.nan
         columns[name] = value
-    return Done(_EMPTIED[finding.code], columns)
+    return SingleRepair(_EMPTIED[finding.code], columns)
 
 
-def without_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> Done:
+def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
     """Impossible values turned into the channel's convention where they are angles of the other, else gaps."""
     if OTHER_TURN not in finding.estimate or finding.channel not in table:
-        return without_flagged(table, finding, flags)
+        return remove_flagged(table, finding, flags)
     name = finding.channel
     value = table[name].to_numpy(dtype=float, copy=True)
-    outside = np.isfinite(value) & ~possible(name, value)
+    outside = np.isfinite(value) & ~is_possible(name, value)
     value[outside] = in_turn(name, value[outside])
     low = BY_NAME[name].low
-    return Done(f"angles turned into {low:g}..{low + 360.0:g}", {name: value})
+    return SingleRepair(f"angles turned into {low:g}..{low + 360.0:g}", {name: value})
 
 
-def without_strays(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def remove_time_outliers(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Gaps where a row is stamped years away from the recording proper."""
     times = times_ns(table)
     first, last = main_stretch(times)
     stray = (times < first) | (times > last)
     columns = {name: table[name].mask(stray).to_numpy(dtype=float) for name in _channels(table, finding)}
-    return Done("samples stamped years away became gaps", columns)
+    return SingleRepair("samples stamped years away became gaps", columns)
 
 
-def without_repeats(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def remove_duplicates(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Gaps where a measured time comes again with the value it had; the row stays, and other values stay."""
     columns = {}
     for name in _channels(table, finding):
@@ -99,24 +100,24 @@ def without_repeats(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) ->
         known = pd.DataFrame({"time": times_ns(table)[rows], "value": value[rows]})
         value[rows[known.duplicated().to_numpy()]] = np.nan
         columns[name] = value
-    return Done("samples that stand twice stand once", columns)
+    return SingleRepair("samples that stand twice stand once", columns)
 
 
-def on_the_circle(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Samples on straight lines through the seam, put between their sound neighbours on the circle.
 
     A heading takes the shape of its way from the yaw rate: what the integrated rate leaves over between the
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    wrong = wrapped.straight_through(table, name) if name in table else np.zeros(len(table), np.bool_)
+    wrong = interpolated_through_seam(table, name) if name in table else np.zeros(len(table), np.bool_)
     if not wrong.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)
     rate = samples_of(table, "yaw_rate_dps")
     rated = name == "heading_deg" and rate.rows.size > 1
     since_s = _since_s(table)
-    path_deg = np.interp(since_s, rate.time_s, integral(rate)) if rated else np.zeros(len(table))
+    path_deg = np.interp(since_s, rate.time_s, integrate(rate)) if rated else np.zeros(len(table))
     sound = np.flatnonzero(np.isfinite(value) & ~wrong)
     left_deg = unwrap(value[sound] - path_deg[sound])
     filled = path_deg + np.interp(since_s, since_s[sound], left_deg)
@@ -124,33 +125,33 @@ def on_the_circle(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> D
     hole_s = since_s[sound[after]] - since_s[sound[after - 1]]
     short = hole_s <= (_LONGEST_HOLE_WITH_RATE_S if rated else _LONGEST_HOLE_S)
     value[wrong] = np.where(short, in_turn(name, filled[wrong]), np.nan)
-    return Done(f"{int(wrong.sum())} samples of {name} put back on the circle", {name: value})
+    return SingleRepair(f"{int(wrong.sum())} samples of {name} put back on the circle", {name: value})
 
 
-def scaled_yaw_rate(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def scale_yaw_rate(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """The yaw rate times the factor that was found."""
     factor = float(finding.estimate["factor"])
     columns = {name: table[name].to_numpy(dtype=float) * factor for name in ("yaw_rate_dps",) if name in table}
-    return Done(f"yaw rate multiplied by {factor:.4f}", columns)
+    return SingleRepair(f"yaw rate multiplied by {factor:.4f}", columns)
 
 
-def scaled_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def scale_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Surge and sway times the factor that was found."""
     factor = float(finding.estimate["factor"])
     columns = {name: table[name].to_numpy(dtype=float) * factor for name in _SPEED if name in table}
-    return Done(f"surge and sway multiplied by {factor:.4f}", columns)
+    return SingleRepair(f"surge and sway multiplied by {factor:.4f}", columns)
 
 
-def rebuilt_headings(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """The shape of the turns from the yaw rate (:mod:`analysis.quality.motion.reconstruction`)."""
     rebuilt = reconstruct_heading(table)
     if rebuilt is None:
-        return Done(_HEADING_STAYS, {}, told=True)
+        return SingleRepair(_HEADING_STAYS, {}, told=True)
     text = f"heading rebuilt from the integrated yaw rate, tied to the recorded one over {rebuilt.tie_s:.0f} s"
-    return Done(text, {"heading_deg": rebuilt.heading_deg})
+    return SingleRepair(text, {"heading_deg": rebuilt.heading_deg})
 
 
-def rebuilt_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Positions from the path that speeds and heading give (:mod:`analysis.quality.motion.reconstruction`)."""
     rebuilt = reconstruct_positions(table)
     if rebuilt is None:
@@ -158,24 +159,24 @@ def rebuilt_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) 
     tie = f"tied to the recorded ones over {rebuilt.tie_s:.0f} s"
     if not np.isfinite(rebuilt.tie_s):
         tie = "which leave it by whole jumps that do not even out, and tie it by their median alone"
-    return Done(f"positions rebuilt from speeds and heading, {tie}", rebuilt.columns)
+    return SingleRepair(f"positions rebuilt from speeds and heading, {tie}", rebuilt.columns)
 
 
-def steadiest_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def repair_apparent_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """The true wind, from a recorded one that is apparent."""
     from_bow = bool(finding.estimate.get("relative_to_bow", 1.0))
-    direction, speed = wind.true_wind(table, from_bow)
+    direction, speed = true_wind(table, from_bow)
     reading = "the bow" if from_bow else "north"
     columns = {"wind_direction_deg": direction, "wind_speed_mps": speed}
-    return Done(f"true wind worked out of the apparent one, which counted from {reading}", columns)
+    return SingleRepair(f"true wind worked out of the apparent one, which counted from {reading}", columns)
 
 
-def held(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> Done:
+def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
     """Orders hold from one event to the next."""
     name = finding.channel
     if name not in table:
         return _NOTHING
-    return Done(f"each order of {name} holds until the next", {name: orders.held_orders(table, name)})
+    return SingleRepair(f"each order of {name} holds until the next", {name: hold_orders(table, name)})
 
 
 def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
@@ -189,18 +190,18 @@ def _since_s(table: pd.DataFrame) -> Floats:
     return np.asarray((time_ns - time_ns[0]) / NANO)
 
 
-REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], Done]] = {
-    "time_outlier": without_strays,
-    "out_of_range": without_impossible,
-    "spike": without_flagged,
-    "stuck": without_flagged,
-    "duplicate": without_repeats,
-    wrapped.CODE: on_the_circle,
-    "yaw_rate_scale": scaled_yaw_rate,
-    "speed_scale": scaled_speeds,
-    "heading_time_jitter": rebuilt_headings,
-    "position_time_jitter": rebuilt_positions,
-    "wind_apparent": steadiest_wind,
-    orders.CODE: held,
+REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepair]] = {
+    "time_outlier": remove_time_outliers,
+    "out_of_range": repair_impossible,
+    "spike": remove_flagged,
+    "stuck": remove_flagged,
+    "duplicate": remove_duplicates,
+    WRAP_INTERPOLATED: repair_heading_wrap,
+    "yaw_rate_scale": scale_yaw_rate,
+    "speed_scale": scale_speeds,
+    "heading_time_jitter": repair_heading,
+    "position_time_jitter": repair_positions,
+    "wind_apparent": repair_apparent_wind,
+    ORDER_INTERPOLATED: repair_orders,
 }
 """The single repairs by the code of their finding, in the order in which they are done."""

@@ -26,7 +26,7 @@ Troubles = Mapping[str, list[Stretch]]
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class Wording:
     """How one kind of trouble is put: from the channel, the stretches and the largest of them to a sentence."""
 
     sentence: Callable[[str, list[Stretch], Stretch], str]
@@ -37,7 +37,7 @@ class Words:
 
 
 def _at(stretch: Stretch) -> str:
-    return f"{stamp(stretch.start_ns):%H:%M:%S}"
+    return f"{utc_time(stretch.start_ns):%H:%M:%S}"
 
 
 def _times(count: int) -> str:
@@ -65,49 +65,49 @@ def _who(channel: str) -> str:
 CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
 """Codes whose flagged samples `--repair` may turn into gaps without asking."""
 
-WORDS: dict[str, Words] = {
-    "gap": Words(
+WORDING: dict[str, Wording] = {
+    "gap": Wording(
         lambda channel, found, largest: f"{_who(channel)} is silent {_times(len(found))}, "
         f"{sum(each.size for each in found):.1f} s in all, the longest {largest.size:.1f} s from {_at(largest)}",
         "Nothing is put across a gap; keep it out of windows",
         lambda found, largest: {"seconds": largest.size, "count": float(len(found))},
     ),
-    "stuck": Words(
+    "stuck": Wording(
         lambda channel, found, largest: f"{_who(channel)} stands exactly still {_times(len(found))} although it "
         f"should move, the longest for {largest.seconds:.1f} s from {_at(largest)}",
         "Do not use it there; look for a sensor or a converter that stopped",
         lambda found, largest: {"seconds": largest.seconds, "count": float(len(found))},
     ),
-    "spike": Words(
+    "spike": Wording(
         lambda channel, found, largest: f"{_who(channel)} leaves its neighbours and returns {_times(len(found))}, "
         f"the furthest by {largest.size:.3g} {_unit(channel)} at {_at(largest)}",
         "The samples are flagged bad and stay out of resampling",
     ),
-    "out_of_range": Words(
+    "out_of_range": Wording(
         lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} with impossible values, the first "
         f"at {_at(min(found))}",
         "The samples are flagged bad; look at the unit and at the source's code for no value",
         lambda found, largest: {"count": _count(found)},
     ),
-    "duplicate": Words(
+    "duplicate": Wording(
         lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} at a measured time that was there "
         f"before, the first at {_at(min(found))}",
         "Keep one of the samples of one time",
         lambda found, largest: {"count": _count(found)},
     ),
-    "time_backwards": Words(
+    "time_backwards": Wording(
         lambda channel, found, largest: f"The measured time of {_who(channel)} runs back {_times(len(found))}, "
         f"the furthest by {abs(largest.size):.3g} s at {_at(largest)}",
         "Tables are sorted by measured time; look at how the source stamps",
         lambda found, largest: {"seconds": abs(largest.size), "count": float(len(found))},
     ),
-    "time_jitter": Words(
+    "time_jitter": Wording(
         lambda channel, found, largest: f"The stamps of {_who(channel)} scatter about a regular clock by "
         f"{largest.size:.3g} s",
         "Take the source's own time if it has one, or put the samples back on a regular clock",
         lambda found, largest: {"seconds": largest.size},
     ),
-    "quantised": Words(
+    "quantised": Wording(
         lambda channel, found, largest: f"{_who(channel)} moves in steps of {largest.size:.3g} {_unit(channel)}, "
         "coarser than its noise",
         "What lies between the steps is lost; take it from a finer source if there is one",
@@ -116,7 +116,7 @@ WORDS: dict[str, Words] = {
 }  # fmt: skip
 
 
-def stamp(time_ns: int) -> pd.Timestamp:
+def utc_time(time_ns: int) -> pd.Timestamp:
     """A time [ns since 1970] as UTC."""
     return pd.Timestamp(time_ns, unit="ns", tz="UTC")
 
@@ -139,15 +139,15 @@ def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]
 
 
 def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
-    words, largest = WORDS[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
-    start, end = stamp(min(each.start_ns for each in found)), stamp(max(each.end_ns for each in found))
+    words, largest = WORDING[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
+    start, end = utc_time(min(each.start_ns for each in found)), utc_time(max(each.end_ns for each in found))
     estimate = words.estimate(found, largest)
     return Finding(
         code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate, code in CERTAIN
     )
 
 
-def in_other_words(finding: Finding) -> Finding:
+def other_convention_finding(finding: Finding) -> Finding:
     """A finding of impossible angles that are those of the other convention; that makes their repair certain."""
     low = BY_NAME[finding.channel].low
     theirs, ours = ("0..360", "-180..180") if low < 0.0 else ("-180..180", "0..360")
@@ -165,11 +165,11 @@ def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
     direction = "forward" if jump.seconds > 0 else "back"
     text = (
         f"{what} jumps {direction} by {abs(jump.seconds):.2f} s ({abs(jump.low):.2f} to {abs(jump.high):.2f}) "
-        f"at {stamp(jump.start_ns):%H:%M:%S}"
+        f"at {utc_time(jump.start_ns):%H:%M:%S}"
     )
     estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
     remedy = "Take the jump off every later stamp before anything crosses it"
-    return Finding("clock_jump", channel, stamp(jump.start_ns), stamp(jump.end_ns), text, remedy, estimate)
+    return Finding("clock_jump", channel, utc_time(jump.start_ns), utc_time(jump.end_ns), text, remedy, estimate)
 
 
 def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, last_ns: int) -> Finding:
@@ -189,7 +189,7 @@ def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, l
     )
     remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
     estimate = {"count": float(count), "seconds": away_s}
-    ends = stamp(int(every.min())), stamp(int(every.max()))
+    ends = utc_time(int(every.min())), utc_time(int(every.max()))
     return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)
 
 

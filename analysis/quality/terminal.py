@@ -32,7 +32,7 @@ def print_quality(console: Console, quality: DataQuality) -> None:
         console.print(f"{finding.code}  {where}", style="bold", highlight=False, markup=False)
         span = f"{finding.start:%Y-%m-%d %H:%M:%S} to {finding.end:%H:%M:%S}"
         console.print(f"  {span}", style="dim", highlight=False)
-        console.print(f"  {sentences(finding)}", highlight=False, markup=False)
+        console.print(f"  {finding_text(finding)}", highlight=False, markup=False)
 
 
 def missing_text(quality: DataQuality) -> str:
@@ -41,7 +41,7 @@ def missing_text(quality: DataQuality) -> str:
     return f"not in the recording: {', '.join(missing)}" if missing else ""
 
 
-def sentences(finding: Finding) -> str:
+def finding_text(finding: Finding) -> str:
     """A finding and its remedy as sentences with one full stop each."""
     return f"{finding.as_json()['text'].rstrip('.')}."
 

@@ -182,7 +182,7 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     for each in series.values():
         if np.any(each.measured_ns != each.received_ns):
             for number, name in enumerate(each.sources):
-                sources.setdefault(name, []).append(part_of(each, each.source_index == number))
+                sources.setdefault(name, []).append(select_samples(each, each.source_index == number))
     found = []
     for name, parts in sources.items():
         received = np.concatenate([part.received_ns for part in parts])
@@ -192,7 +192,7 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     return found
 
 
-def part_of(series: Series, chosen: NDArray[np.bool_]) -> Series:
+def select_samples(series: Series, chosen: NDArray[np.bool_]) -> Series:
     """The chosen samples [n] of a series."""
     return Series(series.measured_ns[chosen], series.received_ns[chosen], series.value[chosen],
                   series.quality[chosen], series.sources, series.source_index[chosen])  # fmt: skip

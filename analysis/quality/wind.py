@@ -17,7 +17,7 @@ from scipy import special
 from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.frames import Quality
-from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.findings import CheckResult, Finding, initial_flags
 from analysis.tables.time_index import NANO, times_ns, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
@@ -37,7 +37,7 @@ _SMALLEST_OFFSET_DEG = 2.0
 _READINGS = ("relative to the bow", "relative to north")
 
 
-def wind(table: pd.DataFrame) -> Checked:
+def check_wind(table: pd.DataFrame) -> CheckResult:
     """Find apparent wind that passes for true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
 
     ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true
@@ -47,16 +47,16 @@ def wind(table: pd.DataFrame) -> Checked:
     Wind that was assumed, not measured, is passed over.
     """
     names = tuple(name for name in JUDGED if name in table)
-    flags = no_flags(table, names)
+    flags = initial_flags(table, names)
     blocks = _blocks(table)
     if blocks is None:
-        return Checked(flags)
+        return CheckResult(flags)
     finding = _apparent(table, blocks) or _offset(table, blocks)
     for name in names:
         column = flags[name].to_numpy(copy=True)
         column[table[name].notna().to_numpy()] = Quality.SUSPECT if finding else Quality.GOOD
         flags[name] = column
-    return Checked(flags, (finding,) if finding else ())
+    return CheckResult(flags, (finding,) if finding else ())
 
 
 def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Floats]:
@@ -66,10 +66,10 @@ def true_wind(table: pd.DataFrame, relative_to_bow: bool) -> tuple[Floats, Float
     2 s, and where the wind itself is not recorded.
     """
     felt, velocity, bow = _vectors(_side_by_side(table))
-    wind = felt * bow - velocity if relative_to_bow else felt - velocity
+    true = felt * bow - velocity if relative_to_bow else felt - velocity
     recorded = table[list(JUDGED)].notna().to_numpy()
-    direction = np.where(recorded[:, 0], wrap_360(np.rad2deg(np.angle(wind))), np.nan)
-    return direction, np.where(recorded[:, 1], np.abs(wind), np.nan)
+    direction = np.where(recorded[:, 0], wrap_360(np.rad2deg(np.angle(true))), np.nan)
+    return direction, np.where(recorded[:, 1], np.abs(true), np.nan)
 
 
 def _vectors(table: pd.DataFrame) -> tuple[Complexes, Complexes, Complexes]:

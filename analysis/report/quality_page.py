@@ -13,9 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.frames import Quality
-from analysis.quality.runs import runs
+from analysis.quality.samples import runs
 from analysis.quality.summary import ALL
-from analysis.quality.terminal import counts_of, missing_text, sentences
+from analysis.quality.terminal import counts_of, finding_text, missing_text
 from analysis.report.page import Page
 from analysis.tables.files import in_place_of, write_parquet
 from analysis.tables.time_index import main_stretch, times_ns
@@ -102,7 +102,7 @@ def _paragraph(finding: Finding) -> str:
     where = "all channels" if finding.channel == ALL else finding.channel
     when = f"{finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
     title = f"<b>{escape(finding.code.replace('_', ' '))}</b> · {escape(where)}"
-    return f'<p>{title} <span class="sub">· {when}</span><br>{escape(sentences(finding))}</p>'
+    return f'<p>{title} <span class="sub">· {when}</span><br>{escape(finding_text(finding))}</p>'
 
 
 def _good_share(quality: DataQuality, name: str) -> str:

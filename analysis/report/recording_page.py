@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from acquisition.core.channels import BY_NAME
 from analysis.quality.summary import ALL
-from analysis.quality.terminal import counts_of, sentences
+from analysis.quality.terminal import counts_of, finding_text
 from analysis.report.manoeuvres_page import add_manoeuvres
 from analysis.report.page import Page
 from analysis.report.run_sheet import add_run_sheet, run_sheet
@@ -93,7 +93,7 @@ def _about(finding: Finding) -> str:
 
 
 def _sentence(finding: Finding) -> str:
-    text = sentences(finding)
+    text = finding_text(finding)
     return text if text.split(" ", 1)[0] in BY_NAME else text[:1].upper() + text[1:]
 
 

@@ -23,7 +23,7 @@ from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
 from analysis.prepare import Preparation, prepared
-from analysis.quality.findings import Checked
+from analysis.quality.findings import CheckResult
 from analysis.tables.export import export_table, matlab_name, with_flags
 from analysis.tables.provenance import history_of, provenance_of, with_step
 from analysis.tables.resample import resample
@@ -238,9 +238,9 @@ def test_delays_are_those_of_the_check_which_leaves_impossible_values_out(
 
     looks = []
 
-    def motion(table: pd.DataFrame) -> Checked:
+    def motion(table: pd.DataFrame) -> CheckResult:
         looks.append(float(table["surge_mps"].max()))
-        return Checked(pd.DataFrame(index=table.index))
+        return CheckResult(pd.DataFrame(index=table.index))
 
     monkeypatch.setattr(check, "CHECKS", (motion,))
     prepared(read_recording(recording), Preparation(1.0, repair=True, remove_delays=True, flags=True))

@@ -22,7 +22,7 @@ import pandas as pd
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
-from analysis.quality.findings import Checked, Finding, no_flags
+from analysis.quality.findings import CheckResult, Finding, initial_flags
 from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.motion.heading_jitter import heading_jitter, is_certain
 from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics, quantile, widen_by_parts
@@ -57,35 +57,35 @@ _OVER_GROUND = ("speed_over_ground_mps", "course_over_ground_deg")
 _PLURAL = ("north_m", "surge_mps")
 
 
-def motion(table: pd.DataFrame) -> Checked:
+def check_motion(table: pd.DataFrame) -> CheckResult:
     """Check the motion channels of a table of raw samples against each other.
 
     Good are the samples that took part, suspect all samples of a channel that a finding names, bad those of
     positions that jumped and returned. Where a motion channel is missing or the trial is too short for 5 blocks of
     40 s, nothing is evaluated and nothing found.
     """
-    flags = no_flags(table, tuple(name for name in MOTION if name in table))
+    flags = initial_flags(table, tuple(name for name in MOTION if name in table))
     try:
         coarse = coarse_fit(table)
         if coarse.contradiction:
-            return _flagged(flags, table, (contradiction_finding(table, coarse),), ())
+            return _with_flags(flags, table, (contradiction_finding(table, coarse),), ())
         fit = fit_kinematics(table, coarse)
     except (DataShortageError, InputError):
-        return Checked(flags)
+        return CheckResult(flags)
     if not fit.converged:
-        return _flagged(flags, table, (diverged_fit_finding(table),), ())
-    return _flagged(flags, table, findings_of(table, fit), position_jumps(table, fit))
+        return _with_flags(flags, table, (diverged_fit_finding(table),), ())
+    return _with_flags(flags, table, findings_of(table, fit), position_jumps(table, fit))
 
 
-def _flagged(
+def _with_flags(
     flags: pd.DataFrame, table: pd.DataFrame, findings: tuple[Finding, ...], jumps: tuple[PositionJump, ...]
-) -> Checked:
+) -> CheckResult:
     flags = flags.where(flags != Quality.NOT_EVALUATED, int(Quality.GOOD)).astype(np.uint8)
     for finding in findings:
         for name in _stamped_with(finding.channel):
             flags[name] = flags[name].where(flags[name] != Quality.GOOD, int(Quality.SUSPECT)).astype(np.uint8)
     flag_displaced(flags, table, jumps)
-    return Checked(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
+    return CheckResult(flags, (*findings, *(jump_finding(table, jump) for jump in jumps)))
 
 
 def _stamped_with(channel: str) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from analysis.quality.motion.heading_jitter import (
     jitter_of,
 )
 from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
-from analysis.quality.runs import Samples, integral, samples_of
+from analysis.quality.samples import Samples, integrate, samples_of
 from analysis.tables.time_index import NANO, times_ns, utc_index
 
 POSITIONS = ("north_m", "east_m")
@@ -82,7 +82,7 @@ def dead_reckoning(table: pd.DataFrame) -> Floats:
     psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
     velocity = ahead * np.cos(psi) - aside * np.sin(psi), ahead * np.sin(psi) + aside * np.cos(psi)
     rows = np.arange(since_s.size)
-    return np.column_stack([integral(Samples(rows, since_s, each)) for each in velocity])
+    return np.column_stack([integrate(Samples(rows, since_s, each)) for each in velocity])
 
 
 def _sides(off_m: Floats) -> NDArray[np.intp]:

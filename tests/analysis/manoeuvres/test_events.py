@@ -8,7 +8,7 @@ import pytest
 
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.motion import AZIMUTHS, motion_of
-from analysis.quality.orders import held_orders
+from analysis.quality.commands import hold_orders
 from analysis.tables.provenance import with_step
 from tests.analysis.manoeuvres.conftest import Sail
 
@@ -33,7 +33,7 @@ def as_events(table: pd.DataFrame, least_deg: float = 1.5) -> pd.DataFrame:
 
 
 def repaired(table: pd.DataFrame) -> pd.DataFrame:
-    steps = table.assign(**{name: held_orders(table, name) for name in AZIMUTHS})
+    steps = table.assign(**{name: hold_orders(table, name) for name in AZIMUTHS})
     steps.attrs = dict(table.attrs)
     for name in AZIMUTHS:
         steps = with_step(steps, "repair", code="order_interpolated", channel=name)

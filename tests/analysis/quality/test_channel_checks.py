@@ -16,9 +16,15 @@ from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from analysis.quality.channel_checks import duplicates, gaps, out_of_range, spikes, time_backwards
+from analysis.quality.channel_checks import (
+    find_gaps,
+    flag_duplicates,
+    flag_out_of_range,
+    flag_spikes,
+    flag_time_backwards,
+)
+from analysis.quality.repeated_values import flag_stuck
 from analysis.quality.samples import series_samples, stretches_of
-from analysis.quality.stuck import stuck
 from analysis.tables.time_index import NANO, index_of
 
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
@@ -41,19 +47,19 @@ def places(flags: NDArray[np.uint8], flag: Quality = Quality.BAD) -> list[int]:
 
 def test_gaps_are_judged_by_the_channels_own_rate() -> None:
     at_s = np.delete(np.arange(0.0, 300.0, 0.5), slice(100, 140))
-    found = gaps(samples(np.zeros(at_s.size), at_s=at_s))
+    found = find_gaps(samples(np.zeros(at_s.size), at_s=at_s))
     assert [(each.start_ns / NANO, each.seconds) for each in found] == [(49.5, 20.5)]
-    assert gaps(samples(np.zeros(300), rate_hz=0.05)) == []
+    assert find_gaps(samples(np.zeros(300), rate_hz=0.05)) == []
 
 
 def test_one_missing_sample_and_a_channel_that_reports_on_events_are_no_gaps() -> None:
-    assert gaps(samples(np.zeros(99), at_s=np.delete(np.arange(100.0), 50))) == []
+    assert find_gaps(samples(np.zeros(99), at_s=np.delete(np.arange(100.0), 50))) == []
     events = np.cumsum(np.random.default_rng(1).uniform(0.2, 3.0, 400))
-    assert gaps(samples(np.zeros(400), at_s=events)) == []
+    assert find_gaps(samples(np.zeros(400), at_s=events)) == []
 
 
 def test_a_late_start_and_an_early_end_are_gaps() -> None:
-    found = gaps(samples(np.zeros(100)), -30 * NANO, 50 * NANO)
+    found = find_gaps(samples(np.zeros(100)), -30 * NANO, 50 * NANO)
     assert [each.seconds for each in found] == [30.0]
 
 
@@ -64,7 +70,7 @@ def test_a_late_start_and_an_early_end_are_gaps() -> None:
      ("wind_speed_mps", -0.1, False), ("north_m", np.inf, False)],
 )  # fmt: skip
 def test_out_of_range_is_what_the_channel_does_not_hold(name: str, value: float, possible: bool) -> None:
-    flags = out_of_range(samples([value, np.nan]), BY_NAME[name])
+    flags = flag_out_of_range(samples([value, np.nan]), BY_NAME[name])
     assert flags.tolist() == [Quality.GOOD if possible else Quality.BAD, Quality.MISSING]
     assert possible == BY_NAME[name].holds(value)
 
@@ -72,8 +78,8 @@ def test_out_of_range_is_what_the_channel_does_not_hold(name: str, value: float,
 def test_repeated_times_and_steps_back_are_counted_in_the_order_of_receipt() -> None:
     given_s = [0.0, 1.0, 1.0, 2.0, 5.0, 3.0, 4.0, 6.0]
     received = samples(np.arange(8.0), at_s=given_s)
-    assert places(duplicates(received), Quality.SUSPECT) == [2]
-    flags, steps = time_backwards(received)
+    assert places(flag_duplicates(received), Quality.SUSPECT) == [2]
+    flags, steps = flag_time_backwards(received)
     assert places(flags, Quality.SUSPECT) == [5, 6]
     assert [each.size for each in steps] == [2.0]
 
@@ -83,13 +89,13 @@ def test_repeated_times_and_steps_back_are_counted_in_the_order_of_receipt() -> 
 def test_spikes_on_a_turning_heading_are_found_and_nothing_else(width: int, around_deg: float) -> None:
     turning = around_deg + 20.0 * np.sin(np.arange(600) / 40.0) + 0.1 * noise(600)
     turning[300 : 300 + width] += 25.0
-    assert places(spikes(samples(wrap_360(turning)), HEADING)) == list(range(300, 300 + width))
+    assert places(flag_spikes(samples(wrap_360(turning)), HEADING)) == list(range(300, 300 + width))
 
 
 def test_spikes_across_the_seam_of_an_azimuth() -> None:
     thrust_astern = 180.0 + 0.2 * noise(600)
     thrust_astern[200] -= 70.0
-    assert places(spikes(samples(wrap_180(thrust_astern), rate_hz=10.0), AZIMUTH)) == [200]
+    assert places(flag_spikes(samples(wrap_180(thrust_astern), rate_hz=10.0), AZIMUTH)) == [200]
 
 
 @settings(max_examples=25, deadline=None)
@@ -97,7 +103,7 @@ def test_spikes_across_the_seam_of_an_azimuth() -> None:
 def test_spikes_do_not_depend_on_where_the_circle_is_cut(seed: int, turn_deg: float) -> None:
     heading = 30.0 * np.sin(np.arange(200) / 30.0) + 0.1 * noise(200, seed)
     heading[[50, 120]] += 20.0
-    flags = [spikes(samples(wrap_360(heading + turn)), HEADING) for turn in (0.0, turn_deg)]
+    flags = [flag_spikes(samples(wrap_360(heading + turn)), HEADING) for turn in (0.0, turn_deg)]
     assert places(flags[0]) == places(flags[1]) == [50, 120]
 
 
@@ -114,26 +120,26 @@ SOUND: dict[str, Callable[[Floats], Floats]] = {
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0])
 def test_what_ships_and_seas_do_is_no_spike(what: str, rate_hz: float) -> None:
     values = SOUND[what](np.arange(0.0, 300.0, 1.0 / rate_hz))
-    assert places(spikes(samples(values, rate_hz), SURGE)) == []
+    assert places(flag_spikes(samples(values, rate_hz), SURGE)) == []
 
 
 def test_what_stands_alone_beside_a_gap_is_no_spike() -> None:
     at_s = np.concatenate([np.arange(300), 400 + np.arange(300)]) / 2.0
     values = 0.03 * noise(600)
     values[299] = 2.0
-    assert places(spikes(samples(values, at_s=at_s), SURGE)) == []
+    assert places(flag_spikes(samples(values, at_s=at_s), SURGE)) == []
 
 
 def test_a_thruster_that_is_stirred_is_no_spike() -> None:
     rpm = 0.1 * noise(600)
     rpm[300:312] += [12, 60, 150, 60, 120, 190, 120, 70, 72, 40, 12, 1]
-    assert places(spikes(samples(rpm, 1.0), RPM)) == []
+    assert places(flag_spikes(samples(rpm, 1.0), RPM)) == []
 
 
 def test_noise_that_goes_silent_is_stuck_from_the_first_repeat() -> None:
     speed = 4.0 + 0.03 * noise(600)
     speed[200:260] = speed[200]
-    flags = stuck(samples(speed), SURGE)
+    flags = flag_stuck(samples(speed), SURGE)
     assert places(flags) == list(range(201, 260))
     (stretch,) = stretches_of(samples(speed), flags == Quality.BAD)
     assert stretch.size == 59
@@ -143,9 +149,9 @@ def test_two_channels_that_hold_still_by_right_are_not_stuck() -> None:
     """A stopped shaft between two runs, and an order in whole degrees that is held for minutes at a time."""
     rpm = 120.0 + 0.3 * noise(900)
     rpm[300:600] = 0.0
-    assert places(stuck(samples(rpm), RPM)) == []
+    assert places(flag_stuck(samples(rpm), RPM)) == []
     order = np.repeat(np.random.default_rng(2).integers(-20, 20, 12), 75).astype(float)
-    assert places(stuck(samples(order), AZIMUTH)) == []
+    assert places(flag_stuck(samples(order), AZIMUTH)) == []
 
 
 def test_a_still_ship_on_a_coarse_sensor_is_not_stuck_but_one_that_sails_is() -> None:
@@ -153,10 +159,10 @@ def test_a_still_ship_on_a_coarse_sensor_is_not_stuck_but_one_that_sails_is() ->
     at_s = np.arange(0.0, 600.0)
     north = np.round(np.where(at_s < 300.0, 0.001, 2.0) * 0.0 + np.clip(at_s - 300.0, 0.0, None) * 2.0, 1)
     lying = pd.Series(np.where(at_s < 300.0, 0.0, 2.0), index=samples(north, 1.0).index)
-    assert places(stuck(samples(north, 1.0), NORTH, lying)) == []
+    assert places(flag_stuck(samples(north, 1.0), NORTH, lying)) == []
     frozen = north.copy()
     frozen[400:430] = frozen[400]
-    assert places(stuck(samples(frozen, 1.0), NORTH, lying)) == list(range(401, 430))
+    assert places(flag_stuck(samples(frozen, 1.0), NORTH, lying)) == list(range(401, 430))
 
 
 def test_a_heading_frozen_while_the_ship_turns_is_stuck_at_either_side_of_north() -> None:
@@ -164,10 +170,12 @@ def test_a_heading_frozen_while_the_ship_turns_is_stuck_at_either_side_of_north(
     heading = wrap_360(np.round(1.0 * at_s, 1))
     heading[100:160] = heading[100]
     turning = pd.Series(np.ones(at_s.size), index=samples(heading).index)
-    assert places(stuck(samples(heading), HEADING, turning)) == list(range(101, 160))
+    assert places(flag_stuck(samples(heading), HEADING, turning)) == list(range(101, 160))
 
 
-@pytest.mark.parametrize("check", [lambda s: spikes(s, SURGE), lambda s: stuck(s, SURGE), duplicates, gaps])
+@pytest.mark.parametrize(
+    "check", [lambda s: flag_spikes(s, SURGE), lambda s: flag_stuck(s, SURGE), flag_duplicates, find_gaps]
+)
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
 def test_next_to_nothing_is_no_trouble(check: Callable[[pd.Series[Any]], Any], count: int) -> None:
     assert not np.any(np.asarray(check(samples(np.zeros(count)))) == Quality.BAD)

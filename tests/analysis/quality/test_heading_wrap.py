@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.frames import Quality
 from acquisition.tables.import_table import import_table
-from analysis.quality.heading_wrap import CODE, heading_wrap, straight_through
+from analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, interpolated_through_seam
 from analysis.tables.table import read_table
 from analysis.tables.time_index import NANO, times_ns
 from hybrid.simulation.sensors import Noise
@@ -42,7 +42,7 @@ def resampled(table: pd.DataFrame, rate_hz: float, on_circle: bool) -> pd.DataFr
 
 
 def flagged(table: pd.DataFrame, name: str = "heading_deg") -> NDArray[np.bool_]:
-    checked = heading_wrap(table)
+    checked = check_heading_wrap(table)
     assert checked.flags.index.equals(table.index)
     return np.asarray(checked.flags[name] == Quality.BAD)
 
@@ -57,12 +57,12 @@ def test_every_sample_on_a_line_through_north_is_found_and_no_other(
     assert (off_deg > 5.0).sum() > 3
     assert bad[off_deg > 5.0].mean() >= 0.95
     assert not bad[off_deg < 0.5].any()
-    (finding,) = heading_wrap(spoilt).findings
-    assert (finding.code, finding.channel, finding.certain) == (CODE, "heading_deg", True)
+    (finding,) = check_heading_wrap(spoilt).findings
+    assert (finding.code, finding.channel, finding.certain) == (WRAP_INTERPOLATED, "heading_deg", True)
     assert finding.estimate["samples"] == bad.sum()
     assert spoilt.index[bad][[0, -1]].tolist() == [finding.start, finding.end]
-    assert (straight_through(spoilt, "heading_deg") == bad).all()
-    assert heading_wrap(sound).findings == ()
+    assert (interpolated_through_seam(spoilt, "heading_deg") == bad).all()
+    assert check_heading_wrap(sound).findings == ()
 
 
 @pytest.mark.parametrize("noise", [0.3, 3.0])
@@ -72,7 +72,7 @@ def test_a_ship_that_swings_about_north_is_sound(heading_deg: float, noise: floa
     table, _ = simulate_trial(
         "gunnerus_short", "moderate", "speed_runs", 300.0, 2.0, 9, noise=sensors, heading_deg=heading_deg
     )
-    assert heading_wrap(table).findings == ()
+    assert check_heading_wrap(table).findings == ()
 
 
 @given(
@@ -99,18 +99,18 @@ def test_a_steady_turn_from_any_heading(start_deg: float, rate_dps: float, to_po
 def test_spikes_near_north_are_no_lines(about_north: pd.DataFrame) -> None:
     for size in (15.0, 150.0):
         spoilt = faults.spikes("heading_deg", size, 10)(about_north, np.random.default_rng(1)).table
-        assert heading_wrap(spoilt).findings == ()
+        assert check_heading_wrap(spoilt).findings == ()
 
 
 def test_sentinels_gaps_and_missing_channels(about_north: pd.DataFrame) -> None:
     table = about_north.copy()
     table.loc[table.index[100:103], "heading_deg"] = 655.35
     table.loc[table.index[200:300], "heading_deg"] = np.nan
-    checked = heading_wrap(table)
+    checked = check_heading_wrap(table)
     assert checked.findings == ()
     assert (checked.flags["heading_deg"].iloc[200:300] == Quality.MISSING).all()
-    assert heading_wrap(table[["surge_mps"]]).flags.empty
-    assert heading_wrap(table.iloc[:0]).findings == ()
+    assert check_heading_wrap(table[["surge_mps"]]).flags.empty
+    assert check_heading_wrap(table.iloc[:0]).findings == ()
 
 
 def test_an_azimuth_drawn_through_180() -> None:
@@ -119,11 +119,11 @@ def test_an_azimuth_drawn_through_180() -> None:
     knots_s = np.arange(0.0, 300.0, 1.0)
     angle = wrap_180(179.2 + random.normal(0.0, 0.5, knots_s.size))
     at_s = np.arange(0.0, 299.0, 0.2)
-    found = heading_wrap(table_at(at_s, {"port_angle_deg": np.interp(at_s, knots_s, angle)})).findings
+    found = check_heading_wrap(table_at(at_s, {"port_angle_deg": np.interp(at_s, knots_s, angle)})).findings
     assert [each.channel for each in found] == ["port_angle_deg"]
     slew = wrap_180(np.interp(at_s, [0, 50, 59, 100, 109], [0.0, 0.0, 180.0, 180.0, 360.0]) + 90.0)
     noisy = wrap_180(slew + random.normal(0.0, 0.2, at_s.size))
-    assert heading_wrap(table_at(at_s, {"port_angle_deg": noisy})).findings == ()
+    assert check_heading_wrap(table_at(at_s, {"port_angle_deg": noisy})).findings == ()
 
 
 @pytest.mark.shared
@@ -133,7 +133,7 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
     for name, file in TRIALS.items():
         import_table(shared_data / name / file, tmp_path / f"{name}.mcap", MAPS / f"{name}.toml")
         tables[name] = read_table(tmp_path / f"{name}.mcap")
-    assert heading_wrap(tables["gunnerus_2019_docking"]).findings == ()
+    assert check_heading_wrap(tables["gunnerus_2019_docking"]).findings == ()
     table = tables["gunnerus_2022_trials"]
     yaw_rate = table["yaw_rate_dps"].to_numpy()
     turned_deg = np.concatenate([[0.0], np.cumsum(0.25 * (yaw_rate[1:] + yaw_rate[:-1]))])

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from acquisition.core.channels import COMMAND
 from acquisition.core.frames import Quality
-from analysis.quality.orders import CODE, held_orders, orders
-from analysis.quality.runs import samples_of
+from analysis.quality.commands import ORDER_INTERPOLATED, check_orders, hold_orders
+from analysis.quality.samples import samples_of
 from hybrid.simulation.sensors import Noise
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
@@ -39,36 +39,36 @@ def test_ramps_are_found_and_the_held_order_is_what_was_ordered(seed: int, spaci
     times, values = events(seed, spacing_s, 60.0)
     truth = values[np.searchsorted(times, AT_S, side="right") - 1]
     table = table_at(AT_S, {"port_rpm": np.interp(AT_S, times, values)})
-    checked = orders(table)
+    checked = check_orders(table)
     (finding,) = checked.findings
-    assert (finding.code, finding.channel, finding.certain) == (CODE, "port_rpm", True)
+    assert (finding.code, finding.channel, finding.certain) == (ORDER_INTERPOLATED, "port_rpm", True)
     assert 0.5 < finding.estimate["share"] <= 1.0
     assert 10.0 < finding.estimate["longest_s"] <= np.diff(times).max() + 1e-6
-    held = held_orders(table, "port_rpm")
+    held = hold_orders(table, "port_rpm")
     suspect = np.asarray(checked.flags["port_rpm"] == Quality.SUSPECT)
     assert held[suspect] == pytest.approx(truth[suspect], abs=1e-6)
     assert (held[~suspect] == table["port_rpm"].to_numpy()[~suspect]).all()
-    assert orders(table.assign(port_rpm=held)).findings == ()
+    assert check_orders(table.assign(port_rpm=held)).findings == ()
 
 
 @pytest.mark.parametrize("decimals", [3, 6])
 def test_a_file_with_few_decimals_still_shows_its_lines(decimals: int) -> None:
     times, values = events(1, 40.0, 150.0)
     table = table_at(AT_S, {"port_rpm": np.round(np.interp(AT_S, times, values), decimals)})
-    assert [finding.channel for finding in orders(table).findings] == ["port_rpm"]
+    assert [finding.channel for finding in check_orders(table).findings] == ["port_rpm"]
 
 
 def test_an_azimuth_ramp_through_180() -> None:
     angle = np.interp(AT_S, [0.0, 200.0, 450.0, 899.5], [150.0, 190.0, 175.0, 200.0])
     table = table_at(AT_S, {"port_angle_deg": 180.0 - np.mod(180.0 - angle, 360.0)})
-    (finding,) = orders(table).findings
+    (finding,) = check_orders(table).findings
     assert finding.estimate["ramps"] == 3
     assert finding.estimate["longest_s"] == pytest.approx(449.5, abs=1.0)
 
 
 def test_orders_in_a_trial(trial: pd.DataFrame) -> None:
     spoilt = faults.order_interpolated(trial, np.random.default_rng(0))
-    assert {finding.channel for finding in orders(spoilt.table).findings} == set(spoilt.channels)
+    assert {finding.channel for finding in check_orders(spoilt.table).findings} == set(spoilt.channels)
 
 
 @pytest.mark.parametrize("manoeuvre", ["voyage", "stopping", "tunnel_test"])
@@ -78,7 +78,7 @@ def test_feedback_is_sound_even_without_noise(manoeuvre: str, noise: float) -> N
     table, _ = simulate_trial(
         "gunnerus_long", "calm", manoeuvre, 400.0, 10.0, 2, noise=Noise().scaled(noise)
     )  # fmt: skip
-    assert orders(table).findings == ()
+    assert check_orders(table).findings == ()
 
 
 def test_held_stepped_and_slewed_orders_are_sound() -> None:
@@ -86,16 +86,16 @@ def test_held_stepped_and_slewed_orders_are_sound() -> None:
     steps = np.repeat(np.random.default_rng(3).integers(-100, 100, 60), 100).astype(float)
     slews = np.interp(at_s % 60.0, [0.0, 20.0, 21.5, 40.0, 41.5, 60.0], [0.0, 0.0, 30.0, 30.0, 0.0, 0.0])
     table = table_at(at_s, {"port_rpm": np.full(at_s.size, 120.0), "starboard_rpm": steps, "port_angle_deg": slews})
-    assert orders(table).findings == ()
+    assert check_orders(table).findings == ()
 
 
 def test_coarse_feedback_that_creeps_is_sound() -> None:
     creeping = np.round(np.cumsum(np.full(AT_S.size, 0.05)) * 10.0) / 10.0
-    assert orders(table_at(AT_S, {"port_angle_deg": creeping % 100.0})).findings == ()
+    assert check_orders(table_at(AT_S, {"port_angle_deg": creeping % 100.0})).findings == ()
 
 
 def test_nothing_to_judge() -> None:
-    assert orders(table_at(AT_S, {"surge_mps": AT_S})).flags.empty
+    assert check_orders(table_at(AT_S, {"surge_mps": AT_S})).flags.empty
     empty = table_at([], {name: [] for name in COMMAND})
-    assert orders(empty).findings == ()
+    assert check_orders(empty).findings == ()
     assert samples_of(empty, "port_rpm").rows.size == 0

@@ -14,7 +14,7 @@ from acquisition.core.angles import wrap_360
 from acquisition.core.channels import BY_NAME
 from acquisition.tables.import_table import import_table
 from analysis.quality.check import DataQuality, check_table
-from analysis.quality.quantisation import grid_step, quantised
+from analysis.quality.repeated_values import grid_step, quantisation_step
 from analysis.tables.table import read_table
 from analysis.tables.time_index import NANO, index_of
 
@@ -36,7 +36,7 @@ def samples(values: np.ndarray) -> pd.Series:
 @given(step=st.floats(0.06, 5.0), seed=st.integers(0, 1000), offset=st.floats(-100.0, 100.0))
 def test_a_coarse_grid_is_found_with_its_step(step: float, seed: int, offset: float) -> None:
     rounded = np.round(track(seed=seed) / step) * step + offset
-    assert quantised(samples(rounded), NORTH) == pytest.approx(step, rel=0.01)
+    assert quantisation_step(samples(rounded), NORTH) == pytest.approx(step, rel=0.01)
 
 
 @settings(max_examples=40, deadline=None)
@@ -47,19 +47,21 @@ def test_values_of_full_resolution_have_no_grid(seed: int, noise_m: float) -> No
 
 def test_a_constant_speed_is_no_grid_of_positions() -> None:
     straight = 4.2 * np.arange(900) + 0.05 * np.random.default_rng(0).standard_normal(900)
-    assert quantised(samples(straight), NORTH) == 0.0
+    assert quantisation_step(samples(straight), NORTH) == 0.0
 
 
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0])
 def test_a_grid_is_found_at_a_constant_speed_of_many_steps(rate_hz: float) -> None:
     straight = 4.2 * np.arange(900) / rate_hz + 0.05 * np.random.default_rng(0).standard_normal(900)
-    assert quantised(samples(np.round(straight / 0.1) * 0.1), NORTH) == pytest.approx(0.1)
+    assert quantisation_step(samples(np.round(straight / 0.1) * 0.1), NORTH) == pytest.approx(0.1)
 
 
 def test_a_grid_that_drifts_is_found_by_its_steps() -> None:
     """A projection stretches the grid by place, so that values do not lie on exact multiples of anything."""
     values = np.round(track() / 0.09) * 0.09
-    assert quantised(samples(values + 2e-6 * np.arange(values.size)), NORTH) == pytest.approx(0.09, rel=0.01)
+    assert quantisation_step(samples(values + 2e-6 * np.arange(values.size)), NORTH) == pytest.approx(
+        0.09, rel=0.01
+    )
 
 
 @pytest.mark.parametrize(
@@ -70,18 +72,18 @@ def test_a_grid_that_drifts_is_found_by_its_steps() -> None:
 def test_what_buses_carry_is_not_found(name: str, step: float, noise: float) -> None:
     random = np.random.default_rng(0)
     values = 10.0 + 8.0 * np.sin(np.arange(900) / 50.0) + noise * random.standard_normal(900)
-    assert quantised(samples(np.round(values / step) * step), BY_NAME[name]) == 0.0
+    assert quantisation_step(samples(np.round(values / step) * step), BY_NAME[name]) == 0.0
 
 
 def test_steps_across_north_are_steps_on_the_circle() -> None:
     heading = wrap_360(np.round(20.0 * np.sin(np.arange(600) / 40.0)))
-    assert quantised(samples(heading), HEADING) == pytest.approx(1.0)
+    assert quantisation_step(samples(heading), HEADING) == pytest.approx(1.0)
 
 
 def test_noise_wider_than_the_step_carries_what_lies_between() -> None:
     values = np.sin(np.arange(2000) / 100.0) + 0.2 * np.random.default_rng(0).standard_normal(2000)
-    assert quantised(samples(np.round(values / 0.05) * 0.05), SURGE) == 0.0
-    assert quantised(samples(np.round(values / 0.5) * 0.5), SURGE) == pytest.approx(0.5)
+    assert quantisation_step(samples(np.round(values / 0.05) * 0.05), SURGE) == 0.0
+    assert quantisation_step(samples(np.round(values / 0.5) * 0.5), SURGE) == pytest.approx(0.5)
 
 
 @pytest.fixture(scope="module")

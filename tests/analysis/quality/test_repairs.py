@@ -17,13 +17,13 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
-from analysis.quality.channel_checks import in_other_turn
+from analysis.quality.channel_checks import is_other_convention
 from analysis.quality.check import check_recording
-from analysis.quality.findings import Checked, Finding
-from analysis.quality.heading_wrap import heading_wrap
-from analysis.quality.orders import orders
-from analysis.quality.repairs import Repaired, repair, write_repaired
-from analysis.quality.wind import wind
+from analysis.quality.commands import check_orders
+from analysis.quality.findings import CheckResult, Finding
+from analysis.quality.heading_wrap import check_heading_wrap
+from analysis.quality.repairs import RepairResult, repair, write_repaired
+from analysis.quality.wind import check_wind
 from analysis.tables.provenance import history_of
 from analysis.tables.table import read_table, table_of
 from hybrid.simulation.trial import simulate_trial
@@ -53,14 +53,14 @@ def dice() -> np.random.Generator:
 
 def test_headings_come_back_onto_the_circle(sound: pd.DataFrame) -> None:
     spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
-    repaired = repair(spoilt, heading_wrap(spoilt).findings)
+    repaired = repair(spoilt, check_heading_wrap(spoilt).findings)
     before, after = (
         rms(difference(each["heading_deg"], sound["heading_deg"])) for each in (spoilt, repaired.table)
     )
     assert before > 10.0
     assert after < 1.0
-    assert heading_wrap(repaired.table).findings == ()
-    assert repaired.repairs[0].changed == heading_wrap(spoilt).findings[0].estimate["samples"]
+    assert check_heading_wrap(repaired.table).findings == ()
+    assert repaired.repairs[0].changed == check_heading_wrap(spoilt).findings[0].estimate["samples"]
     assert repaired.table["heading_deg"].between(0.0, 360.0, inclusive="left").all()
 
 
@@ -68,7 +68,7 @@ def test_long_holes_become_gaps_where_no_rate_is_known() -> None:
     at_s = np.arange(0.0, 600.0, 0.5)
     knots_s = np.arange(0.0, 615.0, 15.0)
     swinging = table_at(at_s, {"heading_deg": np.interp(at_s, knots_s, wrap_360(20.0 * np.sin(knots_s / 40.0)))})
-    (finding,) = heading_wrap(swinging).findings
+    (finding,) = check_heading_wrap(swinging).findings
     repaired = repair(swinging, [finding]).table["heading_deg"]
     assert repaired.isna().sum() == finding.estimate["samples"] > 50
 
@@ -124,16 +124,16 @@ def test_stamps_whose_errors_add_up_do_not_pull_the_path() -> None:
 
 def test_apparent_wind_becomes_true(sound: pd.DataFrame) -> None:
     spoilt = faults.wind_apparent(sound, dice()).table
-    repaired = repair(spoilt, wind(spoilt).findings).table
+    repaired = repair(spoilt, check_wind(spoilt).findings).table
     assert repaired["wind_speed_mps"].to_numpy() == pytest.approx(sound["wind_speed_mps"].to_numpy(), abs=1e-9)
     assert rms(difference(repaired["wind_direction_deg"], sound["wind_direction_deg"])) < 1e-6
-    assert wind(repaired).findings == ()
+    assert check_wind(repaired).findings == ()
 
 
 def test_orders_are_held(sound: pd.DataFrame) -> None:
     spoilt = faults.order_interpolated(sound, dice())
-    repaired = repair(spoilt.table, orders(spoilt.table).findings).table
-    assert orders(repaired).findings == ()
+    repaired = repair(spoilt.table, check_orders(spoilt.table).findings).table
+    assert check_orders(repaired).findings == ()
     for name in spoilt.channels:
         assert rms(repaired[name] - sound[name]) <= rms(spoilt.table[name] - sound[name]) + 0.5
 
@@ -155,13 +155,13 @@ def test_flagged_values_become_gaps(sound: pd.DataFrame) -> None:
 
 def test_spikes_become_gaps_and_lines_through_north_do_not(sound: pd.DataFrame) -> None:
     spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
-    on_lines = np.asarray(heading_wrap(spoilt).flags["heading_deg"] == Quality.BAD)
+    on_lines = np.asarray(check_heading_wrap(spoilt).flags["heading_deg"] == Quality.BAD)
     aside = np.abs(difference(sound["heading_deg"], 0.0)) > 12.0
     spikes = np.flatnonzero(aside & ~on_lines)[[100, 200]]
     spoilt.loc[spoilt.index[spikes], "heading_deg"] += 90.0
-    flags = heading_wrap(spoilt).flags
+    flags = check_heading_wrap(spoilt).flags
     flags.loc[flags.index[spikes], "heading_deg"] = Quality.BAD
-    findings = (*heading_wrap(spoilt).findings, stated(spoilt, "spike", "heading_deg"))
+    findings = (*check_heading_wrap(spoilt).findings, stated(spoilt, "spike", "heading_deg"))
     repaired = repair(spoilt, findings, flags)
     assert [each.code for each in repaired.repairs] == ["spike", "heading_wrap_interpolated"]
     assert np.flatnonzero(repaired.table["heading_deg"].isna()).tolist() == spikes.tolist()
@@ -192,11 +192,11 @@ def test_what_is_uncertain_or_lacking_stays(sound: pd.DataFrame) -> None:
     assert repair(sound.drop(columns="heading_deg"), [stated(sound, "out_of_range", "heading_deg")]).repairs == ()
 
 
-CHECKS: tuple[Callable[[pd.DataFrame], Checked], ...] = (heading_wrap, orders, wind)
+CHECKS: tuple[Callable[[pd.DataFrame], CheckResult], ...] = (check_heading_wrap, check_orders, check_wind)
 
 
 @pytest.fixture(scope="module")
-def written(sound: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Repaired]:
+def written(sound: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, RepairResult]:
     folder = tmp_path_factory.mktemp("repaired")
     spoilt = faults.heading_wrap_interpolated(0.9)(sound, dice()).table
     spoilt = faults.order_interpolated(faults.speed_scale(0.98)(spoilt, dice()).table, dice()).table
@@ -205,11 +205,11 @@ def written(sound: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> tu
     recording, table = read_recording(original), read_table(original)
     findings = [finding for check in CHECKS for finding in check(table).findings]
     findings.append(stated(table, "speed_scale", "surge_mps", factor=1.0 / 0.98))
-    flags = heading_wrap(table).flags
+    flags = check_heading_wrap(table).flags
     return original, target, write_repaired(recording, table, findings, target, flags)
 
 
-def test_a_repaired_recording_reads_as_it_was_repaired(written: tuple[Path, Path, Repaired]) -> None:
+def test_a_repaired_recording_reads_as_it_was_repaired(written: tuple[Path, Path, RepairResult]) -> None:
     original, target, repaired = written
     again = read_table(target)
     pd.testing.assert_frame_equal(again, repaired.table, check_exact=True)
@@ -224,7 +224,7 @@ def test_a_repaired_recording_reads_as_it_was_repaired(written: tuple[Path, Path
 
 
 def test_after_the_repair_nothing_is_found_and_nothing_is_left_to_do(
-    written: tuple[Path, Path, Repaired], tmp_path: Path
+    written: tuple[Path, Path, RepairResult], tmp_path: Path
 ) -> None:
     _, target, _ = written
     table = read_table(target)
@@ -235,7 +235,7 @@ def test_after_the_repair_nothing_is_found_and_nothing_is_left_to_do(
     assert history_of(read_table(tmp_path / "again.mcap")) == history_of(table)
 
 
-def test_the_original_is_never_touched(written: tuple[Path, Path, Repaired], tmp_path: Path) -> None:
+def test_the_original_is_never_touched(written: tuple[Path, Path, RepairResult], tmp_path: Path) -> None:
     original, _, _ = written
     before = original.read_bytes()
     recording, table = read_recording(original), read_table(original)
@@ -252,7 +252,7 @@ def test_positions_of_2022_agree_with_the_speeds_afterwards(shared_data: Path, t
     name = "gunnerus_2022_trials"
     import_table(shared_data / name / TRIALS[name], tmp_path / "t.mcap", MAPS / f"{name}.toml")
     table = read_table(tmp_path / "t.mcap")
-    findings = [finding for check in (heading_wrap, orders) for finding in check(table).findings]
+    findings = [finding for check in (check_heading_wrap, check_orders) for finding in check(table).findings]
     findings += [
         stated(table, "speed_scale", "surge_mps", factor=1.0203),
         stated(table, "position_time_jitter", "north_m"),
@@ -308,7 +308,7 @@ def test_angles_of_the_other_convention_are_named_and_turned(
 def test_codes_for_no_value_are_no_convention(values: list[float]) -> None:
     """One value again and again, angles of both conventions, or more than either has."""
     angles = pd.Series(values, index=pd.date_range("2026", periods=len(values), freq="s", tz="UTC"))
-    assert not in_other_turn(angles, BY_NAME["heading_deg"])
+    assert not is_other_convention(angles, BY_NAME["heading_deg"])
 
 
 def test_impossible_values_that_the_reader_left_out_are_counted_as_repaired(

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from acquisition.core.frames import Quality
-from analysis.quality.thruster_feedback import thruster_feedback
+from analysis.quality.commands import check_thruster_feedback
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
@@ -22,7 +22,7 @@ def trial() -> pd.DataFrame:
 @pytest.mark.parametrize("seconds", [30.0, 200.0])
 def test_frozen_feedback(trial: pd.DataFrame, name: str, seconds: float) -> None:
     spoilt = faults.stuck(name, seconds)(trial, np.random.default_rng(2))
-    checked = thruster_feedback(spoilt.table)
+    checked = check_thruster_feedback(spoilt.table)
     (finding,) = checked.findings
     assert (finding.code, finding.channel) == ("feedback_frozen", name)
     assert finding.estimate["seconds"] == pytest.approx(seconds, abs=0.5)
@@ -38,23 +38,23 @@ def test_what_may_stand_still(trial: pd.DataFrame) -> None:
     stopped = trial.copy()
     stopped.loc[still, "port_rpm"] = 0.0
     stopped.loc[still, "port_angle_deg"] = 12.5
-    assert thruster_feedback(stopped).findings == ()
+    assert check_thruster_feedback(stopped).findings == ()
     coarse = trial.assign(port_rpm=np.round(trial["port_rpm"] / 5.0) * 5.0)
-    assert thruster_feedback(coarse).findings == ()
+    assert check_thruster_feedback(coarse).findings == ()
     order = trial.assign(port_rpm=np.round(trial["port_rpm"], -1), starboard_rpm=150.0)
-    assert thruster_feedback(order).findings == ()
+    assert check_thruster_feedback(order).findings == ()
 
 
 @pytest.mark.parametrize("manoeuvre", ["one_thruster", "stopping", "tunnel_test"])
 def test_sound_feedback(manoeuvre: str) -> None:
     table, _ = simulate_trial("gunnerus_long", "moderate", manoeuvre, 600.0, 2.0, 1)
-    assert thruster_feedback(table).findings == ()
+    assert check_thruster_feedback(table).findings == ()
 
 
 @pytest.mark.parametrize("full_scale_rpm", [183.0, 203.0, 250.0])
 def test_one_shaft_in_per_cent(trial: pd.DataFrame, full_scale_rpm: float) -> None:
     spoilt = faults.percent_scaled(full_scale_rpm)(trial, np.random.default_rng(0))
-    checked = thruster_feedback(spoilt.table)
+    checked = check_thruster_feedback(spoilt.table)
     (finding,) = checked.findings
     assert (finding.code, finding.channel) == ("percent_scaled", "port_rpm")
     assert finding.estimate["factor"] == pytest.approx(full_scale_rpm / 100.0, rel=0.02)
@@ -69,18 +69,18 @@ def test_both_shafts_that_stop_at_100() -> None:
         130.0 * np.sin(at_s / 40.0) + np.random.default_rng(0).normal(0.0, 0.3, at_s.size), -100.0, 100.0
     )
     table = table_at(at_s, {"port_rpm": lever, "starboard_rpm": lever})
-    assert {finding.code for finding in thruster_feedback(table).findings} == {"percent_scaled"}
-    assert thruster_feedback(table * 0.97).findings == ()
+    assert {finding.code for finding in check_thruster_feedback(table).findings} == {"percent_scaled"}
+    assert check_thruster_feedback(table * 0.97).findings == ()
 
 
 def test_slow_shafts_and_single_ones_are_sound(trial: pd.DataFrame) -> None:
     slow = trial.assign(port_rpm=trial["port_rpm"] * 0.4, starboard_rpm=trial["starboard_rpm"] * 0.4)
-    assert thruster_feedback(slow).findings == ()
+    assert check_thruster_feedback(slow).findings == ()
     alone, _ = simulate_trial("gunnerus_long", "calm", "one_thruster", 400.0, 2.0, 1)
     scaled = alone.assign(port_rpm=alone["port_rpm"] * 0.5)  # the two never turn together
-    assert thruster_feedback(scaled).findings == ()
+    assert check_thruster_feedback(scaled).findings == ()
 
 
 def test_nothing_to_judge() -> None:
-    assert thruster_feedback(table_at([0.0, 1.0], {"surge_mps": [1.0, 1.0]})).flags.empty
-    assert thruster_feedback(table_at([], {"port_rpm": []})).findings == ()
+    assert check_thruster_feedback(table_at([0.0, 1.0], {"surge_mps": [1.0, 1.0]})).flags.empty
+    assert check_thruster_feedback(table_at([], {"port_rpm": []})).findings == ()

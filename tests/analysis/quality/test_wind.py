@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from acquisition.core.angles import difference, wrap_360
 from acquisition.core.frames import Quality
 from acquisition.core.kinematics import wind_over_ground
-from analysis.quality.wind import true_wind, wind
+from analysis.quality.wind import check_wind, true_wind
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
@@ -25,14 +25,14 @@ def voyage(request: pytest.FixtureRequest) -> pd.DataFrame:
 
 
 def test_true_wind_is_sound(voyage: pd.DataFrame) -> None:
-    checked = wind(voyage)
+    checked = check_wind(voyage)
     assert checked.findings == ()
     assert (checked.flags == Quality.GOOD).all().all()
 
 
 def test_apparent_wind_from_the_bow(voyage: pd.DataFrame) -> None:
     spoilt = faults.wind_apparent(voyage, DICE).table
-    checked = wind(spoilt)
+    checked = check_wind(spoilt)
     (finding,) = checked.findings
     assert (finding.code, finding.certain) == ("wind_apparent", True)
     assert finding.estimate["relative_to_bow"] == 1.0
@@ -49,14 +49,14 @@ def test_apparent_wind_from_north(voyage: pd.DataFrame) -> None:
     from_north = from_bow.assign(
         wind_direction_deg=wrap_360(from_bow["wind_direction_deg"] + voyage["heading_deg"])
     )
-    (finding,) = wind(from_north).findings
+    (finding,) = check_wind(from_north).findings
     assert finding.code == "wind_apparent"
     assert finding.estimate["relative_to_bow"] == 0.0
 
 
 @pytest.mark.parametrize("angle_deg", [-30.0, 25.0])
 def test_a_turned_vane(voyage: pd.DataFrame, angle_deg: float) -> None:
-    (finding,) = wind(faults.wind_direction_offset(angle_deg)(voyage, DICE).table).findings
+    (finding,) = check_wind(faults.wind_direction_offset(angle_deg)(voyage, DICE).table).findings
     assert finding.code == "wind_direction_offset"
     assert not finding.certain
     low, high = finding.estimate["low"], finding.estimate["high"]
@@ -68,7 +68,7 @@ def test_a_turned_vane(voyage: pd.DataFrame, angle_deg: float) -> None:
 def test_a_bias_fixed_to_the_earth_is_not_claimed(bias_deg: float) -> None:
     hidden = {"wind_direction_bias": {"angle_deg": bias_deg}}
     table, _ = simulate_trial("gunnerus_long", "moderate", "voyage", 900.0, 2.0, 3, hidden=hidden)
-    assert wind(table).findings == ()
+    assert check_wind(table).findings == ()
 
 
 def test_a_straight_run_tells_nothing() -> None:
@@ -83,17 +83,17 @@ def test_a_straight_run_tells_nothing() -> None:
     }
     noisy = {name: value + dice.normal(0.0, 0.05, at_s.size) for name, value in columns.items()}
     straight = table_at(at_s, noisy)
-    assert wind(straight).findings == ()
+    assert check_wind(straight).findings == ()
 
 
 def test_assumed_constant_and_missing_wind(voyage: pd.DataFrame) -> None:
     spoilt = faults.wind_apparent(voyage, DICE).table
     spoilt.attrs["sources"] = {"wind_direction_deg": ["assumed"], "wind_speed_mps": ["assumed"]}
-    assert wind(spoilt).findings == ()
-    assert wind(voyage.assign(wind_direction_deg=0.0, wind_speed_mps=0.0)).findings == ()
-    assert wind(voyage.drop(columns=["wind_speed_mps"])).findings == ()
-    assert wind(voyage.iloc[:0]).findings == ()
-    assert wind(voyage.iloc[:40]).findings == ()
+    assert check_wind(spoilt).findings == ()
+    assert check_wind(voyage.assign(wind_direction_deg=0.0, wind_speed_mps=0.0)).findings == ()
+    assert check_wind(voyage.drop(columns=["wind_speed_mps"])).findings == ()
+    assert check_wind(voyage.iloc[:0]).findings == ()
+    assert check_wind(voyage.iloc[:40]).findings == ()
 
 
 def test_channels_that_come_at_their_own_times(voyage: pd.DataFrame) -> None:
@@ -102,7 +102,7 @@ def test_channels_that_come_at_their_own_times(voyage: pd.DataFrame) -> None:
     late = spoilt[["wind_direction_deg", "wind_speed_mps"]]
     late.index = late.index + pd.Timedelta(milliseconds=130)
     apart = pd.concat([spoilt.drop(columns=late.columns), late]).sort_index()
-    (finding,) = wind(apart).findings
+    (finding,) = check_wind(apart).findings
     assert (finding.code, finding.certain) == ("wind_apparent", True)
 
 

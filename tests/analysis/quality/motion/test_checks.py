@@ -10,8 +10,8 @@ import pytest
 
 from acquisition.core.frames import Quality
 from acquisition.tables.import_table import import_table
-from analysis.quality.findings import Checked, Finding
-from analysis.quality.motion.checks import delays_of, motion
+from analysis.quality.findings import CheckResult, Finding
+from analysis.quality.motion.checks import check_motion, delays_of
 from analysis.quality.motion.series import MOTION
 from analysis.tables.table import read_table
 from hybrid.simulation.sensors import Noise as SensorNoise
@@ -21,7 +21,7 @@ from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 MAPS = Path(__file__).parents[4] / "trials" / "columns"
 
 
-def only(checked: Checked, code: str, channel: str) -> Finding:
+def only(checked: CheckResult, code: str, channel: str) -> Finding:
     """The finding that is expected to be the only one."""
     assert [(each.code, each.channel) for each in checked.findings] == [(code, channel)]
     return checked.findings[0]
@@ -42,12 +42,12 @@ def test_nothing_is_said_of_a_sound_trial(
     noise: Noise, turning: float, speed_changes: float, heading: float
 ) -> None:
     table = sailed(noise=noise, turning=turning, speed_changes=speed_changes, heading_deg=heading)
-    assert motion(table).findings == ()
+    assert check_motion(table).findings == ()
 
 
 @pytest.mark.parametrize("factor", [0.9, 0.98, 1.01, 1.0289])
 def test_a_wrong_knot_is_found_and_certain(factor: float) -> None:
-    finding = only(motion(sailed(Faults(speed=factor))), "speed_scale", "surge_mps")
+    finding = only(check_motion(sailed(Faults(speed=factor))), "speed_scale", "surge_mps")
     assert near(finding, "factor", 1.0 / factor)
     assert finding.certain
 
@@ -55,13 +55,15 @@ def test_a_wrong_knot_is_found_and_certain(factor: float) -> None:
 @pytest.mark.parametrize("angle", [0.5, -2.0, 30.0])
 @pytest.mark.parametrize("heading", [0.0, 180.0])
 def test_a_compass_that_is_off_is_found(angle: float, heading: float) -> None:
-    finding = only(motion(sailed(Faults(heading_deg=angle), heading_deg=heading)), "heading_offset", "heading_deg")
+    finding = only(
+        check_motion(sailed(Faults(heading_deg=angle), heading_deg=heading)), "heading_offset", "heading_deg"
+    )
     assert near(finding, "angle_deg", angle)
 
 
 def test_scale_and_bias_of_the_yaw_rate_are_found() -> None:
-    scale = only(motion(sailed(Faults(yaw_rate=1.036))), "yaw_rate_scale", "yaw_rate_dps")
-    bias = only(motion(sailed(Faults(yaw_rate_bias_dps=-0.05))), "yaw_rate_bias", "yaw_rate_dps")
+    scale = only(check_motion(sailed(Faults(yaw_rate=1.036))), "yaw_rate_scale", "yaw_rate_dps")
+    bias = only(check_motion(sailed(Faults(yaw_rate_bias_dps=-0.05))), "yaw_rate_bias", "yaw_rate_dps")
     assert near(scale, "factor", 1.0 / 1.036)
     assert near(bias, "bias_dps", -0.05)
 
@@ -69,12 +71,12 @@ def test_scale_and_bias_of_the_yaw_rate_are_found() -> None:
 @pytest.mark.parametrize("channel", ["north_m", "heading_deg", "surge_mps", "yaw_rate_dps"])
 @pytest.mark.parametrize("seconds", [0.3, 1.5])
 def test_the_late_channel_is_the_one_that_is_named(channel: str, seconds: float) -> None:
-    finding = only(motion(sailed(Faults(late_s={channel: seconds}))), "channel_delay", channel)
+    finding = only(check_motion(sailed(Faults(late_s={channel: seconds}))), "channel_delay", channel)
     assert near(finding, "seconds", seconds)
 
 
 def test_delays_by_channel_are_for_both_of_a_pair() -> None:
-    found = motion(sailed(Faults(late_s={"north_m": 0.5}))).findings
+    found = check_motion(sailed(Faults(late_s={"north_m": 0.5}))).findings
     late = delays_of(found)
     assert late.keys() == {"north_m", "east_m"}
     assert late["north_m"] == late["east_m"] == pytest.approx(0.5, abs=0.1)
@@ -84,24 +86,24 @@ def test_delays_by_channel_are_for_both_of_a_pair() -> None:
 @pytest.mark.parametrize(("seconds", "lasts"), [(0.3, 0.0), (1.0, 0.0), (0.5, 8.0)])
 def test_stamps_that_jitter_are_found_and_sized(seconds: float, lasts: float) -> None:
     finding = only(
-        motion(sailed(Faults(jitter_s=seconds, jitter_lasts_s=lasts))), "position_time_jitter", "north_m"
+        check_motion(sailed(Faults(jitter_s=seconds, jitter_lasts_s=lasts))), "position_time_jitter", "north_m"
     )
     assert near(finding, "seconds", seconds)
 
 
 def test_noisy_positions_do_not_jitter() -> None:
-    assert motion(sailed(noise=Noise(position_m=3.0))).findings == ()
+    assert check_motion(sailed(noise=Noise(position_m=3.0))).findings == ()
 
 
 def test_a_lever_arm_is_told_from_a_delay() -> None:
-    finding = only(motion(sailed(Faults(forward_m=6.0, starboard_m=2.0))), "position_offset", "north_m")
+    finding = only(check_motion(sailed(Faults(forward_m=6.0, starboard_m=2.0))), "position_offset", "north_m")
     assert near(finding, "forward_m", 6.0)
     assert finding.estimate["starboard_m"] == pytest.approx(2.0, abs=0.2)
 
 
 def test_several_faults_are_told_apart() -> None:
     faults = Faults(speed=0.98, heading_deg=2.0, late_s={"north_m": 1.0}, yaw_rate_bias_dps=0.1)
-    sizes = {each.code: each for each in motion(sailed(faults)).findings}
+    sizes = {each.code: each for each in check_motion(sailed(faults)).findings}
     assert sizes.keys() == {"speed_scale", "heading_offset", "channel_delay", "yaw_rate_bias"}
     assert near(sizes["speed_scale"], "factor", 1.0 / 0.98)
     assert near(sizes["heading_offset"], "angle_deg", 2.0)
@@ -111,7 +113,7 @@ def test_several_faults_are_told_apart() -> None:
 def test_samples_are_flagged_and_none_is_dropped() -> None:
     table = sailed(duration_s=600.0)
     table.iloc[5, 0] = np.nan
-    flags = motion(table).flags
+    flags = check_motion(table).flags
     assert list(flags.columns) == list(MOTION)
     assert flags.index.equals(table.index)
     assert np.all(flags.dtypes == np.uint8)
@@ -122,15 +124,15 @@ def test_samples_are_flagged_and_none_is_dropped() -> None:
 def test_what_cannot_be_judged_is_not() -> None:
     short, without = sailed(duration_s=60.0), sailed(duration_s=300.0).drop(columns="heading_deg")
     for table in (short, without):
-        checked = motion(table)
+        checked = check_motion(table)
         assert checked.findings == ()
         assert np.all(checked.flags == Quality.NOT_EVALUATED)
-    assert motion(pd.DataFrame(index=short.index)).findings == ()
+    assert check_motion(pd.DataFrame(index=short.index)).findings == ()
 
 
 def test_texts_are_one_line_with_what_to_do() -> None:
     faults = Faults(speed=0.9, heading_deg=5.0, late_s={"north_m": 1.0}, yaw_rate=1.1, yaw_rate_bias_dps=0.3)
-    for finding in motion(sailed(faults)).findings:
+    for finding in check_motion(sailed(faults)).findings:
         assert finding.text
         assert finding.remedy
         assert "\n" not in finding.as_json()["text"]
@@ -140,14 +142,14 @@ def test_a_simulated_ship_in_waves_is_sound_until_she_is_not() -> None:
     hidden = {"speed_scale": {"factor": 0.98}, "position_delay": {"seconds": 0.6}}
     for faults, codes in (({}, []), (hidden, ["speed_scale", "channel_delay"])):
         table, _ = simulate_trial("gunnerus_long", "moderate", "voyage", 900.0, 2.0, 3, faults, noise=SensorNoise())
-        assert [each.code for each in motion(table).findings] == codes
+        assert [each.code for each in check_motion(table).findings] == codes
 
 
 @pytest.mark.shared
 def test_trials_of_2022_read_two_percent_low_and_jitter(shared_data: Path, tmp_path: Path) -> None:
     name, file = "gunnerus_2022_trials", "trials_2022-10-27_part1.csv"
     import_table(shared_data / name / file, tmp_path / "trials.mcap", MAPS / f"{name}.toml")
-    found = {each.code: each for each in motion(read_table(tmp_path / "trials.mcap")).findings}
+    found = {each.code: each for each in check_motion(read_table(tmp_path / "trials.mcap")).findings}
     assert found["speed_scale"].estimate["factor"] == pytest.approx(1.020, abs=0.002)
     assert found["speed_scale"].certain
     assert 0.3 < found["position_time_jitter"].estimate["seconds"] < 2.0
@@ -159,5 +161,5 @@ def test_trials_of_2022_read_two_percent_low_and_jitter(shared_data: Path, tmp_p
 def test_the_docking_of_2019_does_not_jitter(shared_data: Path, tmp_path: Path) -> None:
     name, file = "gunnerus_2019_docking", "docking_2019-11-09_part1.csv"
     import_table(shared_data / name / file, tmp_path / "docking.mcap", MAPS / f"{name}.toml")
-    found = {each.code for each in motion(read_table(tmp_path / "docking.mcap")).findings}
+    found = {each.code for each in check_motion(read_table(tmp_path / "docking.mcap")).findings}
     assert not found & {"position_time_jitter", "heading_time_jitter"}

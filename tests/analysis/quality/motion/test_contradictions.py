@@ -10,8 +10,8 @@ import pytest
 
 from acquisition.core.frames import Quality
 from acquisition.tables.import_table import import_table
-from analysis.quality.findings import Checked, Finding
-from analysis.quality.motion.checks import delays_of, motion
+from analysis.quality.findings import CheckResult, Finding
+from analysis.quality.motion.checks import check_motion, delays_of
 from analysis.quality.motion.coarse import coarse_fit
 from analysis.quality.motion.series import GROUPS
 from analysis.quality.repairs import repair
@@ -27,7 +27,7 @@ def sound() -> pd.DataFrame:
     return sailed(duration_s=900.0)
 
 
-def only(checked: Checked, code: str) -> Finding:
+def only(checked: CheckResult, code: str) -> Finding:
     assert [each.code for each in checked.findings] == [code]
     return checked.findings[0]
 
@@ -39,7 +39,7 @@ def scaled(table: pd.DataFrame, **factors: float) -> pd.DataFrame:
 @pytest.mark.parametrize("angle", [60.0, 90.0, 180.0, -90.0, -179.0])
 def test_a_heading_however_far_off_is_found_and_nothing_else(sound: pd.DataFrame, angle: float) -> None:
     table = sound.assign(heading_deg=(sound["heading_deg"] + angle) % 360.0)
-    finding = only(motion(table), "heading_offset")
+    finding = only(check_motion(table), "heading_offset")
     apart = (finding.estimate["angle_deg"] - angle + 180.0) % 360.0 - 180.0
     assert abs(apart) < 0.1
     assert not finding.certain
@@ -53,7 +53,7 @@ def test_a_heading_however_far_off_is_found_and_nothing_else(sound: pd.DataFrame
 def test_speeds_in_another_unit_are_found_with_the_right_factor(
     sound: pd.DataFrame, factor: float, words: str, certain: bool
 ) -> None:
-    finding = only(motion(scaled(sound, surge_mps=factor, sway_mps=factor)), "speed_scale")
+    finding = only(check_motion(scaled(sound, surge_mps=factor, sway_mps=factor)), "speed_scale")
     assert finding.estimate["factor"] == pytest.approx(1.0 / factor, rel=0.003)
     assert finding.estimate["low"] <= 1.0 / factor <= finding.estimate["high"]
     assert words in finding.text
@@ -61,7 +61,7 @@ def test_speeds_in_another_unit_are_found_with_the_right_factor(
 
 
 def test_positions_in_feet_are_not_the_speeds_to_mend(sound: pd.DataFrame) -> None:
-    finding = only(motion(scaled(sound, north_m=1.0 / 0.3048, east_m=1.0 / 0.3048)), "speed_scale")
+    finding = only(check_motion(scaled(sound, north_m=1.0 / 0.3048, east_m=1.0 / 0.3048)), "speed_scale")
     assert finding.estimate["factor"] == pytest.approx(1.0 / 0.3048, rel=0.003)
     assert "positions were in feet" in finding.text
     assert not finding.certain
@@ -70,12 +70,12 @@ def test_positions_in_feet_are_not_the_speeds_to_mend(sound: pd.DataFrame) -> No
 @pytest.mark.parametrize(("factor", "words"), [(np.pi / 180.0, "rad/s"), (60.0, "deg/min"), (-1.0, "port")])
 def test_a_yaw_rate_in_another_unit_or_sign_is_found(sound: pd.DataFrame, factor: float, words: str) -> None:
     table = scaled(sound, yaw_rate_dps=factor)
-    finding = only(motion(table), "yaw_rate_scale")
+    finding = only(check_motion(table), "yaw_rate_scale")
     assert finding.estimate["factor"] == pytest.approx(1.0 / factor, rel=0.005)
     assert words in finding.text
     assert finding.certain
     mended = repair(table, [finding]).table
-    assert motion(mended).findings == ()
+    assert check_motion(mended).findings == ()
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_a_yaw_rate_in_another_unit_or_sign_is_found(sound: pd.DataFrame, factor
 def test_wrong_signs_and_axes_are_named_and_nothing_else_is_said(
     sound: pd.DataFrame, columns: dict[str, tuple[str, float]], channel: str, words: str
 ) -> None:
-    checked = motion(sound.assign(**{name: sound[of] * by for name, (of, by) in columns.items()}))
+    checked = check_motion(sound.assign(**{name: sound[of] * by for name, (of, by) in columns.items()}))
     finding = only(checked, "motion_contradiction")
     assert finding.channel == channel
     assert words in finding.text
@@ -104,7 +104,9 @@ def test_wrong_signs_and_axes_are_named_and_nothing_else_is_said(
 
 def test_channels_of_another_ship_tell_of_no_one_motion(sound: pd.DataFrame) -> None:
     other = sailed(duration_s=900.0, seed=5, turning=2.5)
-    finding = only(motion(sound.assign(north_m=other["north_m"], east_m=other["east_m"])), "motion_contradiction")
+    finding = only(
+        check_motion(sound.assign(north_m=other["north_m"], east_m=other["east_m"])), "motion_contradiction"
+    )
     assert finding.estimate["left"] > 0.2
     assert not finding.certain
 
@@ -123,7 +125,7 @@ def test_positions_that_jump_and_return_are_found_and_flagged(noise: Noise) -> N
     table = sailed(duration_s=900.0, noise=noise)
     table.iloc[1000:1031, 0] += 30.0
     table.iloc[1000:1031, 1] -= 40.0
-    checked = motion(table)
+    checked = check_motion(table)
     finding = only(checked, "position_jump")
     assert finding.estimate["metres"] == pytest.approx(50.0, abs=3.0)
     assert finding.estimate["north_m"] == pytest.approx(30.0, abs=3.0)
@@ -136,7 +138,7 @@ def test_positions_that_jump_and_return_are_found_and_flagged(noise: Noise) -> N
 def test_positions_that_jump_for_good_displace_no_one(sound: pd.DataFrame) -> None:
     table = sound.copy()
     table.iloc[700:, 0] += 100.0
-    checked = motion(table)
+    checked = check_motion(table)
     finding = only(checked, "position_jump")
     assert finding.start == finding.end == table.index[700]
     assert "do not return" in finding.text
@@ -148,7 +150,7 @@ def test_positions_that_stand_or_jitter_do_not_jump(sound: pd.DataFrame) -> None
     stuck.iloc[1000:1060, 1] = float(stuck["east_m"].iloc[1000])
     jittering = sailed(Faults(jitter_s=1.0, jitter_lasts_s=8.0), duration_s=900.0)
     for table in (stuck, jittering):
-        assert "position_jump" not in {each.code for each in motion(table).findings}
+        assert "position_jump" not in {each.code for each in check_motion(table).findings}
 
 
 def test_a_factor_that_changes_half_way_is_not_certain() -> None:
@@ -156,14 +158,14 @@ def test_a_factor_that_changes_half_way_is_not_certain() -> None:
     second = np.arange(len(table)) >= len(table) // 2
     for name in ("surge_mps", "sway_mps"):
         table[name] *= np.where(second, 0.94, 0.98)
-    finding = next(each for each in motion(table).findings if each.code == "speed_scale")
+    finding = next(each for each in check_motion(table).findings if each.code == "speed_scale")
     assert not finding.certain
     assert "not the same throughout" in finding.text
     assert finding.estimate["low"] < 1.0 / 0.98 < 1.0 / 0.94 < finding.estimate["high"]
 
 
 def test_all_samples_of_a_channel_that_is_condemned_are_suspect() -> None:
-    flags = motion(sailed(Faults(speed=0.98), duration_s=900.0)).flags
+    flags = check_motion(sailed(Faults(speed=0.98), duration_s=900.0)).flags
     assert (flags[["surge_mps", "sway_mps"]] == Quality.SUSPECT).all(axis=None)
     assert (flags[["north_m", "heading_deg", "yaw_rate_dps"]] == Quality.GOOD).all(axis=None)
 
@@ -180,7 +182,7 @@ def test_what_the_receiver_stamps_is_late_with_the_positions() -> None:
 
 
 def test_an_arm_that_was_not_fitted_is_not_printed() -> None:
-    finding = only(motion(sailed(Faults(forward_m=6.0))), "position_offset")
+    finding = only(check_motion(sailed(Faults(forward_m=6.0))), "position_offset")
     assert "forward" in finding.text
     assert "starboard" not in finding.text
 
@@ -189,7 +191,7 @@ def test_an_arm_that_was_not_fitted_is_not_printed() -> None:
 def test_real_recordings_that_change_say_so(shared_data: Path, tmp_path: Path) -> None:
     name, file = "gunnerus_2022_trials", "trials_2022-10-27_part1.csv"
     import_table(shared_data / name / file, tmp_path / "trials.mcap", MAPS / f"{name}.toml")
-    findings = motion(read_table(tmp_path / "trials.mcap")).findings
+    findings = check_motion(read_table(tmp_path / "trials.mcap")).findings
     found = {each.code: each for each in findings}
     jumps = [each for each in findings if each.code == "position_jump"]
     assert [each.estimate["metres"] for each in jumps] == pytest.approx([340.0, 255.0], abs=10.0)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import difference, wrap_360
 from analysis.quality.findings import Finding
-from analysis.quality.motion.checks import motion
+from analysis.quality.motion.checks import check_motion
 from analysis.quality.motion.reconstruction import reconstruct_heading
 from analysis.quality.repairs import repair
 from tests.analysis.quality import faults
@@ -31,7 +31,7 @@ def dice() -> np.random.Generator:
 
 
 def codes(table: pd.DataFrame) -> list[str]:
-    return [each.code for each in motion(table).findings]
+    return [each.code for each in check_motion(table).findings]
 
 
 def stated(table: pd.DataFrame, code: str = CODE, channel: str = "heading_deg") -> Finding:
@@ -52,7 +52,7 @@ def error_in_turns_deg(table: pd.DataFrame, truth: pd.DataFrame) -> float:
 @pytest.mark.parametrize("heading_deg", [0.0, 180.0])
 def test_jitter_is_found_and_sized(seconds: float, block_s: float, heading_deg: float) -> None:
     jittering = faults.heading_time_jitter(seconds, block_s)(sailed(heading_deg=heading_deg), dice()).table
-    (finding,) = motion(jittering).findings
+    (finding,) = check_motion(jittering).findings
     assert (finding.code, finding.channel, finding.certain) == (CODE, "heading_deg", False)
     low, size, high = (finding.estimate[key] for key in ("low", "seconds", "high"))
     assert low <= size <= high
@@ -106,7 +106,7 @@ def test_positions_take_the_mended_turns(sound: pd.DataFrame) -> None:
     rough = faults.heading_time_jitter(0.6, 5.0)(
         faults.position_time_jitter(0.6)(sound, dice()).table, dice()
     ).table
-    findings = motion(rough).findings
+    findings = check_motion(rough).findings
     assert {CODE, "position_time_jitter"} <= {each.code for each in findings}
     mended = repair(rough, findings, rebuild_positions=True)
     assert [each.code for each in mended.repairs] == [CODE, "position_time_jitter"]
@@ -120,14 +120,14 @@ def test_positions_take_the_mended_turns(sound: pd.DataFrame) -> None:
 
 def test_a_sound_heading_stays_as_it_is(sound: pd.DataFrame) -> None:
     jittering = faults.position_time_jitter(0.6)(sound, dice()).table
-    mended = repair(jittering, motion(jittering).findings, rebuild_positions=True)
+    mended = repair(jittering, check_motion(jittering).findings, rebuild_positions=True)
     assert [each.code for each in mended.repairs] == ["position_time_jitter"]
     assert mended.table["heading_deg"].equals(sound["heading_deg"])
 
 
 def test_repair_without_the_order_leaves_jitter_alone(sound: pd.DataFrame) -> None:
     jittering = faults.heading_time_jitter(0.6)(sound, dice()).table
-    assert CODE not in [each.code for each in repair(jittering, motion(jittering).findings).repairs]
+    assert CODE not in [each.code for each in repair(jittering, check_motion(jittering).findings).repairs]
 
 
 def test_each_side_of_a_splice_keeps_its_heading(sound: pd.DataFrame) -> None:

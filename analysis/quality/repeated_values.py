@@ -1,0 +1,254 @@
+"""Repeated values: sensors that are stuck, and values on a grid that is coarser than the channel's noise.
+
+A long repeat alone proves nothing: a thruster at rest, a held order, an assumed constant and a still ship on a
+coarse sensor repeat for minutes. Two things prove that a sensor is stuck: the channel's own noise, there right
+before and after, is gone; or related channels show motion that this one would have had to follow.
+
+Every digital sensor has a grid. It harms where its step exceeds both the noise (which else carries the mean
+between two steps) and what buses commonly carry: ``EVERYDAY`` holds the coarsest resolution by quantity that is
+normal in NMEA 2000, NMEA 0183 and MAVLink. Values need not lie on exact multiples: a grid that has been projected
+or drifts by less than a hundredth of its step shows in the differences of consecutive values.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import Channel
+from acquisition.core.frames import Quality
+from analysis.quality.findings import Flags
+from analysis.quality.samples import flags_where, sort_by_time, steps_between, times_of, white_noise
+from analysis.tables.time_index import NANO
+
+_SHORTEST, _BESIDE = 8, 100
+_LIKELY = 1e-4
+_TURNING = 0.3
+_LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
+
+
+def flag_stuck(samples: pd.Series[Any], channel: Channel, rate: pd.Series[Any] | None = None) -> Flags:
+    """Bad where the value stands still, from the second of the repeated values on.
+
+    ``rate`` is how fast related channels say that this one changes [its unit per s], at times of its own: yaw
+    rate for the heading, speed over ground for a position.
+    """
+    places, times, values = sort_by_time(samples, channel)
+    bad = np.zeros(len(samples), dtype=bool)
+    starts, lengths = _repeats(values, channel)
+    coarse = lengths.size > 1 and _coarse(values)
+    always_moves = channel.group != "command" and _never_repeats(values, lengths)
+    for start, length in zip(starts, lengths, strict=True):
+        inside = slice(start, start + length)
+        usual = not coarse or length >= 5 * np.sort(lengths)[-2]
+        silent = (
+            usual
+            and not _at_rest(float(values[start]), channel)
+            and _noise_is_gone(values, start, length, always_moves)
+        )
+        if silent or _should_have_moved(times[inside], values, channel, rate):
+            bad[places[start + 1 : start + length]] = True
+    return flags_where(bad, Quality.BAD, samples.to_numpy(dtype=float))
+
+
+def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:
+    """First places and lengths of the runs of one value, from eight samples on."""
+    if values.size < 2 * _SHORTEST:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    changes = np.flatnonzero(steps_between(values, channel.circular) != 0.0) + 1
+    starts = np.concatenate([[0], changes])
+    lengths = np.diff(np.concatenate([starts, [values.size]]))
+    long = lengths >= _SHORTEST
+    return starts[long], lengths[long]
+
+
+def _at_rest(value: float, channel: Channel) -> bool:
+    """A stopped thruster, a ship alongside and calm air are silent by themselves."""
+    return value == 0.0 and (channel.unit in ("rpm", "m/s", "deg/s") or channel.group == "environment")
+
+
+def _coarse(values: Floats) -> bool:
+    """Whether the channel is on a grid wider than its noise, and so stands on it for a long time now and then."""
+    step = grid_step(values)
+    return step > 0.0 and step > noise_besides_rounding(values, step)
+
+
+def _never_repeats(values: Floats, lengths: Ints) -> bool:
+    """Whether values repeat in less than one of a hundred samples, but for the long runs."""
+    repeats = np.count_nonzero(np.diff(values) == 0.0) - int(np.sum(lengths - 1))
+    return bool(repeats < 0.01 * values.size)
+
+
+def _noise_is_gone(values: Floats, start: int, length: int, always_moves: bool) -> bool:
+    """Whether both sides of a run (one at the ends) are noisy, and too lively for the run to be chance.
+
+    Noisy: a third of the changes turn back at once, two thirds being white noise; a motion that never repeats
+    a value need not be noisy, as it cannot hold still either, but an order can. Chance: the share of repeats
+    on a side to the power of the run's length, times the samples of the record; and the run is five times as
+    long as the longest beside it.
+    """
+    left = values[max(start - _BESIDE, 0) : start]
+    right = values[start + length : start + length + _BESIDE]
+    sides = [side for side in (left, right) if side.size >= _SHORTEST]
+    if always_moves and len(sides) < 2:  # a simulated ship may start without moving
+        always_moves = False
+    return bool(sides) and all(_lively(side, length, values.size, always_moves) for side in sides)
+
+
+def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:
+    steps = np.diff(side)
+    moved = steps[steps != 0.0]
+    if moved.size < _SHORTEST // 2 or (not always_moves and np.mean(moved[1:] * moved[:-1] < 0.0) < _TURNING):
+        return False
+    repeats = (np.sum(steps == 0.0) + 1.0) / (steps.size + 2.0)
+    if repeats > 0.5:  # stairs, as a held order goes up and down, are no noise
+        return False
+    edges = np.flatnonzero(np.concatenate([[True], steps != 0.0, [True]]))
+    return bool(total * repeats**length < _LIKELY and length >= 5 * np.diff(edges).max())
+
+
+def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: pd.Series[Any] | None) -> bool:
+    """Whether the rate adds up to more than five of the channel's usual steps, and 1 m or 1 deg, in the run."""
+    if rate is None or channel.unit not in _LEAST_TRAVEL:
+        return False
+    at = times_of(rate)
+    first, last = np.searchsorted(at, times[[0, -1]])
+    if last - first < 2:
+        return False
+    seconds, rates = at[first:last] / NANO, rate.to_numpy(dtype=float)[first:last]
+    travel = abs(float(np.trapezoid(rates, seconds)))
+    steps = np.abs(np.diff(values))
+    usual = float(np.quantile(steps[steps > 0.0], 0.1)) if np.any(steps > 0.0) else np.inf
+    return travel > max(5.0 * usual, _LEAST_TRAVEL[channel.unit])
+
+
+def expected_rates(table: pd.DataFrame) -> dict[str, pd.Series[Any]]:
+    """How fast the pose should change by the speeds, the yaw rate and the heading: north, east, heading.
+
+    Channels need not share rows: the last heading stands where the speeds have none. What lacks a channel is
+    left out.
+    """
+    rates: dict[str, pd.Series[Any]] = {}
+    if "yaw_rate_dps" in table:
+        rates["heading_deg"] = table["yaw_rate_dps"].dropna()
+    if {"surge_mps", "sway_mps", "heading_deg"} <= set(table.columns):
+        moving = table[["surge_mps", "sway_mps", "heading_deg"]].ffill().dropna()
+        psi = np.deg2rad(moving["heading_deg"])
+        rates["north_m"] = moving["surge_mps"] * np.cos(psi) - moving["sway_mps"] * np.sin(psi)
+        rates["east_m"] = moving["surge_mps"] * np.sin(psi) + moving["sway_mps"] * np.cos(psi)
+    return {name: rate for name, rate in rates.items() if len(rate)}
+
+
+EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0}
+_COARSER = {("command", "deg"): 1.0, ("environment", "deg"): 1.0, ("environment", "m/s"): 0.1}
+_DEGREES_OF_POSITION = 2e-7
+_FEWEST, _CONCENTRATED, _LARGEST_MULTIPLE = 30, 0.8, 8.5
+_MOST_VALUES, _EXACT, _NOISES = 200_000, 0.95, 0.7
+
+
+def everyday_resolution(channel: Channel) -> float:
+    """The coarsest step [the channel's unit] that instruments of this kind commonly report."""
+    if channel.name in ("latitude_deg", "longitude_deg"):
+        return _DEGREES_OF_POSITION
+    return _COARSER.get((channel.group, channel.unit), EVERYDAY[channel.unit])
+
+
+def grid_step(values: Floats) -> float:
+    """The step of the grid that values move on, 0 where there is none.
+
+    It is looked for in the changes from value to value, where a grid that drifts still shows, in the distances
+    between values sorted by size, and in those between the changes, where it shows even at a constant speed.
+    """
+    values = values[np.isfinite(values)]
+    if values.size > _MOST_VALUES:
+        values = np.concatenate([part[: _MOST_VALUES // 8] for part in np.array_split(values, 8)])
+    steps = np.diff(values)
+    noise = float(np.sqrt(np.mean(np.diff(steps, 2) ** 2) / 20.0)) if steps.size > 2 else 0.0
+    distances = np.diff(np.sort(values))
+    searches = ((_step_of, np.abs(steps)), (_step_of, distances), (_exact_step, np.abs(steps)))
+    found = (search(changes, noise) for search, changes in searches)
+    return next((step for step in found if step and _on_plateaus(steps, step)), 0.0)
+
+
+def _step_of(changes: Floats, noise: float) -> float:
+    """The step on whose multiples the changes lie. Those below a hundredth of the typical one count as none.
+
+    Candidates are the smaller changes and their fractions; the largest wins on whose multiples the changes
+    concentrate, by the mean of cos(2 pi change / step), which is 1 on a grid and near 0 without.
+    """
+    changes = changes[changes > 0.0]
+    if changes.size < _FEWEST:
+        return 0.0
+    typical = np.median(changes[changes >= np.quantile(changes, 0.5)])
+    changes = changes[changes > 0.01 * typical]
+    if changes.size < _FEWEST:
+        return 0.0
+    smaller = np.quantile(changes, [0.0, 0.01, 0.05, 0.1, 0.25, 0.5], method="lower")
+    candidates = np.unique(np.concatenate([smaller / share for share in (1, 2, 3, 4)]))[::-1]
+    found = (_confirm_step(changes, float(each), noise) for each in candidates)
+    return next((each for each in found if each), 0.0)
+
+
+def _confirm_step(changes: Floats, candidate: float, noise: float) -> float:
+    """The candidate made exact by the changes near its multiples, or 0 if they do not lie on them.
+
+    They do if they are far closer than the noise would let them, which a ship at constant speed is not.
+    """
+    for reach in (2.5, _LARGEST_MULTIPLE):
+        near = changes[changes < reach * candidate]
+        multiples = np.rint(near / candidate)
+        close = (np.abs(near / candidate - multiples) < 0.2) & (multiples > 0)
+        if not close.any():
+            return 0.0
+        candidate = float(np.median(near[close] / multiples[close]))
+    near = changes[changes < _LARGEST_MULTIPLE * candidate]
+    if near.size < max(_FEWEST, 0.02 * changes.size):
+        return 0.0
+    concentration = float(np.mean(np.cos(2.0 * np.pi * near / candidate)))
+    apart = float(np.quantile(np.abs(near - candidate * np.rint(near / candidate)), 0.8))
+    return candidate if concentration > _CONCENTRATED and apart < 0.1 * noise else 0.0
+
+
+def _exact_step(changes: Floats, noise: float) -> float:
+    """The step of an exact grid from the least distance between two changes, if all are multiples of it."""
+    distances = np.diff(np.sort(changes))
+    distances = distances[distances > 1e-6 * changes.max(initial=0.0)]
+    if changes.size < _FEWEST or not distances.size:
+        return 0.0
+    step = float(np.median(distances[distances < 1.5 * distances.min()]))
+    apart = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))
+    exact = float(np.mean(np.cos(2.0 * np.pi * changes / step))) > _EXACT and apart < 0.1 * noise
+    return step if exact else 0.0
+
+
+def _on_plateaus(steps: Floats, step: float) -> bool:
+    """Whether changes stop or turn at once, or differ in size: a ramp without noise does neither."""
+    multiples = np.rint(steps[np.isfinite(steps)] / step)
+    changed = np.flatnonzero(multiples[:-1])
+    sizes, counts = np.unique(np.abs(multiples[changed]), return_counts=True)
+    several = sizes.size > 0 and counts.max() < 0.9 * changed.size
+    stops = np.mean(multiples[changed + 1] * np.sign(multiples[changed]) <= 0.0)
+    return bool(several or stops > 0.2)
+
+
+def noise_besides_rounding(values: Floats, step: float) -> float:
+    """Standard deviation of the noise that is there besides the rounding to a grid of this step."""
+    return float(np.sqrt(max(white_noise(values) ** 2 - step**2 / 12.0, 0.0)))
+
+
+def quantisation_step(samples: pd.Series[Any], channel: Channel) -> float:
+    """The step [the channel's unit] of a grid that lost information, 0 where there is none.
+
+    A grid is found where its step exceeds the everyday resolution, and is no smaller than the noise (0.7 of its
+    standard deviation, which waves raise at slow rates) or makes every fifth value repeat the last.
+    """
+    _, _, values = sort_by_time(samples, channel)
+    steps = np.diff(values)
+    step = grid_step(values)
+    if step <= 1.05 * everyday_resolution(channel):
+        return 0.0
+    repeats = float(np.mean(np.abs(steps) < 0.1 * step))
+    return step if step > _NOISES * noise_besides_rounding(values, step) or repeats > 0.2 else 0.0
