@@ -8,8 +8,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import SeatrialError
-from acquisition.core.signals import stopped_by_signals
-from acquisition.core.stdio import guard_streams
+from acquisition.core.signals import stop_on_signals
+from acquisition.core.stdio import guard_standard_streams
 
 if TYPE_CHECKING:
     import typer
@@ -65,9 +65,9 @@ def __getattr__(name: str) -> Any:
 
 def main() -> None:
     """Run one command; an error that we raised on purpose is one line on stderr and exit code 1."""
-    guard_streams()
+    guard_standard_streams()
     try:
-        with stopped_by_signals() if sys.argv[1:2] in (["record"], ["watch"]) else nullcontext():
+        with stop_on_signals() if sys.argv[1:2] in (["record"], ["watch"]) else nullcontext():
             _app()()
     except SeatrialError as error:
         _fail(error)

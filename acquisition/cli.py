@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acquisition.core.signals import stopped_by_signals
+from acquisition.core.signals import stop_on_signals
 
 if TYPE_CHECKING:
     import threading
@@ -55,7 +55,7 @@ def record(
         raise typer.BadParameter("is neither text nor json", param_hint="--log")
     if output is None and not check:
         raise typer.BadParameter("is missing: the folder that the recording goes into", param_hint="-o")
-    with stopped_by_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
+    with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         from acquisition.config.configuration import load_config
         from acquisition.logger.record import record as run
 
@@ -84,13 +84,13 @@ def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from acquisition.logger.live.terminal import missing, summary
+    from acquisition.logger.live.terminal import missing_channels, summary
 
     typer.echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
             typer.echo(f"error: {text}", err=True)
-    silent = missing(health.channels, frozenset(name for each in trial.sources for name in each.channels))
+    silent = missing_channels(health.channels, frozenset(name for each in trial.sources for name in each.channels))
     if silent:
         typer.echo(f"warning: nothing came of {', '.join(silent)}", err=True)
 
@@ -100,15 +100,15 @@ def _check_departure(
 ) -> None:
     from rich.console import Console
 
-    from acquisition.logger.live.check_table import departure_table
-    from acquisition.logger.preflight import check_departure
+    from acquisition.logger.live.check_table import preflight_table
+    from acquisition.logger.preflight import check_before_departure
 
     typer.echo(f"listening for {duration_s:g} s", err=True)
-    found = check_departure(trial, duration_s, folder, stop)
+    found = check_before_departure(trial, duration_s, folder, stop)
     if as_json:
         typer.echo(json.dumps(found.as_json()))
     else:
-        Console().print(departure_table(found))
+        Console().print(preflight_table(found))
     if found.obstacles:
         typer.echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
         raise typer.Exit(1)

@@ -142,7 +142,7 @@ def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) ->
 def _check_channels(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
     """Refuse a channel that no message of the source can carry: it would stay silent all day."""
     for number, source in enumerate(sources):
-        possible = carried_channels(source)
+        possible = channels_from_source(source)
         for channel in source.channels:
             if channel not in possible:
                 raise ConfigurationError(
@@ -207,7 +207,7 @@ _NAUTICAL = frozenset({
 _ORDERS = frozenset(channel.name for channel in AUXILIARY if "_order_" in channel.name)
 
 
-def carried_channels(source: AnySource) -> frozenset[str]:
+def channels_from_source(source: AnySource) -> frozenset[str]:
     """The channels that a source's protocol and its mapping can carry."""
     if isinstance(source, CanFrames):
         return _MOTION | _ATTITUDE | _NAUTICAL | source.signals.keys()

@@ -60,7 +60,7 @@ def wind_over_ground(
     return (from_bow_deg + heading_deg) % 360.0, speed
 
 
-def felt_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: float) -> tuple[float, float]:
+def apparent_wind(angle_deg: float, speed_mps: float, speed_through_water_mps: float) -> tuple[float, float]:
     """Angle and speed as felt on board, of a wind that an instrument has referred to the water.
 
     Instruments do so with the heading and the speed of the log, as if there were no leeway; this undoes it.

@@ -12,7 +12,7 @@ _active: list[threading.Event] = []
 
 
 @contextmanager
-def stopped_by_signals() -> Iterator[threading.Event]:
+def stop_on_signals() -> Iterator[threading.Event]:
     """An event that SIGINT, SIGTERM and the loss of the terminal set, so that all end a recording cleanly.
 
     Under ``nohup``, which ignores the loss of the terminal, the recording goes on. Within another of its kind

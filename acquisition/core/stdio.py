@@ -14,7 +14,7 @@ _STDOUT = 1
 _NAMES = ("stdin", "stdout", "stderr")
 
 
-def guard_streams() -> None:
+def guard_standard_streams() -> None:
     """Replace missing streams by the null device, and outputs by ones that can be closed at the other end.
 
     Whoever reads only our first line has not made the work a failure, and what cannot be told on stderr must

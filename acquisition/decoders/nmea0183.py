@@ -12,7 +12,7 @@ from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
 from acquisition.decoders.fields import Fields
 from acquisition.decoders.sentences import Reading, readers
-from acquisition.decoders.tag_block import Tagged, checksum, split_tag
+from acquisition.decoders.tag_block import TaggedSentence, checksum, split_tag
 
 __all__ = ["Nmea0183Decoder", "checksum", "split_sentence"]
 
@@ -78,7 +78,7 @@ class Nmea0183Decoder:
         return None if now_ns is None else nearest_day(reading.seconds_of_day, now_ns)
 
 
-def _label(origin: str, talker: str, kind: str, tagged: Tagged, reading: Reading) -> str:
+def _label(origin: str, talker: str, kind: str, tagged: TaggedSentence, reading: Reading) -> str:
     """Who says it: line, talker, the device behind a gateway if it is named, sentence, meaning if it has several.
 
     ``line/II:MWV apparent``, ``line/GP@GN01:GGA``.

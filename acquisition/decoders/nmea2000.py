@@ -23,7 +23,7 @@ from acquisition.decoders.parameter_fields import (
     TIME_AND_DATE,
     Message,
 )
-from acquisition.decoders.parameter_groups import READERS, Reading, told_time
+from acquisition.decoders.parameter_groups import READERS, Reading, group_time
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
 """What tells the time, best first: a position's time is that of the fix, which is late by the time it comes."""
@@ -68,7 +68,7 @@ class Nmea2000Decoder:
             return []
         told_ns = None
         if group in _CLOCKS:
-            told_ns = told_time(message)
+            told_ns = group_time(message)
             self._announce(told_ns, frame, group, device, reading.quality)
         meaning = f" {reading.meaning}" if reading.meaning else ""
         source = f"{frame.origin}/{device}:{group}{meaning}"

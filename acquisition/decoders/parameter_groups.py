@@ -48,7 +48,7 @@ def _clock(_message: Message) -> Reading:
     return Reading([])
 
 
-def told_time(message: Message) -> int | None:
+def group_time(message: Message) -> int | None:
     """A message's date and time as ns since 1970; None if it does not say."""
     days, seconds = message["date"], message["time"]
     if isinstance(days, str) or isinstance(seconds, str) or seconds >= _DAY_S + 1:  # a leap second is possible

@@ -18,7 +18,7 @@ _NOT_IN_A_LABEL = re.compile(r"[^A-Za-z0-9._-]")
 
 
 @dataclass(frozen=True, slots=True)
-class Tagged:
+class TaggedSentence:
     """A sentence without its envelope, and what the envelope said; ``sound`` is False where that was spoilt."""
 
     sentence: bytes
@@ -36,7 +36,7 @@ def checksum(body: bytes) -> int:
     return reduce(xor, body, 0)
 
 
-def split_tag(line: bytes) -> Tagged:
+def split_tag(line: bytes) -> TaggedSentence:
     r"""A line as its sentence with the TAG block's time (c:, UTC, ns since 1970) and source (s:).
 
     A block with a wrong checksum says nothing, but the sentence behind it has a checksum of its own.
@@ -46,13 +46,13 @@ def split_tag(line: bytes) -> Tagged:
     """
     line = line.removeprefix(_DATAGRAM_PREFIX)
     if not line.startswith(b"\\"):
-        return Tagged(line)
+        return TaggedSentence(line)
     found = _TAG_BLOCK.match(line)
     if found is None or int(found[2], 16) != checksum(found[1]):
-        return Tagged(line[line.rfind(b"\\") + 1 :], sound=False)
+        return TaggedSentence(line[line.rfind(b"\\") + 1 :], sound=False)
     items = dict(item.split(":", 1) for item in found[1].decode("ascii").split(",") if ":" in item)
     source = _NOT_IN_A_LABEL.sub("_", items.get("s", ""))
-    return Tagged(line[found.end() :], unix_ns(items.get("c", "")), source)
+    return TaggedSentence(line[found.end() :], unix_ns(items.get("c", "")), source)
 
 
 def unix_ns(text: str) -> int | None:

@@ -18,13 +18,13 @@ import pymap3d
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.errors import InputError
 from acquisition.core.progress import Progress
-from acquisition.emulator.transmitters import Outlet, open_outlet
+from acquisition.emulator.transmitters import Transmitter, open_transmitter
 from acquisition.encoders import Encoder, Moment, make_encoder
 from acquisition.recording.reader import Recording, read_recording
 
 
 @dataclass(frozen=True, slots=True)
-class Played:
+class Playback:
     """What was sent: moments and packets in all, values by channel, the time it took [s].
 
     ``unsent`` counts values that no message could carry: a north without an east at the same time, say.
@@ -76,10 +76,12 @@ class _Player:
 
     moments: list[Moment]
     encoder: Encoder
-    outlet: Outlet
+    outlet: Transmitter
 
 
-def emulate(path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None) -> Played:
+def emulate(
+    path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None
+) -> Playback:
     """Play a recording onto the buses and lines of ``config``, ``speed`` times as fast as it was.
 
     Raises :class:`InputError` for an unfit recording and :class:`SourceError` for a line that fails.
@@ -90,7 +92,7 @@ def emulate(path: Path | str, config: TrialConfig, speed: float = 1.0, progress:
     try:
         for section in config.sources:
             moments = list(moments_of(recording, section.channels, origin))
-            players.append(_Player(moments, make_encoder(section), open_outlet(section)))
+            players.append(_Player(moments, make_encoder(section), open_transmitter(section)))
         schedule = _schedule(players)
         if not schedule:
             raise InputError("holds none of the channels that the configuration plays", where=str(path))
@@ -111,7 +113,9 @@ def _schedule(players: list[_Player]) -> list[tuple[int, int, int]]:
     )
 
 
-def _play(schedule: list[tuple[int, int, int]], players: list[_Player], speed: float, progress: Progress) -> Played:
+def _play(
+    schedule: list[tuple[int, int, int]], players: list[_Player], speed: float, progress: Progress
+) -> Playback:
     first_ns, last_ns = schedule[0][0], schedule[-1][0]
     span_ns = max(last_ns - first_ns, 1)
     started_s = time.monotonic()
@@ -134,4 +138,4 @@ def _play(schedule: list[tuple[int, int, int]], players: list[_Player], speed: f
             sent.update(packet.carries)
         progress((time_ns - first_ns) / span_ns)
     took_s = time.monotonic() - started_s
-    return Played(len(schedule), packets_sent, dict(sent), dict(given - sent), took_s, latest_s)
+    return Playback(len(schedule), packets_sent, dict(sent), dict(given - sent), took_s, latest_s)

@@ -20,7 +20,7 @@ from acquisition.core.errors import SourceError, storage_error
 from acquisition.encoders import Packet
 
 
-class Outlet(Protocol):
+class Transmitter(Protocol):
     """One bus or line to send on."""
 
     def ready(self) -> None:
@@ -42,18 +42,18 @@ def _cannot_send(name: str, error: Exception) -> SourceError:
     )
 
 
-def open_outlet(config: AnySource) -> Outlet:
+def open_transmitter(config: AnySource) -> Transmitter:
     """Open the far end of a source. Raises :class:`SourceError`."""
     if isinstance(config, CanSource):
-        return _CanOutlet(config)
+        return _CanTransmitter(config)
     if isinstance(config, SerialSource):
-        return _SerialOutlet(config)
+        return _SerialTransmitter(config)
     if isinstance(config, UdpSource | MavlinkSource):
-        return _UdpOutlet(config)
+        return _UdpTransmitter(config)
     if isinstance(config, TcpSource):
-        return _TcpOutlet(config)
+        return _TcpTransmitter(config)
     if isinstance(config, FileSource):
-        return _FileOutlet(config)
+        return _FileTransmitter(config)
     raise SourceError(
         f"nothing can be played onto a {config.type} source",
         where=f"source {config.name!r}",
@@ -68,7 +68,7 @@ class _AlwaysReady:
         return
 
 
-class _CanOutlet(_AlwaysReady):
+class _CanTransmitter(_AlwaysReady):
     def __init__(self, config: CanSource) -> None:
         import can
 
@@ -95,7 +95,7 @@ class _CanOutlet(_AlwaysReady):
             self._bus.shutdown()
 
 
-class _SerialOutlet(_AlwaysReady):
+class _SerialTransmitter(_AlwaysReady):
     def __init__(self, config: SerialSource) -> None:
         from acquisition.sources.serial_line import open_port
 
@@ -113,7 +113,7 @@ class _SerialOutlet(_AlwaysReady):
         self._port.close()  # the system sends what it holds before it lets the line go
 
 
-class _UdpOutlet(_AlwaysReady):
+class _UdpTransmitter(_AlwaysReady):
     def __init__(self, config: UdpSource | MavlinkSource) -> None:
         self._name = config.name
         self._address = (config.address, config.port)
@@ -132,7 +132,7 @@ class _UdpOutlet(_AlwaysReady):
         self._socket.close()
 
 
-class _TcpOutlet:
+class _TcpTransmitter:
     """The gateway's side: waits for the logger to connect, then serves that one connection."""
 
     _WAIT_S = 30.0
@@ -174,7 +174,7 @@ class _TcpOutlet:
         self._server.close()
 
 
-class _FileOutlet(_AlwaysReady):
+class _FileTransmitter(_AlwaysReady):
     def __init__(self, config: FileSource) -> None:
         try:
             self._file = config.path.open("wb")

@@ -12,7 +12,7 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Group, Quality, Sample
 from acquisition.core.kinematics import (
     along,
-    felt_wind,
+    apparent_wind,
     to_body,
     to_earth,
     velocity_at_reference,
@@ -257,7 +257,7 @@ class Derivation:
             through_water_mps = self._ship_value("speed_through_water_mps", angle)
             if through_water_mps is None:
                 return None
-            felt_deg, felt_mps = felt_wind(angle.value, speed_mps, through_water_mps)
+            felt_deg, felt_mps = apparent_wind(angle.value, speed_mps, through_water_mps)
         if surge is None or sway is None:
             return None
         return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)

@@ -12,7 +12,7 @@ from operator import attrgetter
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.frames import Frame, iso
 from acquisition.logger.health import Health
-from acquisition.logger.processing import Processing
+from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.supervision import LOG
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import Source, make_source
@@ -43,7 +43,7 @@ def record_log_files(
         for source in sources:
             source.open()
             stack.callback(source.close)
-        reading = _Reading(Processing(config, parts, health), parts, stop or threading.Event())
+        reading = _Reading(FrameProcessor(config, parts, health), parts, stop or threading.Event())
         frames = heapq.merge(*(reading.frames(source, health) for source in sources), key=_RECEIVED)
         reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
@@ -62,7 +62,7 @@ def _tell_troubles(source: Source, reading: _Reading) -> None:
 class _Reading:
     """Frames of logs on their way into a recording; ``now_ns`` is how far the logs have come."""
 
-    def __init__(self, processing: Processing, parts: RecordingParts, stop: threading.Event) -> None:
+    def __init__(self, processing: FrameProcessor, parts: RecordingParts, stop: threading.Event) -> None:
         self._processing, self._parts, self._stop = processing, parts, stop
         self.now_ns = time.time_ns()  # until a log tells another
         self._told_s = time.monotonic()

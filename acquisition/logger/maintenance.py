@@ -28,7 +28,7 @@ def clock_metadata(scale: Timescale, host: str | None = None) -> dict[str, str]:
     }
 
 
-class Housekeeping:
+class Maintenance:
     """The chores of one recording; call :meth:`due` every :data:`TICK_S` or so, from the recorder's thread."""
 
     def __init__(

@@ -18,7 +18,7 @@ Mark = Callable[[str, int], None]
 """What takes a mark: its text, and when it was set on the monotonic clock [ns]."""
 
 
-def understood_mark(message: Mapping[str, Any]) -> tuple[str, int]:
+def parse_mark(message: Mapping[str, Any]) -> tuple[str, int]:
     """A mark's text and moment; one that cannot be true is replaced by now.
 
     Raises KeyError or TypeError for what is no mark.

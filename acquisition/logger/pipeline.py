@@ -17,9 +17,9 @@ from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.inbox import Inbox
-from acquisition.logger.maintenance import Housekeeping
+from acquisition.logger.maintenance import Maintenance
 from acquisition.logger.predictions import Predictions
-from acquisition.logger.processing import Processing
+from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.receiver import Receiver
 from acquisition.logger.timescale import Timescale
 from acquisition.recording.parts import RecordingParts
@@ -60,7 +60,7 @@ class Recorder:
         self._parts = parts
         self.health = health_of(config)
         self._scale = scale or Timescale.of_now()
-        self._processing = Processing(config, parts, self.health)
+        self._processing = FrameProcessor(config, parts, self.health)
         self._inbox = Inbox(self.health.sources, config.recording.queue_frames)
         self._texts: queue.SimpleQueue[tuple[int, str, str, str]] = queue.SimpleQueue()
         self.predictions = Predictions(self.health)
@@ -136,7 +136,7 @@ class Recorder:
             self._stopping.set()
 
     def _drain(self) -> None:
-        chores = Housekeeping(self._config.recording, self._parts, self.health, self._scale, self._note)
+        chores = Maintenance(self._config.recording, self._parts, self.health, self._scale, self._note)
         while True:
             finished = self._all_received.is_set()
             if finished and self._parts.paused:

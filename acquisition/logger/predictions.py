@@ -27,7 +27,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
 }  # fmt: skip
 
 
-class Foretold(NamedTuple):
+class RecordedPrediction(NamedTuple):
     """A prediction that was taken in: when on the monotonic clock [ns], the instant that it starts from [ns UTC],
     and the messages that it becomes; that for a map may be empty.
     """
@@ -38,7 +38,7 @@ class Foretold(NamedTuple):
     geojson: bytes
 
 
-def misfit(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
+def schema_violation(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
     """In what a JSON value does not fit a schema of ours; nothing if it does.
 
     Understands what our schemas say: types, properties, required ones, items and the longest array or text. What
@@ -54,7 +54,9 @@ def misfit(value: Any, schema: Mapping[str, Any], name: str = "it") -> str:
     if isinstance(value, list):
         if len(value) > schema["maxItems"]:
             return f"{name} has more than {schema['maxItems']} items"
-        return next((text for each in value if (text := misfit(each, schema["items"], f"an item of {name}"))), "")
+        return next(
+            (text for each in value if (text := schema_violation(each, schema["items"], f"an item of {name}"))), ""
+        )
     if isinstance(value, str) and len(value) > schema["maxLength"]:
         return f"{name} has more than {schema['maxLength']} letters"
     return ""
@@ -68,21 +70,21 @@ def _misfit_of_object(value: dict[str, Any], schema: Mapping[str, Any], name: st
     for key, each in value.items():
         if key not in properties:
             return f"{name} has an unknown {key[:40]!r}"
-        if text := misfit(each, properties[key], key):
+        if text := schema_violation(each, properties[key], key):
             return text
     return ""
 
 
-def understood_prediction(message: Mapping[str, Any]) -> Foretold:
+def parse_prediction(message: Mapping[str, Any]) -> RecordedPrediction:
     """What a client said, as what is recorded. Raises :class:`InputError` for what does not fit the schema."""
     body, geojson = message["prediction"], message.get("geojson", "")
-    text = misfit(body, PREDICTION, "a prediction") or _misfit_of_track(body["track"])
+    text = schema_violation(body, PREDICTION, "a prediction") or _misfit_of_track(body["track"])
     if not isinstance(geojson, str) or len(geojson) > _MOST_GEOJSON_LETTERS:
         text = text or f"geojson is no text of at most {_MOST_GEOJSON_LETTERS} letters"
     if text:
         raise InputError("is no prediction that can be recorded", why=text)
     drawn = orjson.dumps({"geojson": geojson}) if geojson else b""
-    return Foretold(time.monotonic_ns(), round(body["start"] * 1e9), orjson.dumps(body), drawn)
+    return RecordedPrediction(time.monotonic_ns(), round(body["start"] * 1e9), orjson.dumps(body), drawn)
 
 
 def _misfit_of_track(track: Mapping[str, list[float]]) -> str:
@@ -97,13 +99,13 @@ class Predictions:
 
     def __init__(self, health: Health) -> None:
         self._health = health
-        self._waiting: deque[Foretold] = deque()
+        self._waiting: deque[RecordedPrediction] = deque()
         self._allowed, self._looked_s = float(_MOST_AT_ONCE), time.monotonic()
 
     def offer(self, message: Mapping[str, Any]) -> str:
         """Take one in. Returns why not, or nothing; what is refused is counted."""
         try:
-            foretold = understood_prediction(message)
+            foretold = parse_prediction(message)
         except (InputError, TypeError) as error:  # the latter for halves of letters
             self._health.predictions_refused += 1
             return str(error)
@@ -113,7 +115,7 @@ class Predictions:
         self._waiting.append(foretold)
         return ""
 
-    def take(self) -> list[Foretold]:
+    def take(self) -> list[RecordedPrediction]:
         """Those that wait."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 

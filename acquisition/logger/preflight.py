@@ -35,7 +35,7 @@ class ChannelReport:
 
 
 @dataclass(frozen=True, slots=True)
-class DepartureCheck:
+class PreflightReport:
     """What a check found: every channel, every source, what was told on the way, and where a recording would go.
 
     ``disk_problem`` says why nothing could be recorded there; it is empty where all is well.
@@ -63,9 +63,9 @@ class DepartureCheck:
         return {"ready": not self.obstacles, "missing": self.missing, **asdict(self)}
 
 
-def check_departure(
+def check_before_departure(
     config: TrialConfig, duration_s: float, folder: Path | None = None, stop: threading.Event | None = None
-) -> DepartureCheck:
+) -> PreflightReport:
     """Listen to every source for ``duration_s`` [s]; ``folder`` is where the recording would go, if it is known.
 
     Raises :class:`SourceError` when no source can be opened, :class:`StorageError` when nothing can be written.
@@ -87,11 +87,11 @@ def check_departure(
         finally:
             parts.discard()
     events = [text for _, level, text in recorder.health.events if level != "info"]
-    free, problem = (None, "") if folder is None else examine_folder(folder, config.recording)
-    return DepartureCheck(channels, sources, events, free, problem)
+    free, problem = (None, "") if folder is None else check_folder(folder, config.recording)
+    return PreflightReport(channels, sources, events, free, problem)
 
 
-def examine_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
+def check_folder(folder: Path, settings: RecordingSection) -> tuple[int | None, str]:
     """What is free where a recording would go [bytes], and why it could not; nothing is written there."""
     existing = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
     if not existing.is_dir():

@@ -38,7 +38,7 @@ class _Allowance:
         return self.left >= 0
 
 
-class Processing:
+class FrameProcessor:
     """Frames into a recording; for one thread only."""
 
     def __init__(self, config: TrialConfig, writer: MessageSink, health: Health) -> None:

@@ -19,7 +19,7 @@ from acquisition.logger.live.foxglove import LiveView
 from acquisition.logger.log_files import record_log_files
 from acquisition.logger.maintenance import clock_metadata
 from acquisition.logger.pipeline import Recorder, health_of
-from acquisition.logger.requests import Hearing, Running
+from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.logger.supervision import LOG, LogFormat, log_to, notify
 from acquisition.logger.timescale import Timescale
 from acquisition.recording.parts import RecordingParts
@@ -69,8 +69,10 @@ def _record_live(
         stack.callback(recorder.stop)  # whatever becomes of the display, the recorder ends before its files
         if config.missing_channels:
             LOG.warning("no source provides %s", ", ".join(config.missing_channels))
-        hearing = Hearing(recorder.mark, lambda: _running(config, recorder.health, parts), recorder.predictions)
-        _with(stack, hearing, recorder)
+        server = RequestServer(
+            recorder.mark, lambda: _running(config, recorder.health, parts), recorder.predictions
+        )
+        _with(stack, server, recorder)
         if live or config.live is not None:
             view = LiveView(config.live or LiveSection(), config.trial.name)
             if _with(stack, view, recorder):
@@ -84,9 +86,9 @@ def _record_live(
     return parts.paths, recorder.health
 
 
-def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> Running:
+def _running(config: TrialConfig, health: Health, parts: RecordingParts) -> RecorderState:
     """What other programs may know of this recording."""
-    return Running(
+    return RecorderState(
         trial=config.trial.name,
         configuration=str(config.path.absolute()),
         recording=str(parts.path.absolute()),
@@ -149,7 +151,7 @@ def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
     expected = frozenset(name for source in config.sources for name in source.channels)
     picture = terminal.Picture(recorder.health, expected, config.marks)
     with (
-        keys.pressed(recorder.mark, config.marks),
+        keys.mark_on_keys(recorder.mark, config.marks),
         Live(
             picture,
             console=Console(stderr=True),

@@ -20,7 +20,7 @@ from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.logger.health import Health
 from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import DECODED, Processing
+from acquisition.logger.processing import DECODED, FrameProcessor
 from acquisition.recording.beginning import trial_at_beginning
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import Entry, MessageStream
@@ -31,7 +31,7 @@ _FLUSH_EVERY = 10_000  # messages, some megabytes; what is not flushed is in mem
 
 
 @dataclass(slots=True)
-class Redecoded:
+class RedecodeSummary:
     """What was decoded again: raw frames in, samples out, and frames of sources that are not configured."""
 
     health: Health
@@ -41,7 +41,7 @@ class Redecoded:
 
 def redecode(
     paths: list[Path], target: Path, config: TrialConfig | None = None, progress: Progress | None = None
-) -> Redecoded:
+) -> RedecodeSummary:
     """Decode the raw input of a recording's parts, given in order, into ``target``.
 
     Without ``config`` the recording's own serves: the same decoding with today's software. Raises
@@ -95,9 +95,11 @@ def _on_the_same_plane(config: TrialConfig, path: Path) -> TrialConfig:
     return replace(config, trial=trial)
 
 
-def _decode_all(paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress) -> Redecoded:
-    result = Redecoded(health_of(config))
-    processing = Processing(config, writer, result.health)
+def _decode_all(
+    paths: list[Path], config: TrialConfig, writer: RecordingWriter, progress: Progress
+) -> RedecodeSummary:
+    result = RedecodeSummary(health_of(config))
+    processing = FrameProcessor(config, writer, result.health)
     last_ns = 0
     for number, entry in enumerate(_entries(paths, progress), start=1):
         if number % _FLUSH_EVERY == 0:

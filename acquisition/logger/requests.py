@@ -16,7 +16,7 @@ from typing import Any
 import orjson
 
 from acquisition.logger.local_socket import LocalServer, ask, servers
-from acquisition.logger.marks import Mark, understood_mark
+from acquisition.logger.marks import Mark, parse_mark
 from acquisition.logger.predictions import Predictions
 
 _QUESTION = orjson.dumps({"ask": "recording"})
@@ -24,7 +24,7 @@ _REFUSED = b"refused: "
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
+class RecorderState:
     """A recorder at work: the trial's name, its configuration's path, the part that it writes, and its process.
 
     ``paused`` says that nothing is written at the moment; ``predictions`` and ``predictions_refused`` count.
@@ -39,10 +39,10 @@ class Running:
     predictions_refused: int
 
 
-Who = Callable[[], Running]
+Who = Callable[[], RecorderState]
 
 
-class Hearing(LocalServer):
+class RequestServer(LocalServer):
     """Hears what others say to a recorder; a context manager. Raises :class:`StorageError` as its parent does."""
 
     def __init__(self, mark: Mark, who: Who, predictions: Predictions, folder: Path | None = None) -> None:
@@ -56,11 +56,11 @@ class Hearing(LocalServer):
         if "prediction" in message:
             refused = self._predictions.offer(message)
             return _REFUSED + refused.encode() if refused else b"ok"
-        self._mark(*understood_mark(message))
+        self._mark(*parse_mark(message))
         return b"ok"
 
 
-def recorders(folder: Path | None = None, patience_s: float = 1.0) -> list[tuple[Path, Running]]:
+def running_recorders(folder: Path | None = None, patience_s: float = 1.0) -> list[tuple[Path, RecorderState]]:
     """The recorders that run here, each with its socket; those that do not answer in time are left out."""
     found = []
     for path in servers(folder):
@@ -70,14 +70,14 @@ def recorders(folder: Path | None = None, patience_s: float = 1.0) -> list[tuple
     return found
 
 
-def _running(answer: bytes | None) -> Running | None:
+def _running(answer: bytes | None) -> RecorderState | None:
     try:
-        return Running(**orjson.loads(answer or b""))
+        return RecorderState(**orjson.loads(answer or b""))
     except (ValueError, TypeError):  # of another version, or none
         return None
 
 
-def say_prediction(path: Path, body: Mapping[str, Any], geojson: str = "", patience_s: float = 1.0) -> str:
+def send_prediction(path: Path, body: Mapping[str, Any], geojson: str = "", patience_s: float = 1.0) -> str:
     """Give a prediction to the recorder at a socket. Returns why it did not take it, or nothing."""
     message = orjson.dumps({"prediction": dict(body), "geojson": geojson}, option=orjson.OPT_SERIALIZE_NUMPY)
     answer = ask(path, message, patience_s)

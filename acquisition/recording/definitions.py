@@ -50,7 +50,7 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     Raises :class:`InputError` for more of them than there can be.
     """
     definitions, size_bytes = Definitions(), 0
-    for found in scanned(stream, progress):
+    for found in scan_definitions(stream, progress):
         if not isinstance(found, Intact):
             continue
         if isinstance(found.record, Header):
@@ -80,7 +80,7 @@ def _definitions_in(record: McapRecord | None) -> Iterator[Channel | Schema]:
                 yield each
 
 
-def scanned(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+def scan_definitions(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
     """As :func:`scan`; ``progress`` takes the share done."""
     size_bytes = stream.seek(0, os.SEEK_END)
     shown = 0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquisition.core.errors import InputError
-from acquisition.logger.requests import Running, recorders
+from acquisition.logger.requests import RecorderState, running_recorders
 from acquisition.logger.timescale import NEW_PART_NS
 from acquisition.recording.batches import Samples
 from acquisition.recording.tail import Tail
@@ -24,7 +24,7 @@ Tell = Callable[[str, str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class News:
+class NewSamples:
     """The samples that are new, by channel, in pieces as they were written.
 
     ``anew`` says that nothing before them belongs to them: another recording, or another clock. ``again`` says
@@ -36,14 +36,16 @@ class News:
     again: bool = False
 
 
-def choose(found: list[tuple[Path, Running]], trial: str, configuration: Path) -> tuple[Path, Running] | None:
+def choose_recorder(
+    found: list[tuple[Path, RecorderState]], trial: str, configuration: Path
+) -> tuple[Path, RecorderState] | None:
     """The recorder of a trial: of several the one with the same configuration file, then the one begun last."""
     fitting = [each for each in found if each[1].trial == trial]
     same = [each for each in fitting if Path(each[1].configuration) == configuration]
     return max(same or fitting, key=lambda each: each[0].stem.rpartition("-")[2].zfill(16), default=None)
 
 
-def nobody(found: list[tuple[Path, Running]], trial: str) -> str:
+def no_recorder_text(found: list[tuple[Path, RecorderState]], trial: str) -> str:
     """Why there is nobody to follow, in words."""
     others = ", ".join(f"{each.trial!r} ({each.configuration})" for _, each in found)
     there = f"; what runs is the recorder of {others}" if others else ""
@@ -60,7 +62,7 @@ class Follower:
     def __init__(
         self, trial: str, configuration: Path, recent_s: float, tell: Tell, folder: Path | None = None
     ) -> None:
-        self.recorder: tuple[Path, Running] | None = None
+        self.recorder: tuple[Path, RecorderState] | None = None
         self.trial = Trial()
         self._name, self._configuration, self._recent_s = trial, configuration.absolute(), recent_s
         self._tell, self._folder = tell, folder
@@ -81,18 +83,18 @@ class Follower:
         """The part that is read."""
         return None if self._tail is None else self._tail.path
 
-    def news(self) -> News:
+    def news(self) -> NewSamples:
         """What has come since the last time."""
         pieces, now_s = self._read(), time.monotonic()
         if pieces:
             self._heard_s = now_s
-            return News(pieces)
+            return NewSamples(pieces)
         over = self._tail is not None and (self._tail.ended or self._tail.cut)
         quiet = now_s - self._heard_s >= _QUIET_S
         if (over or quiet) and now_s - self._asked_s >= (_ASK_EVERY_S if quiet else _ASK_SOON_S):
             self._asked_s = now_s
             return self._go_on()
-        return News()
+        return NewSamples()
 
     def close(self) -> None:
         """Let go of the file."""
@@ -110,29 +112,29 @@ class Follower:
         self.trial = self._tail.trial
         return [samples] if samples else []
 
-    def _go_on(self) -> News:
+    def _go_on(self) -> NewSamples:
         """Ask who records what, and go on with that."""
-        found = recorders(self._folder)
-        self.recorder = choose(found, self._name, self._configuration)
+        found = running_recorders(self._folder)
+        self.recorder = choose_recorder(found, self._name, self._configuration)
         if self.recorder is None:
-            self._say("info", nobody(found, self._name))
-            return News(self._read())
+            self._say("info", no_recorder_text(found, self._name))
+            return NewSamples(self._read())
         running = self.recorder[1]
         path = Path(running.recording)
         if self.path == path:
             if running.paused:
                 self._say("warning", f"the recorder writes nothing at the moment to {path.name}")
-            return News(self._read())
+            return NewSamples(self._read())
         return self._change_to(path)
 
-    def _change_to(self, path: Path) -> News:
+    def _change_to(self, path: Path) -> NewSamples:
         """Read the rest of this part and go over to the next, or to another recording."""
         rest, before = self._read(), self._tail
         try:
             self._tail = Tail(path, self._recent_s)
         except InputError as error:  # deleted, or not there yet
             self._say("warning", str(error))
-            return News(rest)
+            return NewSamples(rest)
         first = self._read()
         follows = before is not None and _follows(self._tail, before)
         again = before is not None and before.cut
@@ -140,7 +142,7 @@ class Follower:
             before.close()
         self._say("info", f"following {path.name}{'' if follows else ', from its last minutes on'}")
         self._heard_s = time.monotonic()
-        return News(rest + first, again=again) if follows else News(first, anew=True)
+        return NewSamples(rest + first, again=again) if follows else NewSamples(first, anew=True)
 
     def _say(self, level: str, text: str) -> None:
         """Tell what is new, once."""

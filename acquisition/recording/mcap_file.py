@@ -53,7 +53,7 @@ class Stream(Protocol):
         """Where the next byte will stand."""
 
 
-def serialised(record: McapRecord) -> bytes:
+def serialise(record: McapRecord) -> bytes:
     """One record as it stands in a file."""
     builder: Any = RecordBuilder()
     writable: Any = record
@@ -80,7 +80,7 @@ class McapFile:
         self._attachments = self._metadata = 0
         self._span: tuple[int, int] | None = None
         self._begin_chunk()
-        stream.write(MAGIC + serialised(Header("", library)))
+        stream.write(MAGIC + serialise(Header("", library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Define a schema and return its number."""
@@ -110,22 +110,22 @@ class McapFile:
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
         """Add a metadata record, outside all chunks."""
-        record, offset = serialised(Metadata(name=name, metadata=metadata)), self._stream.tell()
+        record, offset = serialise(Metadata(name=name, metadata=metadata)), self._stream.tell()
         self._stream.write(record)
         index = MetadataIndex(offset=offset, length=len(record), name=name)
-        self._indexes[Opcode.METADATA_INDEX].append(serialised(index))
+        self._indexes[Opcode.METADATA_INDEX].append(serialise(index))
         self._metadata += 1
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Add an attachment, outside all chunks."""
         attachment = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
-        record, offset = serialised(attachment), self._stream.tell()
+        record, offset = serialise(attachment), self._stream.tell()
         self._stream.write(record)
         index = AttachmentIndex(
             offset=offset, length=len(record), create_time=0, log_time=0, data_size=len(data), name=name,
             media_type=media_type,
         )  # fmt: skip
-        self._indexes[Opcode.ATTACHMENT_INDEX].append(serialised(index))
+        self._indexes[Opcode.ATTACHMENT_INDEX].append(serialise(index))
         self._attachments += 1
 
     def end_chunk(self) -> None:
@@ -142,7 +142,7 @@ class McapFile:
             uncompressed_crc=zlib.crc32(self._chunk),
             uncompressed_size=len(self._chunk),
         )
-        offset, record = self._stream.tell(), serialised(chunk)
+        offset, record = self._stream.tell(), serialise(chunk)
         self._stream.write(record)
         self._index_chunk(chunk, offset, len(record))
         self._span = min(start_ns, (self._span or (start_ns,))[0]), max(end_ns, (self._span or (0, end_ns))[1])
@@ -154,7 +154,7 @@ class McapFile:
     def finish(self) -> None:
         """Write the last chunk, the index and the end of the file."""
         self.end_chunk()
-        self._stream.write(serialised(DataEnd(0)))
+        self._stream.write(serialise(DataEnd(0)))
         start = self._stream.tell()
         summary = bytearray()
         offsets = bytearray()
@@ -163,13 +163,13 @@ class McapFile:
                 group = SummaryOffset(
                     group_opcode=opcode, group_start=start + len(summary), group_length=sum(map(len, records))
                 )
-                offsets += serialised(group)
+                offsets += serialise(group)
                 summary += b"".join(records)
         offsets_start = start + len(summary)
         summary += offsets
         crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, _FOOTER_BYTES, start, offsets_start), zlib.crc32(summary))
         footer = Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
-        self._stream.write(bytes(summary) + serialised(footer) + MAGIC)
+        self._stream.write(bytes(summary) + serialise(footer) + MAGIC)
 
     def _begin_chunk(self) -> None:
         due = len(self._indexes[Opcode.CHUNK_INDEX]) % _CHUNKS_TO_NEXT_DEFINITIONS == 0
@@ -177,7 +177,7 @@ class McapFile:
         self._index: defaultdict[int, list[int]] = defaultdict(list)  # time, place, time, place ...
 
     def _define(self, record: Schema | Channel) -> bytes:
-        data = serialised(record)
+        data = serialise(record)
         self._chunk += data
         self._repeat.append(data)
         return data
@@ -202,7 +202,7 @@ class McapFile:
             compressed_size=len(chunk.data),
             uncompressed_size=chunk.uncompressed_size,
         )
-        self._indexes[Opcode.CHUNK_INDEX].append(serialised(index))
+        self._indexes[Opcode.CHUNK_INDEX].append(serialise(index))
 
     def _summary(self) -> list[tuple[Opcode, list[bytes]]]:
         start_ns, end_ns = self._span or (0, 0)
@@ -220,13 +220,13 @@ class McapFile:
         return [
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [serialised(statistics)]),
+            (Opcode.STATISTICS, [serialise(statistics)]),
             *((opcode, self._indexes[opcode]) for opcode in (
                 Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX
             )),
         ]  # fmt: skip
 
 
-def ending_without_index() -> bytes:
+def end_without_index() -> bytes:
     """What ends a file that there is no room to index: readers can do without an index."""
-    return serialised(DataEnd(0)) + serialised(Footer(0, 0, 0)) + MAGIC
+    return serialise(DataEnd(0)) + serialise(Footer(0, 0, 0)) + MAGIC

@@ -29,7 +29,7 @@ from mcap.writer import CompressionType, Writer
 from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
-from acquisition.recording.definitions import Definitions, collect_definitions, scanned
+from acquisition.recording.definitions import Definitions, collect_definitions, scan_definitions
 from acquisition.recording.reader import open_recording
 from acquisition.recording.records import HEAD, RecordError, contents
 from acquisition.recording.scan import Damage, Intact
@@ -41,7 +41,7 @@ _MESSAGE_HEAD_BYTES = HEAD.size + 22
 
 
 @dataclass(slots=True)
-class Recovered:
+class RecoverySummary:
     """What was saved and what was not.
 
     ``lost_bytes`` and ``damaged_chunks`` count in the source; ``refused`` counts the lost stretches and messages by
@@ -101,7 +101,7 @@ class Recovered:
         return f"{saved}{ended}. Lost {self.lost_bytes:,} bytes{chunks}: {self.reasons}{gaps}{more}"
 
 
-def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> Recovered:
+def recover(source: Path, target: Path, progress: Progress = lambda share: None) -> RecoverySummary:
     """Copy every intact message, metadata record and attachment of ``source`` into the new file ``target``.
 
     ``progress`` takes the share done. Raises :class:`InputError` when nothing can be saved, :class:`StorageError`
@@ -136,7 +136,7 @@ class _Saving:
     """Copies records into a new file and counts what was found, saved and lost."""
 
     def __init__(self, writer: Writer, definitions: Definitions) -> None:
-        self.found = Recovered()
+        self.found = RecoverySummary()
         self.digest = Digest()
         self._writer = writer
         self._definitions = definitions
@@ -251,7 +251,7 @@ def _write(stream: BinaryIO, partial: Path, definitions: Definitions, progress: 
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start(profile=definitions.header.profile, library=software_version())
         saving = _Saving(writer, definitions)
-        for found in scanned(stream, progress):
+        for found in scan_definitions(stream, progress):
             saving.take(found)
         writer.finish()  # type: ignore[no-untyped-call]
         file.flush()

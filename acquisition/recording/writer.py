@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any
 
 from acquisition.core.errors import StorageError, storage_error
-from acquisition.recording.mcap_file import McapFile, ending_without_index
+from acquisition.recording.mcap_file import McapFile, end_without_index
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.schemas import schema_of
 from acquisition.recording.storage import CommittedFile, sync_folder
@@ -118,7 +118,7 @@ class RecordingWriter(MessageSink):
 
         Such a file has no index, which readers can do without. Returns whether it could be ended.
         """
-        return self._file.abandon(ending_without_index())
+        return self._file.abandon(end_without_index())
 
     def put_back(self, path: Path) -> None:
         """Write the content of a file that was deleted to ``path``, ended without an index, and let go of it.
@@ -126,7 +126,7 @@ class RecordingWriter(MessageSink):
         Where that fails, the deleted file goes on being written.
         """
         self._guarded(self._flush)
-        self._guarded(lambda: self._file.rescue(path, ending_without_index()))
+        self._guarded(lambda: self._file.rescue(path, end_without_index()))
         self._guarded(self._file.close)
 
     def _flush(self) -> None:

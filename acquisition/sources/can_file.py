@@ -20,7 +20,7 @@ import can
 from acquisition.config.sections import CanFileSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, iso, now_ns
-from acquisition.sources.can_text import LineReader, Logged
+from acquisition.sources.can_text import LineReader, LogEntry
 
 _MOST_FRAMES_AT_ONCE = 300
 _HEAD_BYTES = 16_384
@@ -39,7 +39,7 @@ class _Log(Protocol):
     @property
     def unreadable(self) -> int: ...
 
-    def __iter__(self) -> Iterator[Logged]: ...
+    def __iter__(self) -> Iterator[LogEntry]: ...
 
 
 class CanFile:
@@ -52,7 +52,7 @@ class CanFile:
         self._path = config.path
         self._file: BinaryIO | None = None
         self._log: _Log | None = None
-        self._frames: Iterator[Logged] = iter(())
+        self._frames: Iterator[LogEntry] = iter(())
         self._opened_ns = self._last_ns = self._count = 0
         self._newest_ns: int | None = None  # as the log tells it
         self.timed = True  # whether the last frame had a time, of whatever kind
@@ -101,7 +101,7 @@ class CanFile:
             self._file.close()
             self._file = None
 
-    def _frame(self, logged: Logged) -> Frame:
+    def _frame(self, logged: LogEntry) -> Frame:
         self._count, self._newest_ns, self.timed = self._count + 1, logged.time_ns, logged.time_ns is not None
         stamped_ns, (received_ns, monotonic_ns) = None, now_ns()
         if logged.time_ns is not None and logged.time_ns >= _EARLIEST_UTC_NS:
@@ -175,7 +175,7 @@ class _TextLog:
     def unreadable(self) -> int:
         return self._reader.unreadable
 
-    def __iter__(self) -> Iterator[Logged]:
+    def __iter__(self) -> Iterator[LogEntry]:
         since_start_ns = 0
         while line := self._file.readline(_LONGEST_LINE):
             for logged in self._reader.frames(line.decode("utf-8", "replace").strip()):
@@ -206,7 +206,7 @@ class _LibraryLog(logging.Filter):
         self.unreadable += 1
         return False
 
-    def __iter__(self) -> Iterator[Logged]:
+    def __iter__(self) -> Iterator[LogEntry]:
         cut = False
         for logger in _LIBRARY_LOGGERS:
             logger.addFilter(self)
@@ -242,11 +242,11 @@ def _is_cut(message: can.Message) -> bool:
     return not (message.is_remote_frame or message.is_error_frame) and len(message.data) < whole
 
 
-def _logged(message: can.Message) -> Logged:
+def _logged(message: can.Message) -> LogEntry:
     flags = FrameFlag.NONE if message.is_extended_id else FrameFlag.STANDARD_ID
     if message.is_remote_frame:
         flags |= FrameFlag.REMOTE
     if message.is_error_frame:
         flags |= FrameFlag.ERROR
     time_ns = round(message.timestamp * 1e6) * 1000  # no finer than the microsecond that a float of today holds
-    return Logged(time_ns, message.arbitration_id, bytes(message.data), flags)
+    return LogEntry(time_ns, message.arbitration_id, bytes(message.data), flags)

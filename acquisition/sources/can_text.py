@@ -19,7 +19,7 @@ _FAST_BYTES = 223  # the most that a message in several frames of NMEA 2000 can 
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
 
 
-class Logged(NamedTuple):
+class LogEntry(NamedTuple):
     """One frame of a log."""
 
     time_ns: int | None
@@ -53,14 +53,14 @@ class LineReader:
     def __init__(self) -> None:
         self.unreadable = 0
         self._numbers: Counter[tuple[int, int]] = Counter()
-        self._forms: list[tuple[re.Pattern[str], Callable[[re.Match[str]], list[Logged] | None]]] = [
+        self._forms: list[tuple[re.Pattern[str], Callable[[re.Match[str]], list[LogEntry] | None]]] = [
             (_CANDUMP_LOG, _candump_log),
             (_CANBOAT, self._canboat),
             (_CANDUMP_CONSOLE, _candump_console),
             (_CANDUMP_OLD, _candump_console),
         ]
 
-    def frames(self, line: str) -> list[Logged]:
+    def frames(self, line: str) -> list[LogEntry]:
         """The frames of a line: one, or several where the line is a message that was put together."""
         for place, (pattern, read) in enumerate(self._forms):
             if match := pattern.fullmatch(line):
@@ -73,7 +73,7 @@ class LineReader:
             self.unreadable += 1
         return []
 
-    def _canboat(self, match: re.Match[str]) -> list[Logged] | None:
+    def _canboat(self, match: re.Match[str]) -> list[LogEntry] | None:
         group, source, destination = (int(match[name]) for name in ("group", "source", "destination"))
         data = bytes.fromhex(match["data"].replace(",", ""))
         addressed = (group >> 8) & 0xFF < 240
@@ -85,7 +85,7 @@ class LineReader:
         time_ns = _utc_ns(match["time"], dt.UTC)
         if time_ns is None:
             return None
-        return [Logged(time_ns, identifier, part, FrameFlag.NONE) for part in self._parts(source, group, data)]
+        return [LogEntry(time_ns, identifier, part, FrameFlag.NONE) for part in self._parts(source, group, data)]
 
     def _parts(self, source: int, group: int, data: bytes) -> Iterator[bytes]:
         """A message that was put together as the frames that it came in; they get a number of our own."""
@@ -99,13 +99,13 @@ class LineReader:
             yield (bytes((number | place,)) + data[start : start + 7]).ljust(8, b"\xff")
 
 
-def _candump_log(match: re.Match[str]) -> list[Logged] | None:
+def _candump_log(match: re.Match[str]) -> list[LogEntry] | None:
     remote = match["data"].startswith("R")
     data = b"" if remote else bytes.fromhex(match["data"].replace(".", ""))
     return _logged(match["time"], match["id"], data, remote)
 
 
-def _candump_console(match: re.Match[str]) -> list[Logged] | None:
+def _candump_console(match: re.Match[str]) -> list[LogEntry] | None:
     found = match.groupdict()
     remote = found.get("remote") is not None
     data = bytes.fromhex(found["data"] or "")
@@ -114,7 +114,7 @@ def _candump_console(match: re.Match[str]) -> list[Logged] | None:
     return _logged(found.get("time"), found["id"], data, remote)
 
 
-def _logged(time: str | None, identifier: str, data: bytes, remote: bool) -> list[Logged] | None:
+def _logged(time: str | None, identifier: str, data: bytes, remote: bool) -> list[LogEntry] | None:
     time_ns = None if time is None else _time_ns(time)
     if len(data) > _MOST_BYTES or (time is not None and time_ns is None):
         return None
@@ -124,7 +124,7 @@ def _logged(time: str | None, identifier: str, data: bytes, remote: bool) -> lis
         flags |= FrameFlag.STANDARD_ID
     if number & _ERROR_BIT:
         flags |= FrameFlag.ERROR
-    return [Logged(time_ns, number & 0x1FFFFFFF, data, flags)]
+    return [LogEntry(time_ns, number & 0x1FFFFFFF, data, flags)]
 
 
 def _time_ns(text: str) -> int | None:

@@ -20,8 +20,8 @@ from acquisition.core.frames import Quality
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from acquisition.tables.column_map import load_column_map
-from acquisition.tables.mapped_table import mapped
-from acquisition.tables.table_files import RawTable, numbers, read_raw, times
+from acquisition.tables.mapped_table import apply_column_map
+from acquisition.tables.table_files import RawTable, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our own exports that are no channels; they are passed over."""
@@ -52,7 +52,7 @@ class TableFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Imported:
+class ImportSummary:
     """What an import did."""
 
     rows: int
@@ -91,7 +91,7 @@ def import_table(
     map_path: Path | str | None = None,
     allow_missing: bool = False,
     ignore_unknown: bool = False,
-) -> Imported:
+) -> ImportSummary:
     """Write a table file as a recording and say what was found in it.
 
     Raises as :func:`read_table_file`, and :class:`StorageError` when the recording cannot be written.
@@ -102,7 +102,7 @@ def import_table(
     step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
     infinite = {str(name): int(np.isinf(column).sum()) for name, column in file.table.items()}
     outside = {name: int((flag == Quality.BAD).sum()) for name, flag in flags.items()}
-    return Imported(
+    return ImportSummary(
         rows=len(file.table),
         samples=samples - sum(infinite.values()),  # JSON has no infinity, so these are not in the recording
         channels=tuple(map(str, file.table.columns)),
@@ -134,7 +134,7 @@ def read_table_file(
         fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
     else:
         columns = load_column_map(map_path)
-        parts = mapped(raw, columns, map_path)
+        parts = apply_column_map(raw, columns, map_path)
         trial = parts.trial if parts.trial.name else replace(parts.trial, name=raw.path.stem)
         file = TableFile(_in_order(parts.table), trial, parts.sources, parts.passed_over)
         allow_missing = allow_missing or set(NAMES) - set(file.table.columns) <= set(columns.absent)
@@ -166,7 +166,7 @@ def _standard(raw: RawTable, ignore_unknown: bool) -> TableFile:
             fix="rename them, map them with --columns MAP.toml, or say --ignore-unknown",
         )
     names = [name for name in BY_NAME if name in given]
-    table = pd.DataFrame({name: numbers(raw, name) for name in names}, index=times(raw, "time"))
+    table = pd.DataFrame({name: parse_numbers(raw, name) for name in names}, index=parse_times(raw, "time"))
     trial = raw.trial if raw.trial.name else replace(raw.trial, name=raw.path.stem)
     return TableFile(table, trial, dict.fromkeys(names, "table"), unknown)
 
@@ -187,7 +187,7 @@ def _in_order(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def quality_flags(table: pd.DataFrame) -> dict[str, NDArray[np.uint8]]:
-    """Bools by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others."""
+    """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others."""
     flags = {}
     for name, column in table.items():
         channel, values = BY_NAME[str(name)], column.to_numpy(dtype=float)

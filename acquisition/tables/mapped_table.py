@@ -17,13 +17,13 @@ from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import scale_to
 from acquisition.recording.trial import Trial
 from acquisition.tables.column_map import DEGREES_AND_MINUTES, ColumnMap, factor
-from acquisition.tables.table_files import RawTable, numbers, times
+from acquisition.tables.table_files import RawTable, parse_numbers, parse_times
 
 _MOST_TURNS_DEG = 720.0  # an angle beyond this is a sentinel or a fault, and stays what it is to be flagged
 
 
 @dataclass(slots=True)
-class Mapped:
+class MappedTable:
     """The channels that a map makes of a table, each with its source, and the columns it has no use for."""
 
     table: pd.DataFrame
@@ -41,7 +41,7 @@ class _Asked:
     used: set[str] = field(default_factory=set)
 
     def numbers(self, name: str, keys: tuple[str, ...]) -> Floats:
-        return numbers(self.raw, self.known(name, keys))
+        return parse_numbers(self.raw, self.known(name, keys))
 
     def known(self, name: str, keys: tuple[str, ...]) -> str:
         given = list(map(str, self.raw.columns.columns))
@@ -56,7 +56,7 @@ class _Asked:
         return name
 
 
-def mapped(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> Mapped:
+def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> MappedTable:
     """A table through its map, in the contract's names, units and signs; angles in their channels' turn.
 
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
@@ -65,8 +65,8 @@ def mapped(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> Mapped:
     asked = _Asked(raw, map_path)
     time = columns.time
     name = asked.known(time.column, ("time", "column"))
-    index = times(raw, name, time.zone, time.start, seconds=time.format == "seconds")
-    result = Mapped(pd.DataFrame(index=index), columns.trial.as_trial())
+    index = parse_times(raw, name, time.zone, time.start, seconds=time.format == "seconds")
+    result = MappedTable(pd.DataFrame(index=index), columns.trial.as_trial())
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
@@ -86,7 +86,7 @@ def _turned_back(name: str, values: Floats) -> Floats:
     return np.where(np.abs(values) <= _MOST_TURNS_DEG, in_turn(name, values), values)
 
 
-def _add_position(result: Mapped, columns: ColumnMap, asked: _Asked) -> None:
+def _add_position(result: MappedTable, columns: ColumnMap, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
     entry = columns.position
     if entry is None:
@@ -135,7 +135,7 @@ def from_degrees_and_minutes(ddmm: Floats) -> Floats:
     return np.asarray(degrees + (ddmm - 100.0 * degrees) / 60.0)
 
 
-def _add_true_wind(result: Mapped, columns: ColumnMap, asked: _Asked) -> None:
+def _add_true_wind(result: MappedTable, columns: ColumnMap, asked: _Asked) -> None:
     """The wind over ground from the wind past the ship: take away the ship's own motion, turn by the heading."""
     entry = columns.apparent_wind
     if entry is None:

@@ -160,7 +160,7 @@ def _trial(values: Mapping[str, Any]) -> Trial:
     return Trial.from_metadata(texts)
 
 
-def numbers(raw: RawTable, name: str) -> Floats:
+def parse_numbers(raw: RawTable, name: str) -> Floats:
     """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
     column = raw.columns[name]
     values = pd.to_numeric(column, errors="coerce")
@@ -175,7 +175,7 @@ def numbers(raw: RawTable, name: str) -> Floats:
     return values.to_numpy(dtype=float)
 
 
-def times(
+def parse_times(
     raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
 ) -> pd.DatetimeIndex:
     """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or since ``start``.
@@ -185,7 +185,7 @@ def times(
     """
     column = raw.columns[name]
     if seconds or pd.api.types.is_numeric_dtype(column):
-        index = _from_seconds(numbers(raw, name), start)
+        index = _from_seconds(parse_numbers(raw, name), start)
     elif isinstance(column.dtype, pd.DatetimeTZDtype):
         index = pd.DatetimeIndex(column)
     else:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acquisition.cli import AsJson
-from acquisition.core.signals import stopped_by_signals
+from acquisition.core.signals import stop_on_signals
 
 if TYPE_CHECKING:
     from hybrid.twin.twin import Model
@@ -40,7 +40,7 @@ def watch(
     """Predict beside the running recorder."""
     if log not in ("text", "json"):
         raise typer.BadParameter("is neither text nor json", param_hint="--log")
-    with stopped_by_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
+    with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
         with suppress(OSError):
             os.nice(_NICENESS)
         from acquisition.config.configuration import load_config

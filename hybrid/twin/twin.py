@@ -15,7 +15,7 @@ import numpy as np
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import Quality
-from acquisition.logger.requests import say_prediction
+from acquisition.logger.requests import send_prediction
 from acquisition.recording.follow import Follower
 from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
@@ -155,7 +155,7 @@ class Twin:
         )
         if self.follower.recorder is None:
             return
-        refused = say_prediction(self.follower.recorder[0], body, geojson_of(foretold.prediction, origin))
+        refused = send_prediction(self.follower.recorder[0], body, geojson_of(foretold.prediction, origin))
         self.account.said += not refused
         self._say("warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting")
 

@@ -21,7 +21,7 @@ from acquisition.config.configuration import load_config
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
 from acquisition.core.progress import Progress
-from acquisition.emulator.emulate import Played, emulate
+from acquisition.emulator.emulate import Playback, emulate
 from acquisition.emulator.null_modem import NullModem
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
@@ -59,7 +59,7 @@ class Demonstration:
 
     report: Path
     recording: Path
-    played: Played
+    played: Playback
     lost: dict[str, int]
     windows: HeldWindows
     validation: Validation
@@ -130,7 +130,7 @@ def simulate_to(path: Path, manoeuvre: str, duration_s: float, seed: int) -> Pat
     return path
 
 
-def play_and_record(voyage: Path, folder: Path, progress: Progress) -> tuple[Played, Path]:
+def play_and_record(voyage: Path, folder: Path, progress: Progress) -> tuple[Playback, Path]:
     """Play a recording onto simulated lines while the recorder, a process of its own, records them."""
     port = _free_udp_port()
     with NullModem() as can, NullModem() as serial:
@@ -184,7 +184,7 @@ def _start_recorder(config: Path, folder: Path) -> subprocess.Popen[str]:
     raise SourceError("the recorder did not start", where="demo", why=" ".join(said))
 
 
-def lost_samples(played: Played, recording: Recording) -> dict[str, int]:
+def lost_samples(played: Playback, recording: Recording) -> dict[str, int]:
     """How many of the played values of each channel the recording lacks."""
     return {
         name: count - (recording.series[name].value.size if name in recording.series else 0)

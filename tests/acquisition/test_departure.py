@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.config.sections import RecordingSection
 from acquisition.logger import preflight as departure
-from acquisition.logger.live.check_table import departure_table
-from acquisition.logger.preflight import DepartureCheck, check_departure, examine_folder
+from acquisition.logger.live.check_table import preflight_table
+from acquisition.logger.preflight import PreflightReport, check_before_departure, check_folder
 from acquisition.recording.disk_room import free_bytes
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port
@@ -48,7 +48,7 @@ def a_link_to_nothing(folder: Path) -> Path:
 
 @pytest.mark.parametrize("name", [".", "out", "out/of/folders"])
 def test_a_folder_that_is_there_or_can_be_made_is_good(tmp_path: Path, name: str) -> None:
-    free, problem = examine_folder(tmp_path / name, DEFAULT)
+    free, problem = check_folder(tmp_path / name, DEFAULT)
     assert (free, problem) == (pytest.approx(free_bytes(tmp_path)[0], rel=0.2), "")
     assert list(tmp_path.iterdir()) == []
 
@@ -56,7 +56,7 @@ def test_a_folder_that_is_there_or_can_be_made_is_good(tmp_path: Path, name: str
 @pytest.mark.parametrize("make", [a_file, below_a_file, a_link_to_nothing])
 def test_what_is_no_folder_and_cannot_be_one_is_a_problem(tmp_path: Path, make: Callable[[Path], Path]) -> None:
     folder = make(tmp_path)
-    free, problem = examine_folder(folder, DEFAULT)
+    free, problem = check_folder(folder, DEFAULT)
     assert free is None
     assert problem.startswith(f"{folder}: {tmp_path}")
     assert problem.endswith("is no folder")
@@ -68,7 +68,7 @@ def test_a_folder_that_may_not_be_written_to_is_a_problem(
 ) -> None:
     """As the system tells of a disk that is read-only; the tests may run as somebody who may write anywhere."""
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    free, problem = examine_folder(tmp_path / name, DEFAULT)
+    free, problem = check_folder(tmp_path / name, DEFAULT)
     assert (free, problem) == (None, f"{tmp_path / name} cannot be {end.format(tmp_path)}")
 
 
@@ -77,12 +77,12 @@ def test_a_disk_that_does_not_answer_is_a_problem(tmp_path: Path, monkeypatch: p
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr(departure, "free_bytes", failing)
-    assert examine_folder(tmp_path, DEFAULT)[1].endswith("cannot be asked for room: Input/output error")
+    assert check_folder(tmp_path, DEFAULT)[1].endswith("cannot be asked for room: Input/output error")
 
 
 def test_less_than_the_reserve_is_a_problem(tmp_path: Path) -> None:
     settings = replace(DEFAULT, reserve_mb=MORE_THAN_ANY_DISK_MB)
-    free, problem = examine_folder(tmp_path, settings)
+    free, problem = check_folder(tmp_path, settings)
     assert free is not None
     assert "MB free, less than the reserve of 1000000000000000.0 MB" in problem
 
@@ -90,8 +90,8 @@ def test_less_than_the_reserve_is_a_problem(tmp_path: Path) -> None:
 def test_the_reserve_holds_where_the_recording_goes_and_not_for_the_scratch(tmp_path: Path) -> None:
     """A check without a folder hears the sources, whatever the reserve; with one it names the folder's problem."""
     config = config_of(tmp_path, MORE_THAN_ANY_DISK_MB)
-    assert check_departure(config, 0.1).disk_problem == ""
-    found = check_departure(config, 0.1, tmp_path / "out")
+    assert check_before_departure(config, 0.1).disk_problem == ""
+    found = check_before_departure(config, 0.1, tmp_path / "out")
     assert "less than the reserve" in found.disk_problem
     assert found.as_json()["disk_problem"] == found.disk_problem
     assert found.obstacles[-1] == found.disk_problem
@@ -99,7 +99,7 @@ def test_the_reserve_holds_where_the_recording_goes_and_not_for_the_scratch(tmp_
 
 
 def test_a_problem_with_the_disk_alone_makes_a_check_not_ready() -> None:
-    good = DepartureCheck([], [], [], 10**9)
+    good = PreflightReport([], [], [], 10**9)
     bad = replace(good, free_bytes=None, disk_problem="/data: /data is no folder")
     assert (good.as_json()["ready"], bad.as_json()["ready"]) == (True, False)
     shown = [_shown(each) for each in (good, bad)]
@@ -107,9 +107,9 @@ def test_a_problem_with_the_disk_alone_makes_a_check_not_ready() -> None:
     assert "✗ /data: /data is no folder" in shown[1]
 
 
-def _shown(found: DepartureCheck) -> str:
+def _shown(found: PreflightReport) -> str:
     shown = io.StringIO()
-    Console(width=100, file=shown).print(departure_table(found))
+    Console(width=100, file=shown).print(preflight_table(found))
     return shown.getvalue()
 
 

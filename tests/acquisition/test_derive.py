@@ -15,7 +15,7 @@ from acquisition.core.angles import difference
 from acquisition.core.frames import Group, Quality, Sample
 from acquisition.core.kinematics import (
     along,
-    felt_wind,
+    apparent_wind,
     to_body,
     to_earth,
     velocity_at_reference,
@@ -184,7 +184,7 @@ def test_true_wind_is_found_again_from_apparent(
 
 @given(angles, st.floats(0.5, 30), st.floats(0, 15))
 def test_a_wind_referred_to_the_water_is_felt_again(angle_deg: float, speed_mps: float, through_mps: float) -> None:
-    felt_deg, felt_mps = felt_wind(angle_deg, speed_mps, through_mps)
+    felt_deg, felt_mps = apparent_wind(angle_deg, speed_mps, through_mps)
     back = felt_mps * cmath.exp(1j * radians(felt_deg)) - through_mps
     assert abs(back - speed_mps * cmath.exp(1j * radians(angle_deg))) < 1e-9
 

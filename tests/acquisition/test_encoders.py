@@ -208,7 +208,7 @@ def test_a_gateway_waits_for_the_logger_before_it_plays(tmp_path: Path) -> None:
 
 
 def test_nobody_comes_to_the_gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.emulator.transmitters._TcpOutlet._WAIT_S", 0.1)
+    monkeypatch.setattr("acquisition.emulator.transmitters._TcpTransmitter._WAIT_S", 0.1)
     (tmp_path / "tcp.toml").write_text(config_text(f'type = "tcp"\nport = {free_port(socket.SOCK_STREAM)}\n'))
     write_voyage(tmp_path / "voyage.mcap", duration_s=1.0)
     with pytest.raises(SourceError, match="no logger connected"):

@@ -16,7 +16,7 @@ import pytest
 from acquisition.config.sections import LiveSection
 from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.logger.live.foxglove import LiveView
-from acquisition.logger.requests import recorders, say_prediction
+from acquisition.logger.requests import running_recorders, send_prediction
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import schema_of
 from tests.acquisition.conftest import free_port, wait_for
@@ -94,8 +94,8 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
     running.thread.start()
     try:
         with running.viewer() as viewer:
-            wait_for(lambda: bool(recorders()), 20.0)
-            assert say_prediction(recorders()[0][0], BODY, GEOJSON) == ""  # it makes the topics known
+            wait_for(lambda: bool(running_recorders()), 20.0)
+            assert send_prediction(running_recorders()[0][0], BODY, GEOJSON) == ""  # it makes the topics known
             channels = {}
             while len(channels) < 2:
                 said = viewer.recv(timeout=20)
@@ -109,7 +109,7 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
             found: dict[int, Any] = {}
             until_s = time.monotonic() + 30.0
             while len(found) < 2 and time.monotonic() < until_s:
-                say_prediction(recorders()[0][0], BODY, GEOJSON)  # may be refused: two a second are taken
+                send_prediction(running_recorders()[0][0], BODY, GEOJSON)  # may be refused: two a second are taken
                 with suppress(TimeoutError):
                     said = viewer.recv(timeout=0.7)
                     if not isinstance(said, str) and said[0] == MESSAGE_DATA:

@@ -104,15 +104,15 @@ def texts(recording: Recording) -> str:
 
 def test_a_full_queue_drops_and_counts(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """Recorded and dropped are all that came, and the event log has said it once."""
-    from acquisition.logger.processing import Processing
+    from acquisition.logger.processing import FrameProcessor
 
-    slow = Processing.process
+    slow = FrameProcessor.process
 
-    def process(self: Processing, each: Frame) -> None:
+    def process(self: FrameProcessor, each: Frame) -> None:
         time.sleep(0.0005)
         slow(self, each)
 
-    monkeypatch.setattr(Processing, "process", process)
+    monkeypatch.setattr(FrameProcessor, "process", process)
     recorders: list[Recorder] = []
 
     def during(recorder: Recorder) -> None:

@@ -21,10 +21,10 @@ from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.health import Health
 from acquisition.logger.local_socket import MOST_BYTES, PATIENCE_S, LocalServer, ask
 from acquisition.logger.marks import send_mark
-from acquisition.logger.predictions import Predictions, misfit
+from acquisition.logger.predictions import Predictions, schema_violation
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
-from acquisition.logger.requests import Hearing, Running, recorders, say_prediction
+from acquisition.logger.requests import RecorderState, RequestServer, running_recorders, send_prediction
 from acquisition.recording.info import describe
 from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import MessageStream, read_recording
@@ -52,8 +52,10 @@ class Ear:
         self.marks: list[str] = []
         self.health = Health({})
         self.predictions = Predictions(self.health)
-        who = Running("bay", "/bay.toml", "/out/bay.mcap", False, 7, 0, 0)
-        self.hearing = Hearing(lambda text, at_ns: self.marks.append(text), lambda: who, self.predictions, folder)
+        who = RecorderState("bay", "/bay.toml", "/out/bay.mcap", False, 7, 0, 0)
+        self.hearing = RequestServer(
+            lambda text, at_ns: self.marks.append(text), lambda: who, self.predictions, folder
+        )
         self.who = who
 
 
@@ -79,7 +81,7 @@ def changed(path: str, value: Any) -> dict[str, Any]:
 
 
 def test_a_recorder_says_who_it_is_and_still_takes_marks(ear: Ear, tmp_path: Path) -> None:
-    assert recorders(tmp_path) == [(ear.hearing.path, ear.who)]
+    assert running_recorders(tmp_path) == [(ear.hearing.path, ear.who)]
     assert send_mark("start", tmp_path) == 1
     assert ear.marks == ["start"]
 
@@ -94,11 +96,11 @@ def test_who_does_not_know_the_question_is_no_recorder_to_follow(tmp_path: Path)
     stale.bind(str(tmp_path / "1-a.sock"))
     stale.close()
     with LocalServer(marks_only, tmp_path):
-        assert recorders(tmp_path) == []
+        assert running_recorders(tmp_path) == []
 
 
 def test_what_fits_is_taken_in(ear: Ear) -> None:
-    assert say_prediction(ear.hearing.path, BODY, GEOJSON) == ""
+    assert send_prediction(ear.hearing.path, BODY, GEOJSON) == ""
     (foretold,) = ear.predictions.take()
     assert json.loads(foretold.data) == BODY
     assert json.loads(foretold.geojson) == {"geojson": GEOJSON}
@@ -155,7 +157,7 @@ def test_more_than_two_a_second_are_refused_and_never_pile_up(ear: Ear) -> None:
     started_s = time.monotonic()
     answers = []
     while time.monotonic() - started_s < 1.5:
-        answers.append(say_prediction(ear.hearing.path, BODY))
+        answers.append(send_prediction(ear.hearing.path, BODY))
         ear.predictions.take()  # the recorder has nothing else to do
     taken = answers.count("")
     assert 4 <= taken <= 4 + 2 * (time.monotonic() - started_s) + 1
@@ -166,7 +168,7 @@ def test_more_than_two_a_second_are_refused_and_never_pile_up(ear: Ear) -> None:
 
 def test_a_recorder_that_does_not_come_by_holds_a_few_and_no_more(ear: Ear) -> None:
     for _ in range(8):
-        say_prediction(ear.hearing.path, BODY)
+        send_prediction(ear.hearing.path, BODY)
         ear.predictions._allowed = 4.0  # as if time had passed
     assert len(ear.predictions.take()) == 4
 
@@ -210,7 +212,7 @@ def test_every_viewer_can_read_the_schema() -> None:
             assert schema["description"], name
 
     look(PREDICTION, "it")
-    assert misfit(BODY, PREDICTION) == ""
+    assert schema_violation(BODY, PREDICTION) == ""
 
 
 class Recording:
@@ -240,18 +242,18 @@ def test_predictions_are_in_the_recording_and_every_reader_copes(
     monkeypatch.setenv("SEATRIAL_RUNTIME", str(tmp_path / "run"))
     running = Recording(tmp_path)
     running.thread.start()
-    wait_for(lambda: bool(recorders(tmp_path / "run")))
-    ((path, who),) = recorders(tmp_path / "run")
+    wait_for(lambda: bool(running_recorders(tmp_path / "run")))
+    ((path, who),) = running_recorders(tmp_path / "run")
     assert who.trial == "round trip"
     assert who.configuration == str(tmp_path / "trial.toml")
     running.say(50)
     before_ns = time.time_ns()
-    assert say_prediction(path, BODY, GEOJSON) == ""
-    assert "start is missing" in say_prediction(path, changed("start", ...))
+    assert send_prediction(path, BODY, GEOJSON) == ""
+    assert "start is missing" in send_prediction(path, changed("start", ...))
     running.say(50)
-    wait_for(lambda: recorders(tmp_path / "run")[0][1].predictions == 1)
+    wait_for(lambda: running_recorders(tmp_path / "run")[0][1].predictions == 1)
     after_ns = time.time_ns()
-    assert recorders(tmp_path / "run")[0][1].predictions_refused == 1
+    assert running_recorders(tmp_path / "run")[0][1].predictions_refused == 1
     running.stop.set()
     running.thread.join()
     (recording,) = running.paths

@@ -18,7 +18,7 @@ from acquisition.encoders import Moment, make_encoder
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.live.terminal import Picture
-from acquisition.logger.processing import Processing
+from acquisition.logger.processing import FrameProcessor
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter
 from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS
@@ -53,7 +53,7 @@ def process(tmp_path: Path) -> Process:
         config = configured(tmp_path, text)
         health = Health({each.name: SourceHealth(each.name) for each in config.sources})
         with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
-            processing = Processing(config, writer, health)
+            processing = FrameProcessor(config, writer, health)
             for line, at_s, body in said:
                 at_ns = round(at_s * SECOND)
                 processing.process(Frame(line, "nmea0183", sentence(body).strip(), START_NS + at_ns, at_ns))
@@ -166,7 +166,7 @@ def test_every_message_of_every_source_fits_its_schema_for_a_plain_reader(tmp_pa
     )
     health = Health({each.name: SourceHealth(each.name) for each in config.sources})
     with RecordingWriter(tmp_path / "x.mcap", config.trial, config.attachments) as writer:
-        processing = Processing(config, writer, health)
+        processing = FrameProcessor(config, writer, health)
         for source in config.sources[::-1]:
             protocol = {"can": "can", "udp": "nmea0183", "mavlink": "mavlink"}[source.type]
             for packet in make_encoder(source).encode(Moment(START_NS, values, *ORIGIN)):
@@ -221,7 +221,7 @@ def test_a_storm_of_claims_does_not_fill_the_event_log(tmp_path: Path) -> None:
     config = load_config(tmp_path / "trial.toml")
     health = Health({"bus": SourceHealth("bus")})
     with RecordingWriter(tmp_path / "x.mcap", config.trial) as writer:
-        processing = Processing(config, writer, health)
+        processing = FrameProcessor(config, writer, health)
         for number in range(3000):
             at_ns = START_NS + number * 30_000_000
             payload = (0xC000_0000_0000_0000 + number).to_bytes(8, "little")

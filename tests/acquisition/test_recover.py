@@ -28,7 +28,7 @@ from typer.testing import CliRunner
 from acquisition.core.errors import InputError, SeatrialError, StorageError
 from acquisition.core.frames import Sample
 from acquisition.recording.reader import MessageStream, read_recording
-from acquisition.recording.recover import Recovered, recover
+from acquisition.recording.recover import RecoverySummary, recover
 from acquisition.recording.scan import MCAP_MAGIC, Intact, scan
 from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
@@ -127,7 +127,7 @@ def saved_messages(path: Path) -> list[Saved]:
         ]
 
 
-def recovered(folder: Path, data: bytes) -> tuple[Recovered, list[Saved]]:
+def recovered(folder: Path, data: bytes) -> tuple[RecoverySummary, list[Saved]]:
     """Recover a file of these bytes."""
     source, target = folder / "damaged.mcap", folder / "saved.mcap"
     source.write_bytes(data)

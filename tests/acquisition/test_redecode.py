@@ -22,7 +22,7 @@ from acquisition.encoders import make_encoder
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import redecode as redecode_module
 from acquisition.logger.pipeline import health_of
-from acquisition.logger.processing import Processing
+from acquisition.logger.processing import FrameProcessor
 from acquisition.logger.redecode import redecode
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.parts import RecordingParts
@@ -99,7 +99,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> list[Frame]:
 
 def pass_through(frames: list[Frame], config: TrialConfig, sink: MessageSink, half: object = None) -> None:
     """The recorder's thread without the thread; ``half`` is called when half of it is done."""
-    processing = Processing(config, sink, health_of(config))
+    processing = FrameProcessor(config, sink, health_of(config))
     processing.note("recording started", frames[0].received_ns)
     for number, frame in enumerate(frames):
         processing.process(frame)

@@ -13,7 +13,7 @@ import pytest
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.emulator.emulate import Played, emulate
+from acquisition.emulator.emulate import Playback, emulate
 from acquisition.emulator.null_modem import NullModem
 from acquisition.logger.record import record
 from acquisition.recording.reader import Recording, Series, read_recording
@@ -63,10 +63,10 @@ MAVLINK_STEP = {
 
 def play_and_record(
     voyage: Path, sending: TrialConfig, receiving: TrialConfig, folder: Path, speed: float
-) -> tuple[Played, Recording]:
+) -> tuple[Playback, Recording]:
     """Record in this process while the emulator plays beside it; stop when the last frame has arrived."""
     stop = threading.Event()
-    played: list[Played] = []
+    played: list[Playback] = []
 
     def play() -> None:
         try:
@@ -166,12 +166,12 @@ def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     """A TCP multiplexer that is there before the recorder: every sentence arrives."""
     from acquisition.emulator.emulate import moments_of
-    from acquisition.emulator.transmitters import open_outlet
+    from acquisition.emulator.transmitters import open_transmitter
     from acquisition.encoders import make_encoder
 
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     sending, receiving = transport("tcp", tmp_path, null_modem, "source")
-    outlet, encoder = open_outlet(sending.sources[0]), make_encoder(sending.sources[0])
+    outlet, encoder = open_transmitter(sending.sources[0]), make_encoder(sending.sources[0])
     moments = list(moments_of(read_recording(tmp_path / "voyage.mcap"), NAMES, sending.trial.origin))
     stop = threading.Event()
 

@@ -29,8 +29,8 @@ from acquisition.logger import supervision
 from acquisition.logger.health import Health
 from acquisition.logger.marks import Mark, send_mark
 from acquisition.logger.predictions import Predictions
-from acquisition.logger.preflight import check_departure
-from acquisition.logger.requests import Hearing, Running
+from acquisition.logger.preflight import check_before_departure
+from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.reader import read_recording
 from acquisition.sources.network import TcpLines, UdpLines
 from seatrial import app
@@ -70,9 +70,9 @@ class Process:
         return self.process.returncode, stdout.splitlines()
 
 
-def hearing(mark: Mark, folder: Path) -> Hearing:
+def hearing(mark: Mark, folder: Path) -> RequestServer:
     """A recorder's ear for marks."""
-    return Hearing(mark, lambda: Running("", "", "", False, 0, 0, 0), Predictions(Health({})), folder)
+    return RequestServer(mark, lambda: RecorderState("", "", "", False, 0, 0, 0), Predictions(Health({})), folder)
 
 
 def test_marks_are_set_from_another_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -297,7 +297,7 @@ def test_a_check_says_what_is_missing_and_why(tmp_path: Path) -> None:
         config = load_config(two_lines(tmp_path, port, cable.logger_device))
         talker = threading.Thread(target=talk)
         talker.start()
-        found = check_departure(config, 1.2, tmp_path)
+        found = check_before_departure(config, 1.2, tmp_path)
         stop.set()
         talker.join()
     problems = {each.name: each.problem for each in found.channels}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame
 from acquisition.decoders.nmea0183 import Nmea0183Decoder
-from acquisition.decoders.tag_block import Tagged, split_tag
+from acquisition.decoders.tag_block import TaggedSentence, split_tag
 from acquisition.sources.lines import LineAssembler
 from acquisition.sources.logfile import LogFile
 from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line, sound, tagged
@@ -32,7 +32,7 @@ from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line,
 def test_a_tag_block_tells_time_and_source(items: str, time_ns: int | None, source: str) -> None:
     text = tagged(items, "HEHDT,12.3,T")
     for each in (text, b"UdPbC\0" + text):
-        assert split_tag(each) == Tagged(sound("HEHDT,12.3,T"), time_ns, source)
+        assert split_tag(each) == TaggedSentence(sound("HEHDT,12.3,T"), time_ns, source)
 
 
 def test_a_tag_blocks_time_is_the_sentences_and_sets_the_clock() -> None:

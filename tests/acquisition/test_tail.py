@@ -13,9 +13,9 @@ from acquisition.core.errors import InputError
 from acquisition.core.frames import Sample
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
-from acquisition.logger.requests import Hearing, Running
+from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.batches import Samples
-from acquisition.recording.follow import Follower, choose, nobody
+from acquisition.recording.follow import Follower, choose_recorder, no_recorder_text
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tail import Tail
@@ -146,10 +146,10 @@ class Recorded:
         clock = {"utc_minus_monotonic_ns": str(offset_ns)}
         self.parts = RecordingParts(folder, Trial(name=name), {}, RecordingSection(), clock)
         self.name, self.paused = name, False
-        self.hearing = Hearing(lambda text, at_ns: None, self.who, Predictions(Health({})), runtime)
+        self.hearing = RequestServer(lambda text, at_ns: None, self.who, Predictions(Health({})), runtime)
 
-    def who(self) -> Running:
-        return Running(self.name, "/trial.toml", str(self.parts.path), self.paused, 1, 0, 0)
+    def who(self) -> RecorderState:
+        return RecorderState(self.name, "/trial.toml", str(self.parts.path), self.paused, 1, 0, 0)
 
     def write(self, numbers: range) -> None:
         for number in numbers:
@@ -224,8 +224,8 @@ def test_another_recording_and_another_clock_begin_anew(tmp_path: Path, monkeypa
 
 
 def test_of_several_recorders_the_one_of_the_trial_is_followed() -> None:
-    def running(trial: str, configuration: str) -> Running:
-        return Running(trial, configuration, "x", False, 1, 0, 0)
+    def running(trial: str, configuration: str) -> RecorderState:
+        return RecorderState(trial, configuration, "x", False, 1, 0, 0)
 
     found = [
         (Path("1-a.sock"), running("bay", "/a.toml")),
@@ -233,7 +233,7 @@ def test_of_several_recorders_the_one_of_the_trial_is_followed() -> None:
         (Path("3-1ff.sock"), running("bay", "/b.toml")),
         (Path("4-fff.sock"), running("fjord", "/a.toml")),
     ]
-    assert choose(found, "bay", Path("/a.toml")) == found[0]
-    assert choose(found, "bay", Path("/c.toml")) == found[2]
-    assert choose(found, "ocean", Path("/a.toml")) is None
-    assert "the recorder of 'bay' (/a.toml), 'bay' (/b.toml)" in nobody(found[:2], "ocean")
+    assert choose_recorder(found, "bay", Path("/a.toml")) == found[0]
+    assert choose_recorder(found, "bay", Path("/c.toml")) == found[2]
+    assert choose_recorder(found, "ocean", Path("/a.toml")) is None
+    assert "the recorder of 'bay' (/a.toml), 'bay' (/b.toml)" in no_recorder_text(found[:2], "ocean")

@@ -7,10 +7,10 @@ from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.channels import BY_NAME
-from acquisition.logger.preflight import ChannelReport, DepartureCheck
+from acquisition.logger.preflight import ChannelReport, PreflightReport
 
 
-def departure_table(found: DepartureCheck) -> Group:
+def preflight_table(found: PreflightReport) -> Group:
     """The 13 channels and what is wrong with them; then what was told while listening, and the room on the disk."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     for title, justify in (("", "left"), ("channel", "left"), ("rate Hz", "right"), ("value", "right"),

@@ -19,7 +19,7 @@ COUNTED_KEYS = (" ", "m")
 
 
 @contextmanager
-def pressed(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
+def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
     """Hear keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
     if not sys.stdin.isatty():
         yield

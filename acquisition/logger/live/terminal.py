@@ -174,6 +174,6 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
     )
 
 
-def missing(channels: dict[str, ChannelHealth], expected: frozenset[str]) -> list[str]:
+def missing_channels(channels: dict[str, ChannelHealth], expected: frozenset[str]) -> list[str]:
     """Channels that a source was to provide and of which nothing came."""
     return [name for name in NAMES if name in expected and channels[name].count == 0]

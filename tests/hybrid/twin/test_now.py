@@ -11,7 +11,7 @@ import pytest
 
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import DataShortageError
-from acquisition.logger.predictions import misfit
+from acquisition.logger.predictions import schema_violation
 from acquisition.recording.batches import Samples
 from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import Recording, Series, read_recording
@@ -166,14 +166,14 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
     prediction = foretold.prediction
     mean = 300.0, Mean(0, 0)
     body = body_of(prediction, foretold.held, ORIGIN, ("x" * 300, "y"), 80 * NANO, 0.25, None, mean)
-    assert misfit(body, PREDICTION) == ""
+    assert schema_violation(body, PREDICTION) == ""
     assert (body["start"], body["made_at"], body["horizon_s"]) == (75.0, 80.0, SMALL_HORIZON_S)
     track = body["track"]
     assert {len(each) for each in track.values()} == {SMALL_HORIZON_S + 1}
     assert track["band_m"][0] == 0.0
     assert track["latitude_deg"][0] == pytest.approx(ORIGIN[0], abs=1e-4)
     nowhere = body_of(prediction, (), None, ("x", "y"), 0, 0.0, None, mean)
-    assert misfit(nowhere, PREDICTION) == ""
+    assert schema_violation(nowhere, PREDICTION) == ""
     assert nowhere["track"]["latitude_deg"] == []
     assert geojson_of(prediction, None) == ""
 

@@ -14,7 +14,7 @@ from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Sample
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
-from acquisition.logger.requests import Hearing, Running
+from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.trial import Trial
 from hybrid.twin import twin as twin_module
@@ -32,11 +32,11 @@ class Recorder:
         trial = Trial("bay", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
         self.parts = RecordingParts(folder, trial, {}, RecordingSection())
         self.predictions = Predictions(Health({}))
-        self.hearing = Hearing(lambda text, at_ns: None, self.who, self.predictions, runtime)
+        self.hearing = RequestServer(lambda text, at_ns: None, self.who, self.predictions, runtime)
         self.table = steady_table(60.0)
 
-    def who(self) -> Running:
-        return Running("bay", "/bay.toml", str(self.parts.path), False, 1, 0, 0)
+    def who(self) -> RecorderState:
+        return RecorderState("bay", "/bay.toml", str(self.parts.path), False, 1, 0, 0)
 
     def write(self, begin_s: float, end_s: float, without: str = "") -> None:
         seconds = (self.table.index - self.table.index[0]) / pd.Timedelta(seconds=1)

@@ -19,7 +19,7 @@ import pytest
 
 from acquisition.config.configuration import load_config
 from acquisition.emulator.emulate import emulate
-from acquisition.logger.predictions import misfit
+from acquisition.logger.predictions import schema_violation
 from acquisition.recording.info import describe
 from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import MessageStream, read_recording
@@ -133,7 +133,7 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
     assert {name: found[name] for name in sent} == sent
     assert describe(path)["closed"]
     said = predictions_in(path)
-    assert all(misfit(body, PREDICTION) == "" for _, body in said)
+    assert all(schema_violation(body, PREDICTION) == "" for _, body in said)
     assert len(said) > summary["recorded"] >= 5  # the other one's are among them
     assert summary["judged"] >= 1
     assert summary["left_out"] == 0
