@@ -23,9 +23,17 @@ import numpy as np
 from scipy.stats import chi2, t
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.evidence import Examination, Fit, View, fitted, put_back, reduced, whole_data
+from hybrid.diagnosis.evidence import (
+    Evidence,
+    Fit,
+    NormalEquations,
+    fit_columns,
+    marginalise,
+    restored_data,
+    restored_gram,
+)
 from hybrid.diagnosis.noise import FORCE_UNITS
-from hybrid.diagnosis.nuisance_basis import AXES, FORMS, OPERATION
+from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from hybrid.effects import Effect
 
 FALSE_ALARM = 0.005
@@ -39,7 +47,7 @@ _FEW_LEGS = 3  # with fewer there is no scatter to judge by: the sum alone has t
 
 
 @dataclass(frozen=True, slots=True)
-class Tested:
+class AcceptanceTests:
     """How an effect stands, given the others: chance by the model, by the scatter of legs, on unseen legs; size."""
 
     name: str
@@ -60,35 +68,35 @@ class Tested:
         return self.p_value < FALSE_ALARM and self.p_unseen < UNSEEN and self.large_enough
 
 
-def tested(view: View, names: tuple[str, ...], name: str) -> Tested:
+def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> AcceptanceTests:
     """Test one of the effects ``names``, the others given."""
     others = tuple(each for each in names if each != name)
-    together, without = view.fit(names), view.fit(others)
-    gain, columns = together.gain - without.gain, view.columns([name])
-    spread = _spread_of_legs(view, names, name)
-    p_value = view.chance(gain / spread, len(columns))
-    said = _said(view, together, name)
-    gains, telling = unseen_gains(view, others, names), _telling(said)
-    p_unseen = _no_chance(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
-    return Tested(name, gain, p_value, spread, p_unseen, _large_enough(view, together, name))
+    together, without = evidence.fit(names), evidence.fit(others)
+    gain, columns = together.gain - without.gain, evidence.columns([name])
+    spread = _spread_of_legs(evidence, names, name)
+    p_value = evidence.chance(gain / spread, len(columns))
+    said = _noncentrality(evidence, together, name)
+    gains, telling = unseen_gains(evidence, others, names), _informative_legs(said)
+    p_unseen = _chance_of_gains(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
+    return AcceptanceTests(name, gain, p_value, spread, p_unseen, _large_enough(evidence, together, name))
 
 
-def _said(view: View, fit: Fit, name: str) -> Floats:
+def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
     """What each leg says of an effect of the size that is fitted [L]: the noncentrality of its gain there."""
-    assert view.alone is not None
-    columns = np.array(view.columns([name]))
-    values = fit.values[view.places(fit, name)]
-    return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in view.alone])
+    assert evidence.alone is not None
+    columns = np.array(evidence.columns([name]))
+    values = fit.values[evidence.places(fit, name)]
+    return np.array([values @ leg[np.ix_(columns, columns)] @ values for leg in evidence.alone])
 
 
-def _telling(said: Floats) -> Ints:
+def _informative_legs(said: Floats) -> Ints:
     """The legs that say most of what is said of an effect: those in which nothing happens cannot bear it out."""
     order = np.argsort(-said)
     needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
     return np.asarray(order[:needed])
 
 
-def _no_chance(gains: Floats) -> float:
+def _chance_of_gains(gains: Floats) -> float:
     """The chance of such gains of legs where there is no effect (Student 1908).
 
     They are in units of their scatter, which grows with the root of what a leg says: else a leg that says more than
@@ -98,44 +106,46 @@ def _no_chance(gains: Floats) -> float:
     return float(t.sf(gains.mean() / max(float(deviation), 1e-12), max(len(gains) - 1, 1)))
 
 
-def _large_enough(view: View, fit: Fit, name: str) -> bool:
+def _large_enough(evidence: Evidence, fit: Fit, name: str) -> bool:
     """Whether the effect may be as large as the smallest anyone cares about."""
-    effect = view.examination.model.catalogue[name]
-    places = view.places(fit, name)
+    effect = evidence.equations.model.catalogue[name]
+    places = evidence.places(fit, name)
     reach = np.abs(fit.values[places]) + 1.96 * np.sqrt(np.diag(fit.covariance)[places])
     return bool((reach >= np.array(effect.smallest_free)).any())
 
 
-def _spread_of_legs(view: View, names: tuple[str, ...], name: str) -> float:
+def _spread_of_legs(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
     """How much more the effect's score scatters from leg to leg than the model of the noise says, at least 1."""
-    others = np.array(view.columns([each for each in names if each != name]), dtype=int)
-    every = np.array(view.columns(names), dtype=int)
-    return max(1.0, *map(float, spreads(view.examination, np.array(view.columns([name])), others, every)))
+    others = np.array(evidence.columns([each for each in names if each != name]), dtype=int)
+    every = np.array(evidence.columns(names), dtype=int)
+    return max(
+        1.0, *map(float, overdispersion(evidence.equations, np.array(evidence.columns([name])), others, every))
+    )
 
 
-def spreads(examination: Examination, columns: Ints, others: Ints, every: Ints) -> Floats:
+def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, every: Ints) -> Floats:
     """By leg, how much each column's score scatters against what the model of the noise says.
 
     The score is the product of the residual of a fit of ``every`` column with the column's own part, what
     ``others`` and the nuisances could explain taken off (White 1980, clustered by leg).
     """
-    products = examination.products
-    count, total = len(products.legs), products.total
+    gram = equations.gram
+    count, total = len(gram.legs), gram.total
     if count < 4:
         return np.ones(len(columns))
-    nuisance, scale = examination.nuisance, examination.nuisance_scale
+    nuisance, scale = equations.nuisance, equations.nuisance_scale
     own = np.zeros((len(total), len(columns)))
     own[columns, np.arange(len(columns))] = 1.0
-    own = _freed(total, own, others, nuisance, scale)
-    residual = _freed(total, put_back(examination)[:, None], every, nuisance, scale)[:, 0]
-    scores = np.stack([own.T @ (leg @ residual) for leg in products.legs])
-    information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in products.legs])
+    own = _residual_columns(total, own, others, nuisance, scale)
+    residual = _residual_columns(total, restored_data(equations)[:, None], every, nuisance, scale)[:, 0]
+    scores = np.stack([own.T @ (leg @ residual) for leg in gram.legs])
+    information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in gram.legs])
     whole = np.maximum(information.sum(axis=0), 1e-300)  # of some these data say nothing
     centred = scores - information * scores.sum(axis=0) / whole
     return np.asarray((centred**2).sum(axis=0) / whole * count / (count - 1))
 
 
-def _freed(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
+def _residual_columns(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floats) -> Floats:
     """``what`` [C, d] less what fixed columns (freely) and nuisances (at their scale) explain of it."""
     columns = np.concatenate([fixed, nuisance])
     penalty = np.concatenate([np.zeros(len(fixed)), scale**-2.0])
@@ -148,20 +158,22 @@ def _freed(total: Floats, what: Floats, fixed: Ints, nuisance: Ints, scale: Floa
     return result
 
 
-def unseen_gains(view: View, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
+def unseen_gains(evidence: Evidence, without: tuple[str, ...], names: tuple[str, ...]) -> Floats:
     """By how much the log density of each leg is higher with ``names``, fitted to all others, than ``without`` [L].
 
     What is tolerated has to be what it is in each leg anew: else the tolerance, having seen the other legs, would
     know the effect as well as the effect itself.
     """
 
-    assert view.left_out is not None
-    assert view.alone is not None
-    left_out, alone = view.left_out, view.alone
+    assert evidence.left_out is not None
+    assert evidence.alone is not None
+    left_out, alone = evidence.left_out, evidence.alone
 
     def density(leg: int, some: tuple[str, ...]) -> float:
-        columns, own = np.array(view.columns(some), dtype=int), alone[leg]
-        values = fitted(left_out[leg], view.columns(some), view.prior(some)).values if some else np.zeros(0)
+        columns, own = np.array(evidence.columns(some), dtype=int), alone[leg]
+        values = (
+            fit_columns(left_out[leg], evidence.columns(some), evidence.prior(some)).values if some else np.zeros(0)
+        )
         return float(values @ own[columns, 0] - 0.5 * values @ own[np.ix_(columns, columns)] @ values)
 
     return np.array([density(leg, names) - density(leg, without) for leg in range(len(alone))])
@@ -170,7 +182,7 @@ def unseen_gains(view: View, without: tuple[str, ...], names: tuple[str, ...]) -
 CHANCE = 0.0001
 """The chance that a trial with nothing beyond its named effects and the tolerance shows any family."""
 
-ANOTHER_FORM = 0.01
+INTERACTION_CHANCE = 0.01
 """The chance that effects that are named rightly seem to have another form."""
 
 _RANK = 1e-5
@@ -187,7 +199,7 @@ class Family:
 
 
 @dataclass(frozen=True, slots=True)
-class Remainder:
+class LackOfFit:
     """How one family stands: ``p_value`` corrected for all of its kind, ``size`` in the unit of ``what``.
 
     ``gain`` is how much of the squares it explains; ``size`` is that of what it adds to what is tolerated.
@@ -203,60 +215,60 @@ class Remainder:
     @property
     def found(self) -> bool:
         """Whether it stands out and is large enough to matter."""
-        return self.p_value < (ANOTHER_FORM if self.depends in FORMS else CHANCE) and self.matters
+        return self.p_value < (INTERACTION_CHANCE if self.depends in INTERACTIONS else CHANCE) and self.matters
 
 
-def families(examination: Examination) -> list[Family]:
+def families(equations: NormalEquations) -> list[Family]:
     """All families of an examination."""
-    layout = examination.layout
+    layout = equations.layout
     result = []
     for axis, name in enumerate(AXES):
-        columns = layout.beyond(axis)
+        columns = layout.nuisance_forces(axis)
         for depends in dict.fromkeys(layout.depends):
             some = np.array([each == depends for each in layout.depends])
             result.append(Family(depends, name, columns[some]))
-    for label in dict.fromkeys(layout.varied):
-        some = np.flatnonzero([each == label for each in layout.varied])
+    for label in dict.fromkeys(layout.varying):
+        some = np.flatnonzero([each == label for each in layout.varying])
         what, depends = label.split("*")
-        result.append(Family(depends, what, some + layout.first_varied))
+        result.append(Family(depends, what, some + layout.first_varying))
     return result
 
 
-def remainders(view: View, names: Sequence[str]) -> list[Remainder]:
+def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
     """Every family, the one that stands out most first; the effects ``names`` are fitted freely beside it."""
-    examination = view.examination
-    every = families(examination)
+    equations = evidence.equations
+    every = families(equations)
     columns = np.concatenate([each.columns for each in every])
-    free = np.array(view.columns(names), dtype=int)
-    inner = _inner(examination, np.concatenate([[0], free, columns]))
+    free = np.array(evidence.columns(names), dtype=int)
+    inner = _inner(equations, np.concatenate([[0], free, columns]))
     number = 1 + len(free)
     if len(free):
-        inner = _beside(inner, number)
+        inner = _given_effects(inner, number)
     place = {int(column): number + i for i, column in enumerate(columns)}
-    forms = sum(each.depends in FORMS for each in every)
-    tests = len(every) - forms + 1
-    result = [_of_tolerance(examination, view, names, tests)]
+    interactions = sum(each.depends in INTERACTIONS for each in every)
+    tests = len(every) - interactions + 1
+    result = [_of_tolerance(equations, evidence, names, tests)]
     for each in every:
-        chances = forms if each.depends in FORMS else tests
+        chances = interactions if each.depends in INTERACTIONS else tests
         places = [place[int(column)] for column in each.columns]
-        judged = _judged(examination, inner, places, each, chances, 1.0)
+        judged = _tested_family(equations, inner, places, each, chances, 1.0)
         if judged.found:  # what scatters from leg to leg more than the model of the noise says counts for less
-            spread = float(np.median(spreads(examination, each.columns, free, free)))
-            judged = _judged(examination, inner, places, each, chances, max(spread, 1.0))
+            spread = float(np.median(overdispersion(equations, each.columns, free, free)))
+            judged = _tested_family(equations, inner, places, each, chances, max(spread, 1.0))
         result.append(judged)
     return sorted(result, key=lambda each: each.p_value)
 
 
-def _inner(examination: Examination, kept: Ints) -> Floats:
+def _inner(equations: NormalEquations, kept: Ints) -> Floats:
     """Reduced products of columns, the model's own effects put back into the data."""
-    total, back = examination.products.total, put_back(examination)
+    total, back = equations.gram.total, restored_data(equations)
     data = total @ back
     total[:, 0] = total[0] = data
     total[0, 0] = back @ data
-    return reduced(total, kept, examination.nuisance, examination.nuisance_scale)[0]
+    return marginalise(total, kept, equations.nuisance, equations.nuisance_scale)[0]
 
 
-def _beside(inner: Floats, number: int) -> Floats:
+def _given_effects(inner: Floats, number: int) -> Floats:
     """Products of what columns 1 to ``number`` leave of the others, zero where that is nothing."""
     left = inner - inner[:, 1:number] @ np.linalg.solve(inner[1:number, 1:number], inner[1:number])
     gone = np.diag(left) < _NOTHING * np.diag(inner)
@@ -264,9 +276,9 @@ def _beside(inner: Floats, number: int) -> Floats:
     return np.asarray(left)
 
 
-def _judged(
-    examination: Examination, inner: Floats, places: list[int], family: Family, tests: int, spread: float
-) -> Remainder:
+def _tested_family(
+    equations: NormalEquations, inner: Floats, places: list[int], family: Family, tests: int, spread: float
+) -> LackOfFit:
     information, right = inner[np.ix_(places, places)], inner[places, 0]
     scale = np.sqrt(np.maximum(np.diag(information), 1e-30))
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
@@ -275,42 +287,44 @@ def _judged(
     gain = float((along**2 / values[kept]).sum()) / spread
     p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum())))) if kept.any() else 1.0
     back = vectors[:, kept] / scale[:, None]
-    fitted, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
-    size = float(np.sqrt(max(float((fitted**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
+    fit_columns, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
+    size = float(np.sqrt(max(float((fit_columns**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
     if family.what in AXES:
-        return Remainder(
+        return LackOfFit(
             family.depends, family.what, p_value, gain, size * float(FORCE_UNITS[AXES.index(family.what)]), True
         )
-    least = max(examination.model.catalogue[family.what].smallest_free)
-    matters = family.depends in FORMS or size > least  # another form says that the name is wrong, however small
-    return Remainder(family.depends, family.what, p_value, gain, size, matters)
+    least = max(equations.model.catalogue[family.what].smallest_free)
+    matters = (
+        family.depends in INTERACTIONS or size > least
+    )  # another form says that the name is wrong, however small
+    return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
-def _of_tolerance(examination: Examination, view: View, names: Sequence[str], tests: int) -> Remainder:
+def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
     """Whether the forces of speeds and thrusters are off by more than is granted: at twice and four times that."""
-    nuisance, scale = examination.nuisance, examination.nuisance_scale
-    wider, best, gains = np.isin(nuisance, _operating(examination)), 1.0, [0.0]
-    granted = _log_density(view, names, scale)
+    nuisance, scale = equations.nuisance, equations.nuisance_scale
+    wider, best, gains = np.isin(nuisance, _operating(equations)), 1.0, [0.0]
+    tolerated = _log_density(evidence, names, scale)
     for factor in (2.0, 4.0, 8.0):
-        gains.append(_log_density(view, names, scale * np.where(wider, factor, 1.0)) - granted)
+        gains.append(_log_density(evidence, names, scale * np.where(wider, factor, 1.0)) - tolerated)
         if gains[-1] == max(gains):
             best = factor
     gain = 2.0 * max(gains)
-    return Remainder(
+    return LackOfFit(
         OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
-        best * examination.tolerance, best > 1.0,
+        best * equations.tolerance, best > 1.0,
     )  # fmt: skip
 
 
-def _operating(examination: Examination) -> Ints:
+def _operating(equations: NormalEquations) -> Ints:
     """The columns of the tolerance's force features."""
-    return np.concatenate([examination.layout.axis(axis) for axis in range(3)])
+    return np.concatenate([equations.layout.axis(axis) for axis in range(3)])
 
 
-def _log_density(view: View, names: Sequence[str], scale: Floats) -> float:
+def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> float:
     """Of the data under these nuisances, the effects ``names`` fitted freely; up to a constant."""
-    inner, determinant = whole_data(view.examination, view.examination.products.total, scale)
-    columns = np.array(view.columns(names), dtype=int)
+    inner, determinant = restored_gram(evidence.equations, evidence.equations.gram.total, scale)
+    columns = np.array(evidence.columns(names), dtype=int)
     left = inner[0, 0]
     if columns.size:
         information = inner[np.ix_(columns, columns)]
@@ -322,12 +336,12 @@ def _log_density(view: View, names: Sequence[str], scale: Floats) -> float:
 _MADE = 0.9  # of an effect's own squares: two that explain so much of it make it together
 
 
-def perhaps_one(view: View, names: Sequence[str]) -> list[tuple[str, ...]]:
+def composite_effects(evidence: Evidence, names: Sequence[str]) -> list[tuple[str, ...]]:
     """Groups of named effects each of which may be one effect that is not in the catalogue."""
-    catalogue = view.examination.model.catalogue
+    catalogue = evidence.equations.model.catalogue
     found: list[set[str]] = []
     for one, other in combinations(names, 2):
-        if not _akin(catalogue[one], catalogue[other]) or _tried_together(view, one, other):
+        if not _akin(catalogue[one], catalogue[other]) or _tried_together(evidence, one, other):
             continue
         joined = [group for group in found if group & {one, other}]
         found = [group for group in found if group not in joined] + [{one, other}.union(*joined)]
@@ -350,21 +364,23 @@ def _comes_along(effect: Effect) -> bool:
     return effect.family == "sensor" or (effect.family == "environment" and effect.parameters[0].unit != "1")
 
 
-def _tried_together(view: View, one: str, other: str) -> bool:
+def _tried_together(evidence: Evidence, one: str, other: str) -> bool:
     """Whether the catalogue has an effect of their family that the two make together, each with a part in it."""
-    catalogue = view.examination.model.catalogue
+    catalogue = evidence.equations.model.catalogue
     return any(
-        _explained(view, name, (one, other)) > _MADE > max(_explained(view, name, (each,)) for each in (one, other))
+        _explained(evidence, name, (one, other))
+        > _MADE
+        > max(_explained(evidence, name, (each,)) for each in (one, other))
         for name, effect in catalogue.items()
         if effect.family == catalogue[one].family and name not in (one, other)
     )
 
 
-def _explained(view: View, name: str, by: Sequence[str]) -> float:
+def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
     """The share of an effect's whitened signature that others explain, in the direction they explain least."""
-    own, others = np.array(view.columns([name])), np.array(view.columns(by))
-    block = view.inner[np.ix_(own, own)]
-    cross, inner = view.inner[np.ix_(others, own)], view.inner[np.ix_(others, others)]
+    own, others = np.array(evidence.columns([name])), np.array(evidence.columns(by))
+    block = evidence.inner[np.ix_(own, own)]
+    cross, inner = evidence.inner[np.ix_(others, own)], evidence.inner[np.ix_(others, others)]
     scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     inner = inner / np.outer(scale, scale) + 1e-9 * np.eye(len(others))
     explained = (cross / scale[:, None]).T @ np.linalg.solve(inner, cross / scale[:, None])

@@ -37,7 +37,7 @@ _LEAST_LEGS = 4  # over fewer a mean has no interval that says anything
 
 
 def calibrated(
-    examined: Examined,
+    normal_equations: Examined,
     files: Sequence[Path],
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
@@ -50,18 +50,18 @@ def calibrated(
 
     Where too few windows are held the ladder has no rungs and says why.
     """
-    view = examined.naming.view
+    evidence = normal_equations.naming.evidence
     try:
         gathered = gather(
             files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
             rebuild_positions=rebuild_positions, shorter=True,
         )  # fmt: skip
-        seconds = seconds_in_folds(gathered.horizons, view.examination.log, trial_names(files))
-        named = examined.gap.without if examined.naming.names else None
-        found = ladder(gathered.horizons, seconds, view.examination.model, named, seed=seed, progress=progress)
+        seconds = seconds_in_folds(gathered.horizons, evidence.equations.log, trial_names(files))
+        named = normal_equations.gap.without if normal_equations.naming.names else None
+        found = ladder(gathered.horizons, seconds, evidence.equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
         found = Ladder(HORIZON_S, METHOD, why_not=error.what)
-    return replace(examined, extras=replace(examined.extras, ladder=found))
+    return replace(normal_equations, extras=replace(normal_equations.extras, ladder=found))
 
 
 def seconds_in_folds(horizons: Horizons, log: Log, trials: Sequence[str]) -> Ints:

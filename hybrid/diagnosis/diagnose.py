@@ -13,19 +13,19 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.acceptance import Remainder, perhaps_one, remainders
+from hybrid.diagnosis.acceptance import LackOfFit, composite_effects, lack_of_fit
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import Examination, View, examined, view_of
-from hybrid.diagnosis.gap import HeldOut, against_noise, held_out
+from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of, normal_equations
+from hybrid.diagnosis.gap import HeldOut, gap_on_unseen_legs, with_noise_floor
 from hybrid.diagnosis.input_hold import read_as_fits
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.map import Map, map_of, notable
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.nuisance_basis import FORMS
+from hybrid.diagnosis.nuisance_basis import INTERACTIONS
 from hybrid.diagnosis.result import Diagnosis, Manoeuvre, NamedEffect, Rival, Suspect
-from hybrid.diagnosis.select_effects import Naming, moved_to, named
-from hybrid.diagnosis.sensor_consistency import contradictory, stated
+from hybrid.diagnosis.select_effects import Naming, fitted_coordinates, named
+from hybrid.diagnosis.sensor_consistency import contradictory_sensors, stated
 from hybrid.diagnosis.sentences import sentence
 from hybrid.diagnosis.verdict import WEAK, close_rivals, correlation_of, estimates, groups, unexplained, verdict_of
 from hybrid.effects import CATALOGUE, Catalogue
@@ -91,7 +91,7 @@ def _diagnosed(
     read = read_as_fits(log, tables, model, tolerance, noise)
     if read is not log:
         log, noise = settled(read, model, tolerance, _part(progress, 0.3, 0.35))
-    sensors = contradictory(log, model, noise)
+    sensors = contradictory_sensors(log, model, noise)
     progress(0.4)
     first = _in_form(named(log, model, tolerance, noise, progress=_part(progress, 0.4, 0.6)))
     found = _standing_out(first)
@@ -99,13 +99,13 @@ def _diagnosed(
     progress(0.7)
     gap = _gap(naming, log, found)
     if found:
-        gap = against_noise(gap, first.view.examination)
+        gap = with_noise_floor(gap, first.evidence.equations)
     rivals = close_rivals(naming)
     unknown = unexplained(found, [catalogue[name] for name in naming.names], _left_open(gap))
-    one = perhaps_one(naming.view, naming.names) if unknown is None else []
+    one = composite_effects(naming.evidence, naming.names) if unknown is None else []
     tied = [*groups(naming.names, rivals), *one] if unknown is None else []
     progress(0.8)
-    maps = map_of(first.view.examination), map_of(_last_look(naming, first), repaired=True)
+    maps = map_of(first.evidence.equations), map_of(_last_look(naming, first), repaired=True)
     effects = tuple(_named_effect(naming, name, gap) for name in naming.names)
     progress(0.85)
     diagnosis = Diagnosis(
@@ -118,10 +118,10 @@ def _diagnosed(
         where=notable(maps[0].places),
         gap=gap.gap,
         next_manoeuvre=None if found else _next_manoeuvre(naming, vessel, rivals, _part(progress, 0.85, 1.0)),
-        suspects=suspects(first.view),
+        suspects=suspects(first.evidence),
         tracks=gap.tracks,
         remarks=_remarks(log, vessel, effects, one, gap),
-        provenance={**(provenance or {}), **_granted(first, noise)},
+        provenance={**(provenance or {}), **_tolerated_size(first, noise)},
     )
     return Examined(diagnosis, naming, gap, _extras(naming, maps, sensors))
 
@@ -138,11 +138,11 @@ def _in_form(naming: Naming) -> Naming:
     """The same with a view in which each named effect may have another form: as a relative of it has."""
     if not naming.names:
         return naming
-    last = naming.view.examination
-    again = examined(
-        last.log, last.model, last.tolerance, last.noise, forms=naming.names, known_effects=last.effects
+    last = naming.evidence.equations
+    again = normal_equations(
+        last.log, last.model, last.tolerance, last.noise, interactions=naming.names, known_effects=last.effects
     )
-    return replace(naming, view=view_of(again, by_leg=True))
+    return replace(naming, evidence=evidence_of(again, by_leg=True))
 
 
 def _beside_the_unknown(naming: Naming, sensors: Naming | None) -> Naming:
@@ -154,23 +154,25 @@ def _beside_the_unknown(naming: Naming, sensors: Naming | None) -> Naming:
     return sensors or replace(naming, names=(), tests={})
 
 
-def _last_look(naming: Naming, first: Naming) -> Examination:
+def _last_look(naming: Naming, first: Naming) -> NormalEquations:
     """The log through the whole model with what is named in it."""
-    last = first.view.examination
+    last = first.evidence.equations
     if naming is first:
         return last
-    model = replace(last.model, at=moved_to(naming.view, naming.names))
-    return examined(last.log, model, last.tolerance, last.noise)
+    model = replace(last.model, at=fitted_coordinates(naming.evidence, naming.names))
+    return normal_equations(last.log, model, last.tolerance, last.noise)
 
 
-def _gap(naming: Naming, log: Log, found: Sequence[Remainder]) -> HeldOut:
+def _gap(naming: Naming, log: Log, found: Sequence[LackOfFit]) -> HeldOut:
     """The gap on legs left out.
 
     Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.
     """
-    others = frozenset(naming.view.names) - set(naming.names)
+    others = frozenset(naming.evidence.names) - set(naming.names)
     barred = others if found or not naming.names else frozenset[str]()
-    return held_out(log, naming.view, naming.names, moved_to(naming.view, naming.names), barred)
+    return gap_on_unseen_legs(
+        log, naming.evidence, naming.names, fitted_coordinates(naming.evidence, naming.names), barred
+    )
 
 
 def _left_open(gap: HeldOut) -> float:
@@ -185,8 +187,8 @@ def _next_manoeuvre(
     pairs = [pair for name in naming.names for pair in _pairs(naming, name, rivals)]
     if not pairs:
         return None
-    values = {name: each for name, each in naming.view.values(naming.names).items() if each is not None}
-    return next_manoeuvre(naming.view.examination, vessel, values, pairs, progress)
+    values = {name: each for name, each in naming.evidence.values(naming.names).items() if each is not None}
+    return next_manoeuvre(naming.evidence.equations, vessel, values, pairs, progress)
 
 
 def _pairs(naming: Naming, name: str, rivals: Sequence[Rival]) -> list[Pair]:
@@ -194,7 +196,7 @@ def _pairs(naming: Naming, name: str, rivals: Sequence[Rival]) -> list[Pair]:
     others = tuple(each for each in naming.names if each != name)
     close = {each.name: each.evidence for each in rivals if each.instead_of == name and each.evidence < WEAK}
     group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
-    found = {each: naming.view.values((*others, each))[each] for each in group}
+    found = {each: naming.evidence.values((*others, each))[each] for each in group}
     return [
         Pair(one, rival, values, others, exp(-group[one]))
         for one, values in found.items()
@@ -203,39 +205,41 @@ def _pairs(naming: Naming, name: str, rivals: Sequence[Rival]) -> list[Pair]:
     ]
 
 
-def _standing_out(naming: Naming) -> list[Remainder]:
+def _standing_out(naming: Naming) -> list[LackOfFit]:
     """What remains beside the named effects and is no mere trace of their own form."""
-    view, fit = naming.view, naming.view.fit(naming.names)
+    evidence, fit = naming.evidence, naming.evidence.fit(naming.names)
 
-    def matters(each: Remainder) -> bool:
+    def matters(each: LackOfFit) -> bool:
         if each.what in naming.names:  # a named effect that is uneven: by how much of itself
-            whole = np.take(fit.values, view.places(fit, each.what))
-            least = _OWN_FORM if each.depends in FORMS else _UNEVEN
+            whole = np.take(fit.values, evidence.places(fit, each.what))
+            least = _OWN_FORM if each.depends in INTERACTIONS else _UNEVEN
             return each.size > least * float(np.linalg.norm(whole))
         return each.gain > _NEGLIGIBLE * fit.gain
 
-    return [each for each in remainders(view, naming.names) if each.found and matters(each)]
+    return [each for each in lack_of_fit(evidence, naming.names) if each.found and matters(each)]
 
 
 def _named_effect(naming: Naming, name: str, gap: HeldOut) -> NamedEffect:
-    effect, test = naming.view.examination.model.catalogue[name], naming.tests[name]
+    effect, test = naming.evidence.equations.model.catalogue[name], naming.tests[name]
     parameters = estimates(naming, name)
     share = float(gap.shares.get(name, 0.0))
-    evidence = naming.view.evidence(naming.names) - naming.view.evidence([n for n in naming.names if n != name])
+    evidence = naming.evidence.log_odds(naming.names) - naming.evidence.log_odds(
+        [n for n in naming.names if n != name]
+    )
     return NamedEffect(
         name, effect.family, effect.kind, parameters, share, test.p_value, evidence,
         sentence(effect, parameters, share),
     )  # fmt: skip
 
 
-def suspects(view: View) -> tuple[Suspect, ...]:
+def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue by how much better the model is with it alone."""
-    smallest, result = limits(view.examination), []
-    for name in view.names:
-        effect = view.examination.model.catalogue[name]
-        fit = view.fit([name], prior=True)  # of some these data say nothing at all
-        chance, unit = view.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
-        result.append(Suspect(name, effect.family, view.evidence([name]), chance, smallest[name], unit))
+    smallest, result = limits(evidence.equations), []
+    for name in evidence.names:
+        effect = evidence.equations.model.catalogue[name]
+        fit = evidence.fit([name], prior=True)  # of some these data say nothing at all
+        chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
+        result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda each: -each.evidence))
 
 
@@ -268,20 +272,20 @@ def _remarks(
 
 def _about_settings(log: Log) -> list[str]:
     """How thruster settings were read between their records, where that is not as usual."""
-    if log.reading == "line":
+    if log.input_hold == "line":
         seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
         return [seldom] if log.setting_step_s > 0.5 else []
-    held = f"thruster settings are read as held {log.reading}: with lines between them the motion is less likely"
+    held = f"thruster settings are read as held {log.input_hold}: with lines between them the motion is less likely"
     late = "; or they are held until the next, and act that much later"
-    return [held + late if log.reading == "since the last record" else held]
+    return [held + late if log.input_hold == "since the last record" else held]
 
 
-def _granted(naming: Naming, noise: Noise) -> dict[str, Any]:
+def _tolerated_size(naming: Naming, noise: Noise) -> dict[str, Any]:
     """What every verdict states: the catalogue, the force range of which the tolerance is a share, the noise."""
-    extent = naming.view.examination.range
+    extent = naming.evidence.equations.range
     return {
         "catalogue_version": VERSION,
-        "effects_in_catalogue": len(naming.view.names),
+        "effects_in_catalogue": len(naming.evidence.names),
         "force_range": {"surge_n": extent.surge_n, "sway_n": extent.sway_n, "yaw_nm": extent.yaw_nm},
         "noise": noise.as_dict(),
     }

@@ -10,9 +10,17 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.evidence import Look, drawn, fitted, looked_at, products_of, some_of, tolerated_forces
+from hybrid.diagnosis.evidence import (
+    DesignMatrix,
+    design_matrix,
+    draw_columns,
+    fit_columns,
+    gram_matrices,
+    subset_of,
+    tolerated_forces,
+)
 from hybrid.diagnosis.innovations import Columns
-from hybrid.diagnosis.linearise import Model, Signature, reported
+from hybrid.diagnosis.linearise import Model, Signature, sensor_readings
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
@@ -37,23 +45,23 @@ def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambd
     noise: Noise | None = None
     effects: Sequence[Signature] | None = None
     for round_ in range(2):
-        look = looked_at(log, model, tolerance, _FEW, effects)
+        look = design_matrix(log, model, tolerance, _FEW, effects)
         effects = look.effects  # the motion moves so little that they stay what they are, for a draw of them
         noise = estimated_noise(log, look, noise)
         progress(0.3 + 0.5 * round_)
         rest, sensors = _rest(log, look, noise, seed=None)
         moved = look.linear.origin + reconstructed(look.linear, rest, noise, log.edges)[0][:, :6]
-        log = replace(log, nominal=reported(log, model.plant(), moved) + sensors)
+        log = replace(log, nominal=sensor_readings(log, model.plant(), moved) + sensors)
         progress(0.5 + 0.5 * round_)
     assert noise is not None
     return log, noise
 
 
-def estimated_noise(log: Log, look: Look, start: Noise | None = None) -> Noise:
+def estimated_noise(log: Log, look: DesignMatrix, start: Noise | None = None) -> Noise:
     """Noise levels from blocks spread over the log, a likely part of all that may be missing taken off first."""
     chosen = spread_out(log)
-    part, linear = log.subset(chosen), some_of(look.linear, chosen)
-    some = replace(look, linear=linear, columns=some_of(look.columns, chosen))
+    part, linear = log.subset(chosen), subset_of(look.linear, chosen)
+    some = replace(look, linear=linear, columns=subset_of(look.columns, chosen))
     noise = start or first_guess(log)
     for round_ in range(1 if start else _ROUNDS):
         rest, _ = _rest(part, some, noise, seed=round_)
@@ -108,23 +116,23 @@ def spread_out(log: Log, seconds: float = _NOISE_S) -> NDArray[np.bool_]:
     return np.asarray(np.isin(log.block, chosen))
 
 
-def _rest(log: Log, look: Look, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
+def _rest(log: Log, look: DesignMatrix, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
     """The data with all effects and force features taken off, one column, and what of it is in the sensors [T, 6].
 
     With a ``seed`` a likely draw of them, without one the likeliest values.
     """
     layout, columns = look.layout, look.columns
-    products = products_of(log, look.linear, columns, noise).total
+    gram = gram_matrices(log, look.linear, columns, noise).total
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
-    prior[layout.first_wind : layout.first_varied] = _LOOSE * WIND_MPS
-    prior[layout.first_varied : layout.first_feature] = layout.varied_prior
+    prior[layout.first_wind : layout.first_varying] = _LOOSE * WIND_MPS
+    prior[layout.first_varying : layout.first_feature] = layout.varying_prior
     for axis, force in enumerate(tolerated_forces(look)):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
-        prior[layout.beyond(axis)] = _LOOSE * force
+        prior[layout.nuisance_forces(axis)] = _LOOSE * force
     every = range(1, columns.count)
-    fit = fitted(products, every, prior[1:]).values if seed is None else drawn(products, every, prior[1:], seed)
+    fit = fit_columns(gram, every, prior[1:]).values if seed is None else draw_columns(gram, every, prior[1:], seed)
     few = layout.first_feature - 1
     plain, forces = fit[:few], fit[few:].reshape(3, features)
     drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain

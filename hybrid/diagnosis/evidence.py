@@ -29,13 +29,13 @@ from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.nuisance_basis import (
     FEATURES,
-    FORMS,
-    GRANTED,
+    INTERACTIONS,
+    TOLERATED_SHARE,
     WIND_MPS,
     ForceRange,
-    beyond,
     features,
     force_range,
+    nuisance_basis,
     tolerances,
     wind_errors,
 )
@@ -43,7 +43,7 @@ from hybrid.effects import Effect
 
 
 @dataclass(frozen=True, slots=True)
-class Products:
+class GramMatrices:
     """Products of all whitened columns, leg by leg [L, C, C]; ``rows`` [L] counts the samples behind them."""
 
     legs: Floats
@@ -55,20 +55,20 @@ class Products:
         return np.asarray(self.legs.sum(axis=0))
 
 
-def reduced(products: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tuple[Floats, float]:
+def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tuple[Floats, float]:
     """Inner products under the inverse of V of the columns ``kept`` [K, K], and the logarithm of V's determinant.
 
     ``scale`` [n] is the standard deviation of each column in ``nuisance``.
     """
     if not nuisance.size:
-        return products[np.ix_(kept, kept)], 0.0
-    inner = products[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
+        return gram[np.ix_(kept, kept)], 0.0
+    inner = gram[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
     inner[np.diag_indices_from(inner)] += 1.0
     factor = cho_factor(inner, lower=True, check_finite=False)
-    cross = products[np.ix_(nuisance, kept)] * scale[:, None]
+    cross = gram[np.ix_(nuisance, kept)] * scale[:, None]
     half = solve_triangular(factor[0], cross, lower=True, check_finite=False)
     determinant = 2.0 * float(np.log(np.diag(factor[0])).sum())
-    return products[np.ix_(kept, kept)] - half.T @ half, determinant
+    return gram[np.ix_(kept, kept)] - half.T @ half, determinant
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Fit:
     gain: float
 
 
-def fitted(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> Fit:
+def fit_columns(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -> Fit:
     """The fit of ``columns`` to column 0 under reduced products; ``prior`` are standard deviations about zero."""
     index = np.array(columns, dtype=int)
     information = inner[np.ix_(index, index)].copy()
@@ -95,7 +95,7 @@ def fitted(inner: Floats, columns: Sequence[int], prior: Floats | None = None) -
     return Fit(tuple(columns), values, cho_solve(factor, np.eye(len(index))), float(right @ values))
 
 
-def drawn(inner: Floats, columns: Sequence[int], prior: Floats, seed: int) -> Floats:
+def draw_columns(inner: Floats, columns: Sequence[int], prior: Floats, seed: int) -> Floats:
     """One draw of ``columns`` from what the data and the prior leave possible.
 
     What is left of the data when a draw is taken off has the noise's own size; with the likeliest values taken off
@@ -130,7 +130,7 @@ _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite s
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class ColumnLayout:
     """Which column of the products is what: data 0, then effects, tolerated wind errors, varied effects, features.
 
     ``effect`` [P] names each effect column's effect, ``varied`` that of each varied one with what it varies with;
@@ -143,9 +143,9 @@ class Layout:
     tolerated: Floats
     wind: int
     features: int
-    varied: tuple[str, ...]
-    varied_prior: Floats
-    varied_granted: Floats
+    varying: tuple[str, ...]
+    varying_prior: Floats
+    varying_tolerated: Floats
     depends: tuple[str, ...]
 
     def of(self, name: str) -> tuple[int, ...]:
@@ -160,10 +160,10 @@ class Layout:
     @property
     def first_feature(self) -> int:
         """The first of the force features' columns."""
-        return self.first_varied + len(self.varied)
+        return self.first_varying + len(self.varying)
 
     @property
-    def first_varied(self) -> int:
+    def first_varying(self) -> int:
         """The first of the varied effects' columns."""
         return self.first_wind + self.wind
 
@@ -171,13 +171,13 @@ class Layout:
         """The columns of the tolerance's features in a body axis."""
         return np.arange(self.features) + self.first_feature + axis * (self.features + len(self.depends))
 
-    def beyond(self, axis: int) -> Ints:
+    def nuisance_forces(self, axis: int) -> Ints:
         """The columns of the features of what is in no catalogue, in a body axis."""
         return np.arange(len(self.depends)) + int(self.axis(axis)[-1]) + 1
 
 
 @dataclass(frozen=True, slots=True)
-class Examination:
+class NormalEquations:
     """What one pass over a log gives: see the modules that it calls."""
 
     log: Log
@@ -187,89 +187,89 @@ class Examination:
     range: ForceRange
     tolerance: float
     noise: Noise
-    layout: Layout
-    products: Products
+    layout: ColumnLayout
+    gram: GramMatrices
     nuisance: Ints
     nuisance_scale: Floats
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class DesignMatrix:
     """A log seen through a model, before any noise is known."""
 
     linear: Linear
     effects: tuple[Signature, ...]
     columns: Columns
-    layout: Layout
+    layout: ColumnLayout
     range: ForceRange
     tolerance: float
 
 
-def examined(
+def normal_equations(
     log: Log,
     model: Model,
     tolerance: float,
     noise: Noise,
     progress: Progress = lambda share: None,
-    forms: Sequence[str] = (),
+    interactions: Sequence[str] = (),
     known_effects: Sequence[Signature] | None = None,
-) -> Examination:
+) -> NormalEquations:
     """Examine ``log`` through ``model``, which may have effects in it already.
 
-    ``tolerance`` is the share of the force range that the model may be off by; ``forms`` are effects whose form is
-    in question (:mod:`.beyond`); ``known_effects`` are signatures that are at hand.
+    ``tolerance`` is the share of the force range that the model may be off by; ``interactions`` are effects that
+    may change with the operating point (:mod:`.nuisance_basis`); ``known_effects`` are signatures that are at hand.
     """
-    look = looked_at(log, model, tolerance, known_effects=known_effects, forms=forms)
+    look = design_matrix(log, model, tolerance, known_effects=known_effects, interactions=interactions)
     nuisance, scale = _nuisances(look)
-    products = products_of(log, look.linear, look.columns, noise, progress)
-    return Examination(
-        log, model, look.linear, look.effects, look.range, tolerance, noise, look.layout, products, nuisance, scale
+    gram = gram_matrices(log, look.linear, look.columns, noise, progress)
+    return NormalEquations(
+        log, model, look.linear, look.effects, look.range, tolerance, noise, look.layout, gram, nuisance, scale
     )
 
 
-def looked_at(
+def design_matrix(
     log: Log,
     model: Model,
     tolerance: float,
     number: int = FEATURES,
     known_effects: Sequence[Signature] | None = None,
-    forms: Sequence[str] = (),
-) -> Look:
+    interactions: Sequence[str] = (),
+) -> DesignMatrix:
     """A look with so many features of the tolerance a force; ``known_effects`` are signatures that are at hand."""
     linear = linear_model(log, model.plant())
     effects = known_effects or signatures(log, model, linear.origin, list(model.catalogue))
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
     known = features(log, linear.origin, number)
-    more = beyond(log, linear.origin, effects, forms)
-    columns = columns_of(linear, [*effects, *wind, *more.varied], np.hstack([known, more.features]))
-    varied = tuple(each.effect for each in more.varied)
-    of = [model.catalogue[label.split("*")[0]] for label in varied]
-    layout = Layout(
+    more = nuisance_basis(log, linear.origin, effects, interactions)
+    columns = columns_of(linear, [*effects, *wind, *more.varying], np.hstack([known, more.features]))
+    varying = tuple(each.effect for each in more.varying)
+    of = [model.catalogue[label.split("*")[0]] for label in varying]
+    layout = ColumnLayout(
         effect=tuple(each.effect for each in effects),
         prior=np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects]),
         tolerated=tolerances(log, model.catalogue, effects),
         wind=len(wind),
         features=known.shape[1],
-        varied=varied,
-        varied_prior=np.array([each.free_scale[0] for each in of]),
-        varied_granted=np.array([_granted(*each) for each in zip(varied, of, strict=True)]),
+        varying=varying,
+        varying_prior=np.array([each.free_scale[0] for each in of]),
+        varying_tolerated=np.array([_tolerated_size(*each) for each in zip(varying, of, strict=True)]),
         depends=more.depends,
     )
-    return Look(linear, tuple(effects), columns, layout, extent, tolerance)
+    return DesignMatrix(linear, tuple(effects), columns, layout, extent, tolerance)
 
 
-def _granted(label: str, effect: Effect) -> float:
+def _tolerated_size(label: str, effect: Effect) -> float:
     """How uneven an effect may be in the way that its label says; of its form it is granted nothing."""
-    return 0.0 if label.split("*")[1] in FORMS else _UNEVEN * effect.smallest_free[0]
+    return 0.0 if label.split("*")[1] in INTERACTIONS else _UNEVEN * effect.smallest_free[0]
 
 
-def tolerated_forces(look: Look) -> Floats:
+def tolerated_forces(look: DesignMatrix) -> Floats:
     """The model's tolerance in each body axis [3], in the filter's units."""
     return np.asarray(look.tolerance * look.range.as_array() / FORCE_UNITS)
 
 
-def _nuisances(look: Look) -> tuple[Ints, Floats]:
+def _nuisances(look: DesignMatrix) -> tuple[Ints, Floats]:
     """The columns that stand for what is tolerated, and the standard deviation of each."""
     layout = look.layout
     some = np.flatnonzero(layout.tolerated > 0.0)
@@ -279,34 +279,34 @@ def _nuisances(look: Look) -> tuple[Ints, Floats]:
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
-            own = layout.beyond(axis)[[each == depends for each in layout.depends]]
+            own = layout.nuisance_forces(axis)[[each == depends for each in layout.depends]]
             columns.append(own)
-            scale.append(np.full(len(own), GRANTED[depends] * force / np.sqrt(len(own))))
-    uneven = np.flatnonzero(layout.varied_granted > 0.0)
-    columns.append(uneven + layout.first_varied)
-    scale.append(layout.varied_granted[uneven])
+            scale.append(np.full(len(own), TOLERATED_SHARE[depends] * force / np.sqrt(len(own))))
+    uneven = np.flatnonzero(layout.varying_tolerated > 0.0)
+    columns.append(uneven + layout.first_varying)
+    scale.append(layout.varying_tolerated[uneven])
     return np.concatenate(columns), np.concatenate(scale)
 
 
-def products_of(
+def gram_matrices(
     log: Log, linear: Linear, columns: Columns, noise: Noise, progress: Progress = lambda share: None
-) -> Products:
+) -> GramMatrices:
     """The products of all whitened columns, leg by leg; a few legs are in memory at a time."""
     result = np.empty((log.legs, columns.count, columns.count))
     rows = np.empty(log.legs, dtype=np.int64)
     for first in range(0, log.legs, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
-        z, _ = whitened(some_of(linear, chosen), some_of(columns, chosen), noise, part.edges)
+        z, _ = whitened(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
         for leg in range(part.legs):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block
             rows[first + leg] = np.isfinite(part.measured[part.leg == leg]).sum()
         progress(min(1.0, (first + _LEGS_AT_ONCE) / log.legs))
-    return Products(result, rows)
+    return GramMatrices(result, rows)
 
 
-def some_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
+def subset_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
     """Some seconds of a linear model, or of columns."""
     return type(arrays)(*(getattr(arrays, each.name)[rows] for each in fields(arrays)))
 
@@ -317,31 +317,31 @@ _CLOCKS = (
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class Evidence:
     """Inner products under V of the data without any effect, column 0, and all effects' columns [1+P, 1+P].
 
     ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone`` of each leg by itself.
     """
 
     inner: Floats
-    examination: Examination
+    equations: NormalEquations
     left_out: Floats | None = None
     alone: Floats | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """All effects."""
-        return tuple(self.examination.model.catalogue)
+        return tuple(self.equations.model.catalogue)
 
     def columns(self, names: Sequence[str]) -> tuple[int, ...]:
         """The columns of some effects, in their order."""
-        return tuple(column for name in names for column in self.examination.layout.of(name))
+        return tuple(column for name in names for column in self.equations.layout.of(name))
 
     def prior(self, names: Sequence[str]) -> Floats:
         """The standard deviations of their priors."""
-        return np.asarray(self.examination.layout.prior[np.array(self.columns(names), dtype=int) - 1])
+        return np.asarray(self.equations.layout.prior[np.array(self.columns(names), dtype=int) - 1])
 
-    def evidence(self, names: Sequence[str]) -> float:
+    def log_odds(self, names: Sequence[str]) -> float:
         """Log odds of these effects against none, less what each pays for the catalogue's size."""
         if not names:
             return 0.0
@@ -359,7 +359,7 @@ class View:
 
     def fit(self, names: Sequence[str], prior: bool = False) -> Fit:
         """The joint fit."""
-        return fitted(self.inner, self.columns(names), self.prior(names) if prior and names else None)
+        return fit_columns(self.inner, self.columns(names), self.prior(names) if prior and names else None)
 
     def places(self, fit: Fit, name: str) -> list[int]:
         """Where an effect's coordinates stand in a fit."""
@@ -367,7 +367,7 @@ class View:
 
     def possible(self, names: Sequence[str]) -> bool:
         """Whether these effects can be at work together: few enough clocks are wrong, all values within bounds."""
-        late = [name for name in names if self.examination.model.catalogue[name].family == "clock"]
+        late = [name for name in names if self.equations.model.catalogue[name].family == "clock"]
         return len(late) <= _CLOCKS and all(value is not None for value in self.values(names).values())
 
     def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
@@ -376,45 +376,45 @@ class View:
         for name in names:
             free = fit.values[self.places(fit, name)].tolist()
             try:
-                result[name] = self.examination.model.values(name, free)
+                result[name] = self.equations.model.values(name, free)
             except ConfigurationError:
                 result[name] = None
         return result
 
 
-def view_of(examination: Examination, by_leg: bool = False) -> View:
+def evidence_of(equations: NormalEquations, by_leg: bool = False) -> Evidence:
     """The reduced products of an examination, its model's own effects put back into the data."""
-    total = examination.products.total
+    total = equations.gram.total
 
-    def inner(products: Floats) -> Floats:
-        return whole_data(examination, products, examination.nuisance_scale)[0]
+    def inner(gram: Floats) -> Floats:
+        return restored_gram(equations, gram, equations.nuisance_scale)[0]
 
     if not by_leg:
-        return View(inner(total), examination)
-    legs = examination.products.legs
+        return Evidence(inner(total), equations)
+    legs = equations.gram.legs
     left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
-    return View(inner(total), examination, left_out, alone)
+    return Evidence(inner(total), equations, left_out, alone)
 
 
-def whole_data(examination: Examination, products: Floats, scale: Floats) -> tuple[Floats, float]:
+def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tuple[Floats, float]:
     """Reduced products of the data without any effect and of all effects, and the logarithm of V's determinant."""
-    kept = np.arange(1 + len(examination.layout.effect))
-    inner, determinant = reduced(products, kept, examination.nuisance, scale)
+    kept = np.arange(1 + len(equations.layout.effect))
+    inner, determinant = marginalise(gram, kept, equations.nuisance, scale)
     back = np.eye(len(kept))
-    back[:, 0] = put_back(examination)[kept]
+    back[:, 0] = restored_data(equations)[kept]
     return back.T @ inner @ back, determinant
 
 
-def view_without(examination: Examination, legs: NDArray[np.bool_]) -> View:
-    """As :func:`view_of`, some legs left out."""
-    products = examination.products
-    return view_of(replace(examination, products=Products(products.legs[~legs], products.rows[~legs])))
+def evidence_without(equations: NormalEquations, legs: NDArray[np.bool_]) -> Evidence:
+    """As :func:`evidence_of`, some legs left out."""
+    gram = equations.gram
+    return evidence_of(replace(equations, gram=GramMatrices(gram.legs[~legs], gram.rows[~legs])))
 
 
-def put_back(examination: Examination) -> Floats:
+def restored_data(equations: NormalEquations) -> Floats:
     """The data with what the model's own effects have taken off, as a combination of all columns [C]."""
-    back = np.zeros(examination.products.legs.shape[1])
+    back = np.zeros(equations.gram.legs.shape[1])
     back[0] = 1.0
-    for name, free in examination.model.at.items():
-        back[list(examination.layout.of(name))] = free
+    for name, free in equations.model.at.items():
+        back[list(equations.layout.of(name))] = free
     return back

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import FALSE_ALARM
-from hybrid.diagnosis.evidence import Examination, View, view_without
-from hybrid.diagnosis.linearise import DT_S, Model, between, driven, paths, unreported
+from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_without
+from hybrid.diagnosis.linearise import DT_S, Model, acting_settings, one_second_paths, sampling_offset, true_states
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.noise_floor import left_by_noise_m
 from hybrid.diagnosis.result import Gap, Tracks
-from hybrid.diagnosis.select_effects import Coordinates, moved_to, searched
+from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
 from hybrid.prediction.baselines import present_motion_held
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
@@ -59,12 +59,12 @@ def window_starts(log: Log, horizon_s: int = HORIZON_S) -> Ints:
     return np.array(starts, dtype=np.int64)
 
 
-def predicted(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
+def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
     """The track that the sensors of ``plant`` would report over each window [N, H+1, 3], NaN out of its range.
 
-    ``origin`` [T, 6] is the motion that they would report as the log's (:func:`unreported`).
+    ``origin`` [T, 6] is the motion that they would report as the log's (:func:`true_states`).
     """
-    controls, acting = driven(log, plant)
+    controls, acting = acting_settings(log, plant)
     rows = starts[:, None] + np.arange(horizon_s)
     settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, 5)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
@@ -75,22 +75,22 @@ def predicted(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: i
 
 def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:
     """What was measured over each window [N, H+1, 3], brought from the samples' times to full seconds."""
-    at_seconds = log.measured - between(log, paths(log, plant, origin))
+    at_seconds = log.measured - sampling_offset(log, one_second_paths(log, plant, origin))
     return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
 
 
-def held_out(
-    log: Log, view: View, names: Sequence[str], final: Coordinates, barred: frozenset[str] = frozenset()
+def gap_on_unseen_legs(
+    log: Log, evidence: Evidence, names: Sequence[str], final: Coordinates, barred: frozenset[str] = frozenset()
 ) -> HeldOut:
     """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give.
 
     ``barred`` is what the other legs must not name either.
     """
-    starts, model = window_starts(log), replace(view.examination.model, at={})
+    starts, model = window_starts(log), replace(evidence.equations.model, at={})
     base = model.plant()
-    origin = unreported(log, base)
-    seen, before = measured_tracks(log, base, origin, starts), predicted(log, base, origin, starts)
-    unseen = _by_the_other_folds(log, view, names, starts, before, barred)
+    origin = true_states(log, base)
+    seen, before = measured_tracks(log, base, origin, starts), predicted_tracks(log, base, origin, starts)
+    unseen = _by_the_other_folds(log, evidence, names, starts, before, barred)
     best = _predicted_with(log, model, final, starts)
     known = np.all([np.isfinite(distances(track, seen)) for track in (before, unseen.after, best)], axis=0)
 
@@ -116,15 +116,15 @@ class _Unseen:
 
 
 def _by_the_other_folds(
-    log: Log, view: View, names: Sequence[str], starts: Ints, before: Floats, barred: frozenset[str]
+    log: Log, evidence: Evidence, names: Sequence[str], starts: Ints, before: Floats, barred: frozenset[str]
 ) -> _Unseen:
-    dealt, model = fold_of(log), view.examination.model
+    dealt, model = fold_of(log), evidence.equations.model
     after, lacking = before.copy(), {name: before.copy() for name in names}
     without: dict[int, Coordinates] = {}
     for number in np.unique(dealt[starts]).tolist():
         mine = dealt[starts] == number
         legs = np.isin(np.arange(log.legs), log.leg[dealt == number])
-        at = without[number] = _named_without(view, legs, barred)
+        at = without[number] = _named_without(evidence, legs, barred)
         after[mine] = _predicted_with(log, model, at, starts[mine])
         for name in names:
             less = {other: free for other, free in at.items() if other != name}
@@ -135,7 +135,7 @@ def _by_the_other_folds(
 def _predicted_with(log: Log, model: Model, at: Coordinates, starts: Ints) -> Floats:
     """What the model with the effects ``at`` these sizes, and no others, predicts over each window."""
     plant = replace(model, at=at).plant()
-    return predicted(log, plant, unreported(log, plant), starts)
+    return predicted_tracks(log, plant, true_states(log, plant), starts)
 
 
 def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
@@ -145,16 +145,16 @@ def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
     return {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
 
 
-def against_noise(held: HeldOut, examination: Examination) -> HeldOut:
+def with_noise_floor(held: HeldOut, equations: NormalEquations) -> HeldOut:
     """The same with what noise alone would leave as the floor, for a trial of which no model knows everything."""
-    floor_m = left_by_noise_m(examination, window_starts(examination.log), HORIZON_S)
+    floor_m = left_by_noise_m(equations, window_starts(equations.log), HORIZON_S)
     return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
 
 
-def _named_without(view: View, legs: NDArray[np.bool_], barred: frozenset[str]) -> Coordinates:
+def _named_without(evidence: Evidence, legs: NDArray[np.bool_], barred: frozenset[str]) -> Coordinates:
     """What the other legs ask for, and how much of it."""
-    rest = view_without(view.examination, legs)
-    names = searched(rest, barred)
+    rest = evidence_without(evidence.equations, legs)
+    names = search_effects(rest, barred)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}
         chance = {name: rest.chance(gain[name], len(rest.columns([name]))) for name in names}
@@ -162,4 +162,4 @@ def _named_without(view: View, legs: NDArray[np.bool_], barred: frozenset[str]) 
         if chance[worst] < FALSE_ALARM:
             break
         names = tuple(name for name in names if name != worst)
-    return moved_to(rest, names)
+    return fitted_coordinates(rest, names)

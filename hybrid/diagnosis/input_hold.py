@@ -14,11 +14,11 @@ import numpy as np
 import pandas as pd
 
 from hybrid.diagnosis.estimate_noise import spread_out
-from hybrid.diagnosis.evidence import examined, view_of
+from hybrid.diagnosis.evidence import evidence_of, normal_equations
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import READINGS, SELDOM_S, Log, Reading, mean_settings
+from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log, mean_settings
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.select_effects import log_density, named, searched
+from hybrid.diagnosis.select_effects import log_density, named, search_effects
 
 _ENOUGH_S = 600.0  # of the log: it shows in every turn
 _PLAIN = 20.0  # log likelihood by which steps have to be better than lines
@@ -27,10 +27,10 @@ _PLAIN = 20.0  # log likelihood by which steps have to be better than lines
 def read_as_fits(log: Log, tables: Sequence[pd.DataFrame], model: Model, tolerance: float, noise: Noise) -> Log:
     """The log of ``tables`` with its settings read in the way that the motion asks for: as lines, or held."""
     best, likeliest, some = log, -np.inf, spread_out(log, _ENOUGH_S)
-    for reading in READINGS:
-        other = log if reading == log.reading else read_as(log, tables, reading)
+    for input_hold in INPUT_HOLDS:
+        other = log if input_hold == log.input_hold else read_as(log, tables, input_hold)
         density = _explained(other.subset(some), model, tolerance, noise)
-        density -= _PLAIN if reading != log.reading else 0.0
+        density -= _PLAIN if input_hold != log.input_hold else 0.0
         if density > likeliest:
             best, likeliest = other, density
     return best
@@ -43,12 +43,12 @@ def _explained(log: Log, model: Model, tolerance: float, noise: Noise) -> float:
     """
     if log.setting_step_s > SELDOM_S:
         naming = named(log, model, tolerance, noise)
-        return log_density(naming.view, naming.names)
-    view = view_of(examined(log, model, tolerance, noise))
-    return log_density(view, searched(view))
+        return log_density(naming.evidence, naming.names)
+    evidence = evidence_of(normal_equations(log, model, tolerance, noise))
+    return log_density(evidence, search_effects(evidence))
 
 
-def read_as(log: Log, tables: Sequence[pd.DataFrame], reading: Reading) -> Log:
+def read_as(log: Log, tables: Sequence[pd.DataFrame], input_hold: InputHold) -> Log:
     """The log of ``tables`` with its settings read in another way; where that is not known, as before."""
     controls = log.controls.copy()
     for number, table in enumerate(tables):
@@ -56,6 +56,6 @@ def read_as(log: Log, tables: Sequence[pd.DataFrame], reading: Reading) -> Log:
         if not rows.size:
             continue
         first, last = log.time_s[rows].min(), log.time_s[rows].max()
-        settings = mean_settings(table, np.arange(first, last + 1), reading)[log.time_s[rows] - first]
+        settings = mean_settings(table, np.arange(first, last + 1), input_hold)[log.time_s[rows] - first]
         controls[rows] = np.where(np.isfinite(settings), settings, controls[rows])
-    return replace(log, controls=controls, reading=reading)
+    return replace(log, controls=controls, input_hold=input_hold)

@@ -114,8 +114,8 @@ def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
 
 def linear_model(log: Log, plant: Plant) -> Linear:
     """The linear model of a log about its smoothed motion, freed of what the plant's sensors do to it."""
-    origin = unreported(log, plant)
-    ways = paths(log, plant, origin)
+    origin = true_states(log, plant)
+    ways = one_second_paths(log, plant, origin)
     A, B = np.tile(np.eye(6), (len(log), 1, 1)), np.empty((len(log), 6, 3))
     for column in range(2, 6):  # a force of the catalogue does not depend on where the ship is
         step = np.zeros(6)
@@ -133,8 +133,11 @@ def linear_model(log: Log, plant: Plant) -> Linear:
     return Linear(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
 
 
-def between(log: Log, ways: Floats) -> Floats:
-    """How the mean state at the samples' times differs from that at the full second [T, 6], by :func:`paths`."""
+def sampling_offset(log: Log, ways: Floats) -> Floats:
+    """How the mean state at the samples' times differs from that at the full second [T, 6].
+
+    ``ways`` are those of :func:`one_second_paths`.
+    """
     half = STEPS_PER_SECOND // 2
     ahead = ways[:, 1 : half + 1] - ways[:, :1]
     behind = np.empty_like(ahead)
@@ -156,7 +159,7 @@ def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> 
 
 def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: int) -> Signature:
     (ahead, plus), (behind, minus) = _sides(model, name, coordinate)
-    further, before = paths(log, ahead, origin), paths(log, behind, origin)
+    further, before = one_second_paths(log, ahead, origin), one_second_paths(log, behind, origin)
     D = (further[:, -1] - before[:, -1]) / (plus - minus)
     if report_alike(ahead, behind):
         return Signature(name, coordinate, D, np.zeros_like(origin))
@@ -177,12 +180,12 @@ def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]
 
 def next_states(log: Log, plant: Plant, origin: Floats) -> Floats:
     """Where the simulator takes each of ``origin`` [T, 6] within a second: [T, 6]."""
-    return paths(log, plant, origin)[:, -1]
+    return one_second_paths(log, plant, origin)[:, -1]
 
 
-def paths(log: Log, plant: Plant, origin: Floats) -> Floats:
+def one_second_paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     """The way the simulator takes from each of ``origin`` [T, 6], quarter by quarter of a second: [T, 5, 6]."""
-    controls, acting = driven(log, plant)
+    controls, acting = acting_settings(log, plant)
     wind = np.repeat(log.wind[:, None, :], STEPS_PER_SECOND, axis=1)
     runs = simulate_batch(replace(plant, command_delay_s=0.0), origin, controls, wind, DT_S, 1, acting)
     if not runs.inside.all():  # a second beyond the model's range says nothing: as if she went on as she is
@@ -190,7 +193,7 @@ def paths(log: Log, plant: Plant, origin: Floats) -> Floats:
     return runs.states
 
 
-def driven(log: Log, plant: Plant) -> tuple[Floats, Floats]:
+def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     """The settings that act in each quarter of a second [T, 4, 5], and those that act at its start [T, 5].
 
     As reported but for the plant's lag and the delay of its feedback.
@@ -223,13 +226,13 @@ def _lagged(series: Floats, lag_s: float) -> Floats:
     return np.asarray(lfilter([1.0 - kept], [1.0, -kept], before, axis=0, zi=start)[0])
 
 
-def reported(log: Log, plant: Plant, states: Floats) -> Floats:
+def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, delays along each unbroken stretch."""
-    return _seen(log, plant, paths(log, plant, states))
+    return _seen(log, plant, one_second_paths(log, plant, states))
 
 
 def _seen(log: Log, plant: Plant, ways: Floats) -> Floats:
-    """What the sensors report at the start of each way [T, 5, 6] of :func:`paths`: [T, 6]."""
+    """What the sensors report at the start of each way [T, 5, 6] of :func:`one_second_paths`: [T, 6]."""
     return _around(log, plant, ways, [STEPS_PER_SECOND // 2])[:, 0]
 
 
@@ -262,11 +265,11 @@ def _track(ways: Floats) -> Floats:
     return np.concatenate([(ways[:, :-1] + share * jumps).reshape(-1, 6), ways[-1:, -1]])
 
 
-def unreported(log: Log, plant: Plant) -> Floats:
+def true_states(log: Log, plant: Plant) -> Floats:
     """The states [T, 6] that the plant's sensors would report as the log's smoothed motion."""
     states = log.nominal.copy()
     for _ in range(_ROUNDS):
-        states += log.nominal - reported(log, plant, states)
+        states += log.nominal - sensor_readings(log, plant, states)
     return states
 
 

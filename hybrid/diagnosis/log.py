@@ -66,7 +66,7 @@ class Log:
     refused: int = 0
     setting_step_s: float = 0.1
     levels: tuple[NoiseLevels, ...] = ()
-    reading: Reading = "line"
+    input_hold: InputHold = "line"
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -170,10 +170,10 @@ def _legs(block: Ints, seconds: Ints) -> Ints:
 STEPS_PER_SECOND = 4
 """Thruster settings are averaged over quarters of a second, the longest step of the simulator."""
 
-Reading = Literal["line", "until the next record", "since the last record"]
+InputHold = Literal["line", "until the next record", "since the last record"]
 """What a setting does between two records: moves on a straight line, stays as it was, or is already what comes."""
 
-READINGS: tuple[Reading, ...] = get_args(Reading)
+INPUT_HOLDS: tuple[InputHold, ...] = get_args(InputHold)
 
 MOTION = (*POSE, *VELOCITY)
 """The channels of the motion."""
@@ -273,12 +273,12 @@ def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats
     return mean, weight / np.maximum(number, 1)[:, None]
 
 
-def mean_settings(table: pd.DataFrame, seconds: Ints, reading: Reading = "line") -> Floats:
+def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "line") -> Floats:
     """The thrusters' mean setting in each quarter of the second after each node [T, 4, 5]."""
     quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
     result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
     for column, name in enumerate(COMMAND):
-        mean = _means(table, name, quarters + float(seconds[0]), reading) * CONTROL_UNITS[column]
+        mean = _means(table, name, quarters + float(seconds[0]), input_hold) * CONTROL_UNITS[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 
@@ -314,7 +314,7 @@ def _filled(values: Floats) -> Floats:
     return np.interp(np.arange(len(values)), known, values[known])
 
 
-def _means(table: pd.DataFrame, name: str, edges_s: Floats, reading: Reading = "line") -> Floats:
+def _means(table: pd.DataFrame, name: str, edges_s: Floats, input_hold: InputHold = "line") -> Floats:
     """The mean of a channel, as read between its samples, from each edge to the next; NaN across long gaps."""
     values = table[name].to_numpy(dtype=float)
     rows = np.isfinite(values)
@@ -323,7 +323,7 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats, reading: Reading = "
         return np.full(len(edges_s) - 1, np.nan)
     if name in CIRCULAR:
         values = unwrap(values)
-    upto = _integral(*_path(times, _without_blips(times, values), reading), edges_s)
+    upto = _integral(*_path(times, _without_blips(times, values), input_hold), edges_s)
     steps = np.diff(times)
     gap = np.where(steps > max(_LONGEST_GAP_S, _GAP_STEPS * float(np.median(steps))), 1.0, 0.0)
     in_gap = np.interp(edges_s[:-1], times, np.concatenate([[0.0], np.cumsum(gap)]))
@@ -332,12 +332,12 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats, reading: Reading = "
     return np.where(crosses | outside, np.nan, np.diff(upto) / np.diff(edges_s))
 
 
-def _path(times_s: Floats, values: Floats, reading: Reading) -> tuple[Floats, Floats]:
+def _path(times_s: Floats, values: Floats, input_hold: InputHold) -> tuple[Floats, Floats]:
     """Points that are joined by straight lines: with corners between the samples, or two at each step."""
-    if reading == "line":
+    if input_hold == "line":
         return _with_corners(times_s, values)
     times, twice = np.repeat(times_s, 2), np.repeat(values, 2)
-    return (times[1:], twice[:-1]) if reading == "until the next record" else (times[:-1], twice[1:])
+    return (times[1:], twice[:-1]) if input_hold == "until the next record" else (times[:-1], twice[1:])
 
 
 def _integral(times_s: Floats, values: Floats, until_s: Floats) -> Floats:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, t
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.evidence import Examination, fitted, products_of, reduced
+from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
 from hybrid.diagnosis.innovations import Columns, columns_of
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
@@ -172,9 +172,9 @@ class Map:
     quantities: dict[str, Floats]
 
 
-def where(examination: Examination) -> tuple[Place, ...]:
+def where(equations: NormalEquations) -> tuple[Place, ...]:
     """The notable cells of the model without its added effects, the surest first."""
-    return notable(map_of(examination).places)
+    return notable(map_of(equations).places)
 
 
 def notable(places: Sequence[Place]) -> tuple[Place, ...]:
@@ -185,65 +185,63 @@ def notable(places: Sequence[Place]) -> tuple[Place, ...]:
     return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
 
 
-def map_of(examination: Examination, repaired: bool = False) -> Map:
+def map_of(equations: NormalEquations, repaired: bool = False) -> Map:
     """The whole map: of the reference model, or ``repaired`` of the model with the effects that were added."""
-    linear, log = examination.linear, examination.log
-    data = columns_of(linear, []) if repaired else _without_effects(examination)
+    linear, log = equations.linear, equations.log
+    data = columns_of(linear, []) if repaired else _without_effects(equations)
     cells = cells_of(log, linear.origin)
-    granted, scale = _granted(examination)
-    places = _forces(examination, data, cells, granted, scale) + _errors(examination, data, cells, granted, scale)
-    force = reconstructed(linear, data, _any_force(examination), log.edges)[0][:, 6:]
+    tolerated, scale = _tolerated(equations)
+    places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
+    force = reconstructed(linear, data, _any_force(equations), log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 
-def _any_force(examination: Examination) -> Noise:
+def _any_force(equations: NormalEquations) -> Noise:
     """The noise with a slow force that may be as large as the trial's own forces, so that none is held back."""
-    surge, sway, yaw = (float(each) for each in examination.range.as_array())
-    return replace(examination.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
+    surge, sway, yaw = (float(each) for each in equations.range.as_array())
+    return replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
 
 
-def _without_effects(examination: Examination) -> Columns:
+def _without_effects(equations: NormalEquations) -> Columns:
     """The data as the model without its added effects leaves them, one column."""
-    data = columns_of(examination.linear, [])
+    data = columns_of(equations.linear, [])
     added = [
         (value, signature)
-        for name, free in examination.model.at.items()
-        for value, signature in zip(
-            free, (each for each in examination.effects if each.effect == name), strict=True
-        )
+        for name, free in equations.model.at.items()
+        for value, signature in zip(free, (each for each in equations.effects if each.effect == name), strict=True)
     ]
     drive = data.drive - sum(value * each.D[:, :, None] for value, each in added)
     seen = data.seen + sum(value * each.E[:, :, None] for value, each in added)
     return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(seen), data.features)
 
 
-def _granted(examination: Examination) -> tuple[list[Signature], Floats]:
+def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
     """What is tolerated of sensors, drives and wind, with its standard deviations."""
-    layout = examination.layout
+    layout = equations.layout
     some = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
-    winds = wind_errors(examination.log, examination.model, examination.linear.origin)
+    winds = wind_errors(equations.log, equations.model, equations.linear.origin)
     scale = np.append(layout.tolerated[some], np.full(len(winds), WIND_MPS))
-    return [*(examination.effects[number] for number in some), *winds], scale
+    return [*(equations.effects[number] for number in some), *winds], scale
 
 
 def _forces(
-    examination: Examination, data: Columns, cells: Sequence[Cell], granted: list[Signature], scale: Floats
+    equations: NormalEquations, data: Columns, cells: Sequence[Cell], tolerated: list[Signature], scale: Floats
 ) -> list[Place]:
     """The steady force of each cell by generalised least squares, a quantity's cells and axes together."""
-    extra = columns_of(examination.linear, granted)
+    extra = columns_of(equations.linear, tolerated)
     columns = Columns(
         np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
         np.concatenate([data.seen, extra.seen[:, :, 1:]], axis=2),
         np.column_stack([each.rows.astype(float) for each in cells]),
     )
-    products = products_of(examination.log, examination.linear, columns, examination.noise).total
-    nuisance, first = 1 + np.arange(len(granted)), 1 + len(granted)
+    gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).total
+    nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
     result: list[Place] = []
     for quantity in dict.fromkeys(each.quantity for each in cells):
         mine = [number for number, each in enumerate(cells) if each.quantity == quantity]
         kept = np.concatenate([first + axis * len(cells) + np.array(mine) for axis in range(3)])
-        inner, _ = reduced(products, np.append(0, kept), nuisance, scale)
-        force, error = _fitted_forces(inner, examination, len(mine))
+        inner, _ = marginalise(gram, np.append(0, kept), nuisance, scale)
+        force, error = _fitted_forces(inner, equations, len(mine))
         for place, number in enumerate(mine):
             for axis, channel in enumerate(FORCES):
                 z = force[axis, place] / error[axis, place]
@@ -251,32 +249,32 @@ def _forces(
     return result
 
 
-def _fitted_forces(inner: Floats, examination: Examination, number: int) -> tuple[Floats, Floats]:
+def _fitted_forces(inner: Floats, equations: NormalEquations, number: int) -> tuple[Floats, Floats]:
     """Forces [3, cells] that the model lacks and their standard errors, which hold what the model is granted."""
-    extent = examination.range.as_array()
-    fit = fitted(inner, range(1, 1 + 3 * number), np.repeat(_WIDE * extent / FORCE_UNITS, number))
+    extent = equations.range.as_array()
+    fit = fit_columns(inner, range(1, 1 + 3 * number), np.repeat(_WIDE * extent / FORCE_UNITS, number))
     unit = FORCE_UNITS[:, None]
     force = fit.values.reshape(3, number) * unit
     error = np.sqrt(np.diag(fit.covariance)).reshape(3, number) * unit
-    return force, np.hypot(error, examination.tolerance * extent[:, None])
+    return force, np.hypot(error, equations.tolerance * extent[:, None])
 
 
 def _errors(
-    examination: Examination, data: Columns, cells: Sequence[Cell], granted: list[Signature], scale: Floats
+    equations: NormalEquations, data: Columns, cells: Sequence[Cell], tolerated: list[Signature], scale: Floats
 ) -> list[Place]:
     """The mean error of a prediction of one second in each cell and motion channel: measured less predicted."""
-    log = examination.log
+    log = equations.log
     error = -data.drive[:, :, 0]
     within = np.append(np.diff(log.block) == 0, False)  # a block's last second is predicted by none
     cluster = log.leg if log.legs >= _ENOUGH_LEGS else log.block
-    tolerated = _tolerated(examination, granted, scale)
+    allowance = _allowance(equations, tolerated, scale)
     result: list[Place] = []
     for cell in cells:
         rows = cell.rows & within
         if rows.sum() < LEAST_S or len(np.unique(cluster[rows])) < 3:
             continue
         mean, deviation = _clustered(error[rows], cluster[rows])
-        deviation = np.hypot(deviation, np.sqrt((tolerated[rows].mean(axis=0) ** 2).sum(axis=1)))
+        deviation = np.hypot(deviation, np.sqrt((allowance[rows].mean(axis=0) ** 2).sum(axis=1)))
         result += [
             _place(name, cell, mean[number] * _DEGREES[number], mean[number] / deviation[number])
             for number, name in enumerate(MOTIONS)
@@ -284,15 +282,15 @@ def _errors(
     return result
 
 
-def _tolerated(examination: Examination, granted: list[Signature], scale: Floats) -> Floats:
+def _allowance(equations: NormalEquations, tolerated: list[Signature], scale: Floats) -> Floats:
     """What each tolerated thing at its standard deviation does to the errors of a second [T, 6, n].
 
     A sensor that is off shifts where a second seems to begin and where it seems to end.
     """
-    linear = examination.linear
-    force = linear.B * (examination.tolerance * examination.range.as_array())
+    linear = equations.linear
+    force = linear.B * (equations.tolerance * equations.range.as_array())
     parts = [force]
-    for each, size in zip(granted, scale, strict=True):
+    for each, size in zip(tolerated, scale, strict=True):
         later = np.vstack([each.E[1:], each.E[-1:]])
         parts.append((size * (each.D + later - np.einsum("tij,tj->ti", linear.A, each.E)))[:, :, None])
     return np.concatenate(parts, axis=2)

@@ -10,17 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.evidence import Examination
+from hybrid.diagnosis.evidence import NormalEquations
 from hybrid.diagnosis.innovations import Columns
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.smoother import reconstructed
 
 
-def left_by_noise_m(examination: Examination, starts: Ints, horizon_s: int) -> float:
+def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] over the seconds 1 to H of windows that begin at the rows ``starts``."""
-    linear, noise = examination.linear, examination.noise
+    linear, noise = equations.linear, equations.noise
     data = Columns(linear.defect[:, :, None], linear.observed[:, :, None], np.zeros((len(linear.A), 0)))
-    variance = reconstructed(linear, data, noise, examination.log.edges)[1]
+    variance = reconstructed(linear, data, noise, equations.log.edges)[1]
     P = np.zeros((len(starts), 9, 9))
     P[:, range(6), range(6)] = variance[starts, :6]
     P[:, range(6, 9), range(6, 9)] = _slow(noise)

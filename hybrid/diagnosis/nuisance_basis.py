@@ -31,14 +31,14 @@ from hybrid.vessel.thrusters import pod_force, port_pod, starboard_pod, tunnel_f
 
 AXES = ("surge", "sway", "yaw")
 
-GRANTED = {"heading": 0.1, "place": 0.1, "time": 0.1, "azimuth": 1.0}
+TOLERATED_SHARE = {"heading": 0.1, "place": 0.1, "time": 0.1, "azimuth": 1.0}
 """What the model may be off by in each way, as a share of the tolerance: only what depends on speeds and thrusters
 is the model's own; but no sea is quite even."""
 
 OPERATION = "operating point"
 """What the forces depend on that the model's tolerance stands for: speeds and thruster settings."""
 
-FORMS = ("speed", "drift", "turning", "thrust", "side thrust")
+INTERACTIONS = ("speed", "drift", "turning", "thrust", "side thrust")
 """With what a named effect may change that is rather a relative of the one that it is named for."""
 
 _HARMONICS, _TIMES = 4, 6
@@ -49,7 +49,7 @@ _EDGES = (0.25, 0.5, 0.75)  # of the largest azimuth that is used
 _FAINT = 0.1  # of a basis's largest singular value: a shape that is so faint is the difference of two alike
 _STAYS = 0.01  # of its usual range: what changes less says nothing of a change
 _SEED = 20260902
-_VARIED = {
+_VARYING = {
     "ocean_current": ("place", "time"),
     "thrust_loss_port": ("time",),
     "thrust_loss_starboard": ("time",),
@@ -60,19 +60,21 @@ _VARIED = {
 
 
 @dataclass(frozen=True, slots=True)
-class Beyond:
+class NuisanceBasis:
     """Force features [T, M], what each depends on, and the signatures of effects that vary."""
 
     features: Floats
     depends: tuple[str, ...]
-    varied: tuple[Signature, ...]
+    varying: tuple[Signature, ...]
 
 
-def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequence[str] = ()) -> Beyond:
+def nuisance_basis(
+    log: Log, origin: Floats, effects: Sequence[Signature], interactions: Sequence[str] = ()
+) -> NuisanceBasis:
     """The families for a log. Constants are in none of them: they are effects of the catalogue.
 
-    Effects in ``forms`` may also change with each of :data:`FORMS`, as a relative of theirs does that is in no
-    catalogue: a resistance for one that goes with the thrust.
+    Effects in ``interactions`` may also change with each of :data:`INTERACTIONS`, as a relative of theirs does that
+    is in no catalogue: a resistance for one that goes with the thrust.
     """
     bases = {
         "heading": _even(_harmonics(origin[:, 2], _HARMONICS)),
@@ -82,15 +84,15 @@ def beyond(log: Log, origin: Floats, effects: Sequence[Signature], forms: Sequen
     }
     forces = np.hstack(list(bases.values()))
     depends = tuple(name for name, basis in bases.items() for _ in range(basis.shape[1]))
-    asked = _forms(log, origin)
+    asked = _interactions(log, origin)
     shapes = {**bases, "heading": _even(_harmonics(origin[:, 2], 2)), **asked}
-    varied = [
+    varying = [
         Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
         for each in effects
-        for name in (*_VARIED.get(each.effect, ()), *(asked if each.effect in forms else ()))
+        for name in (*_VARYING.get(each.effect, ()), *(asked if each.effect in interactions else ()))
         for number, shape in enumerate(shapes[name].T)
     ]
-    return Beyond(forces, depends, tuple(varied))
+    return NuisanceBasis(forces, depends, tuple(varying))
 
 
 def _even(shapes: Floats) -> Floats:
@@ -130,13 +132,16 @@ def _places(position_m: Floats) -> Floats:
     return np.asarray(together - together.mean(axis=0))
 
 
-def _forms(log: Log, origin: Floats) -> dict[str, Floats]:
-    """Each of :data:`FORMS` [T, 1], away from its mean, of unit mean square; without those that hardly change."""
+def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
+    """Each of :data:`INTERACTIONS` [T, 1], away from its mean, of unit mean square.
+
+    Those that hardly change are left out.
+    """
     surge, sway, yaw_rate, port, port_side, starboard, starboard_side, _ = operating_point(log, origin).T
     every = (surge, np.abs(sway), np.abs(yaw_rate), port + starboard, np.abs(port_side + starboard_side))
     return {
         name: ((values - values.mean()) / values.std())[:, None]
-        for name, values in zip(FORMS, every, strict=True)
+        for name, values in zip(INTERACTIONS, every, strict=True)
         if values.std() > _STAYS
     }
 
@@ -238,7 +243,9 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     for each in signatures:
         effect = catalogue[each.effect]
         size = effect.parameters[each.coordinate].tolerance
-        if each.effect in _SETTING and log.reading == "line":  # it may have changed at any time between two records
+        if (
+            each.effect in _SETTING and log.input_hold == "line"
+        ):  # it may have changed at any time between two records
             size = max(size, 0.5 * log.setting_step_s)
         result.append(size if effect.chart == "linear" else 0.0)
     return np.array(result)

@@ -14,8 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.acceptance import Tested, tested
-from hybrid.diagnosis.evidence import View, examined, view_of, whole_data
+from hybrid.diagnosis.acceptance import AcceptanceTests, acceptance_tests
+from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, restored_gram
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
@@ -34,25 +34,25 @@ Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
-def searched(view: View, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
+def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """The set of effects with the highest evidence that steps from nothing, or from any good pair, lead to."""
-    allowed = [name for name in view.names if name not in barred]
-    singles = sorted(allowed, key=lambda name: -view.evidence([name]))
+    allowed = [name for name in evidence.names if name not in barred]
+    singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
-    pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if view.possible(pair)]
+    pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
     if pairs:
-        starts.append(max(pairs, key=view.evidence))
-    ends = [_climbed(view, start, allowed) for start in starts]
-    return max(ends, key=view.evidence)
+        starts.append(max(pairs, key=evidence.log_odds))
+    ends = [_stepwise(evidence, start, allowed) for start in starts]
+    return max(ends, key=evidence.log_odds)
 
 
-def _climbed(view: View, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
+def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
     """Adding, dropping and swapping one effect at a time, the best step first, until no step gains."""
-    best = view.evidence(names) if view.possible(names) else -np.inf
+    best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
     while True:
         steps = _steps(names, allowed)
-        judged = sorted(((view.evidence(step), step) for step in steps), reverse=True)
-        better = next((each for each in judged if each[0] > best + 1e-9 and view.possible(each[1])), None)
+        judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
+        better = next((each for each in judged if each[0] > best + 1e-9 and evidence.possible(each[1])), None)
         if better is None or better[0] <= best:
             return names
         best, names = better
@@ -66,40 +66,42 @@ def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ..
     return added + dropped + swapped
 
 
-def rivals_of(view: View, names: tuple[str, ...], name: str) -> dict[str, float]:
+def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
     """Effects that would explain almost as much in the place of ``name``: by how much less, in log evidence."""
     others = tuple(each for each in names if each != name)
-    mine = view.evidence(names)
+    mine = evidence.log_odds(names)
     result = {}
-    for rival in view.names:
-        if rival not in names and view.possible((*others, rival)):
-            less = mine - view.evidence((*others, rival))
+    for rival in evidence.names:
+        if rival not in names and evidence.possible((*others, rival)):
+            less = mine - evidence.log_odds((*others, rival))
             result[rival] = less
     return result
 
 
-def log_density(view: View, names: Sequence[str]) -> float:
+def log_density(evidence: Evidence, names: Sequence[str]) -> float:
     """Log density of the data with these effects and their priors, up to what all views have in common."""
-    examination = view.examination
-    determinant = whole_data(examination, examination.products.total, examination.nuisance_scale)[1]
-    return view.evidence(names) - 0.5 * (float(view.inner[0, 0]) + determinant)
+    equations = evidence.equations
+    determinant = restored_gram(equations, equations.gram.total, equations.nuisance_scale)[1]
+    return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
 
 
-def moved_to(view: View, names: Sequence[str]) -> Coordinates:
+def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
     """The free coordinates at which the equations are to be made linear next."""
-    fit = view.fit(names, prior=True)
-    return {name: tuple(fit.values[view.places(fit, name)].tolist()) for name in names}
+    fit = evidence.fit(names, prior=True)
+    return {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in names}
 
 
-def stays(view: View, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0) -> bool:
+def has_converged(
+    evidence: Evidence, names: Sequence[str], at: Coordinates, errors: float, share: float = 0.0
+) -> bool:
     """Whether the equations are linear about what is found already.
 
     Nothing moves by more than so many standard errors and a share of its size.
     """
     if set(names) != set(at):
         return False
-    slack = errors * np.sqrt(np.diag(view.fit(names).covariance))
-    now = moved_to(view, names)
+    slack = errors * np.sqrt(np.diag(evidence.fit(names).covariance))
+    now = fitted_coordinates(evidence, names)
     new, old = (np.array([each for name in names for each in some[name]]) for some in (now, at))
     return bool((np.abs(new - old) <= slack + share * np.abs(old)).all())
 
@@ -112,8 +114,8 @@ class Naming:
     """
 
     names: tuple[str, ...]
-    tests: dict[str, Tested]
-    view: View
+    tests: dict[str, AcceptanceTests]
+    evidence: Evidence
     nearer: Mapping[tuple[str, str], float] = field(default_factory=dict)
 
 
@@ -130,85 +132,85 @@ def named(
     Who fails a test is barred, and the search goes on without.
     """
 
-    def look(at: Coordinates) -> View:
-        return view_of(examined(log, replace(model, at=at), tolerance, noise))
+    def look(at: Coordinates) -> Evidence:
+        return evidence_of(normal_equations(log, replace(model, at=at), tolerance, noise))
 
-    view = look({})
-    at, tried = _begun(view, look, barred)
+    evidence = look({})
+    at, tried = _starting_point(evidence, look, barred)
     for number in range(_LOOKS):
-        view = look(at) if at else view
-        names = searched(view, barred)
+        evidence = look(at) if at else evidence
+        names = search_effects(evidence, barred)
         progress(min(0.9, (number + 1) / 4.0))
-        if not stays(view, names, at, _SETTLED, _SETTLED_SHARE) and number < _LOOKS - 1:
-            at = moved_to(view, names)
+        if not has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE) and number < _LOOKS - 1:
+            at = fitted_coordinates(evidence, names)
             continue
-        view = view_of(view.examination, by_leg=True)
-        names, tests, barred = _standing(view, names, barred)
+        evidence = evidence_of(evidence.equations, by_leg=True)
+        names, tests, barred = _standing(evidence, names, barred)
         if set(names) == set(at):
             break
-        at = moved_to(view, names)
-    return Naming(names, tests, view, _nearer(view, names, tried))
+        at = fitted_coordinates(evidence, names)
+    return Naming(names, tests, evidence, _rival_deficits(evidence, names, tried))
 
 
-def _begun(
-    view: View, look: Callable[[Coordinates], View], barred: frozenset[str]
+def _starting_point(
+    evidence: Evidence, look: Callable[[Coordinates], Evidence], barred: frozenset[str]
 ) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
     """What to be linear about first, and how well each set that was tried explains the data, linear about itself.
 
     It is what a look about nothing finds, or what is almost as good there: what is far from nothing is not like
     itself there.
     """
-    names = searched(view, barred)
-    starts = [names, *_late_alone(view, names, barred), *_swaps(view, names, barred)]
+    names = search_effects(evidence, barred)
+    starts = [names, *_single_delays(evidence, names, barred), *_swaps(evidence, names, barred)]
     if len(starts) == 1:
-        return moved_to(view, names), {}
+        return fitted_coordinates(evidence, names), {}
     densities, places = dict[tuple[str, ...], float](), []
     for start in starts:
-        at, seen = _about_itself(view, look, start)
+        at, seen = _linear_about_itself(evidence, look, start)
         if seen.possible(start):
             densities[start] = log_density(seen, start)
-        places.append((log_density(seen, searched(seen, barred)), at))
+        places.append((log_density(seen, search_effects(seen, barred)), at))
     return max(places, key=lambda each: each[0])[1], densities
 
 
-def _about_itself(
-    view: View, look: Callable[[Coordinates], View], names: tuple[str, ...]
-) -> tuple[Coordinates, View]:
+def _linear_about_itself(
+    evidence: Evidence, look: Callable[[Coordinates], Evidence], names: tuple[str, ...]
+) -> tuple[Coordinates, Evidence]:
     """A set of effects at the values that explain most, as far as two steps go, and the view about them."""
-    at = moved_to(view, names)
+    at = fitted_coordinates(evidence, names)
     seen = look(at)
-    if not seen.possible(names) or stays(seen, names, at, _SETTLED, _SETTLED_SHARE):
+    if not seen.possible(names) or has_converged(seen, names, at, _SETTLED, _SETTLED_SHARE):
         return at, seen
-    at = moved_to(seen, names)
+    at = fitted_coordinates(seen, names)
     return at, look(at)
 
 
-def _late_alone(view: View, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
+def _single_delays(evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
     """Strong delays, each by itself: about nothing a long one is no more like itself than like several others."""
-    late = {name for name, effect in view.examination.model.catalogue.items() if effect.family == "clock"}
+    late = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
     if len(names) < 2 or not late & set(names):
         return []
-    singles = sorted(late - barred, key=lambda name: -view.evidence([name]))[:_CLOSER]
-    return [(name,) for name in singles if view.possible([name])]
+    singles = sorted(late - barred, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
+    return [(name,) for name in singles if evidence.possible([name])]
 
 
-def _swaps(view: View, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
+def _swaps(evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
     """The same effects with a rival in the place of one that it comes close to, for the evidence there is."""
     found = []
     for name in names:
         others = tuple(each for each in names if each != name)
-        whole = view.evidence(names) - view.evidence(others)
-        for rival, less in rivals_of(view, names, name).items():
+        whole = evidence.log_odds(names) - evidence.log_odds(others)
+        for rival, less in rivals_of(evidence, names, name).items():
             if rival not in barred and CLOSE < less < _DOUBT * whole:
                 found.append((less, (*others, rival)))
     return [swapped for _, swapped in sorted(found)[:_SWAPS]]
 
 
-def _nearer(
-    view: View, names: tuple[str, ...], tried: Mapping[tuple[str, ...], float]
+def _rival_deficits(
+    evidence: Evidence, names: tuple[str, ...], tried: Mapping[tuple[str, ...], float]
 ) -> dict[tuple[str, str], float]:
     """What rivals lack that were tried in the place of one of ``names``."""
-    mine, result = log_density(view, names), {}
+    mine, result = log_density(evidence, names), {}
     for some, density in tried.items():
         out, put = set(names) - set(some), set(some) - set(names)
         if len(out) == len(put) == 1:
@@ -217,14 +219,14 @@ def _nearer(
 
 
 def _standing(
-    view: View, names: tuple[str, ...], barred: frozenset[str]
-) -> tuple[tuple[str, ...], dict[str, Tested], frozenset[str]]:
+    evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]
+) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
     """The effects that stand all tests, how they stand, and who is barred; who fails makes place for others."""
     while True:
-        tests = {name: tested(view, names, name) for name in names}
+        tests = {name: acceptance_tests(evidence, names, name) for name in names}
         failed = [each for each in tests.values() if not each.accepted]
         if not failed:
             return names, tests, barred
         worst = max(failed, key=lambda each: each.p_value)
         barred |= {worst.name, *(each.name for each in failed if each.hopeless)}
-        names = searched(view, barred)
+        names = search_effects(evidence, barred)

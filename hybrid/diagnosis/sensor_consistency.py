@@ -14,14 +14,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import Tested, tested
-from hybrid.diagnosis.evidence import Examination, Layout, View, products_of, view_of
+from hybrid.diagnosis.acceptance import AcceptanceTests, acceptance_tests
+from hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
 from hybrid.diagnosis.innovations import columns_of
-from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, reported, signatures
+from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, sensor_readings, signatures
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.nuisance_basis import ForceRange, tolerances
-from hybrid.diagnosis.select_effects import CLOSE, Coordinates, Naming, moved_to, rivals_of, searched, stays
+from hybrid.diagnosis.select_effects import (
+    CLOSE,
+    Coordinates,
+    Naming,
+    fitted_coordinates,
+    has_converged,
+    rivals_of,
+    search_effects,
+)
 from hybrid.diagnosis.words import number, parameter_title
 from hybrid.effects import Catalogue
 from hybrid.report.words import listed, plain
@@ -52,11 +60,11 @@ class Consistency:
 
 def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
     """What must be wrong with the sensors of ``log``, the surest first; empty where they agree."""
-    naming = contradictory(log, model, noise)
+    naming = contradictory_sensors(log, model, noise)
     return stated(naming) if naming else ()
 
 
-def contradictory(log: Log, model: Model, noise: Noise) -> Naming | None:
+def contradictory_sensors(log: Log, model: Model, noise: Noise) -> Naming | None:
     """The sensor effects with which the sensors of ``log`` contradict each other, named as others are; or None.
 
     ``model`` gives the catalogue, and the plant only what happens within a second; its effects are left out.
@@ -65,19 +73,23 @@ def contradictory(log: Log, model: Model, noise: Noise) -> Naming | None:
     if not sensors:
         return None
     given = {name: free for name, free in model.given.items() if name in sensors}
-    view, names = _found(log, Model(model.base, sensors, given=given), noise)
-    names = _commoner(view, names)
-    return Naming(names, {name: tested(view, names, name) for name in names}, view) if names else None
+    evidence, names = _found(log, Model(model.base, sensors, given=given), noise)
+    names = _commoner(evidence, names)
+    return (
+        Naming(names, {name: acceptance_tests(evidence, names, name) for name in names}, evidence)
+        if names
+        else None
+    )
 
 
-def _commoner(view: View, names: tuple[str, ...]) -> tuple[str, ...]:
+def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
     """Of two that look alike the one that stands first in the catalogue, the commoner; the other is its rival."""
-    order = list(view.names)
+    order = list(evidence.names)
     for name in names:
-        less = rivals_of(view, names, name)
+        less = rivals_of(evidence, names, name)
         for rival in order[: order.index(name)]:
             swapped = tuple(rival if each == name else each for each in names)
-            if less.get(rival, np.inf) < CLOSE and tested(view, swapped, rival).accepted:
+            if less.get(rival, np.inf) < CLOSE and acceptance_tests(evidence, swapped, rival).accepted:
                 names = swapped
                 break
     return names
@@ -85,7 +97,7 @@ def _commoner(view: View, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def stated(naming: Naming) -> tuple[Consistency, ...]:
     """Each contradiction in words, the surest first."""
-    results = [_stated(naming.view, naming.names, test) for test in naming.tests.values()]
+    results = [_stated(naming.evidence, naming.names, test) for test in naming.tests.values()]
     return tuple(sorted(results, key=lambda each: each.p_value))
 
 
@@ -104,7 +116,7 @@ def without_dynamics(noise: Noise, linear: Linear) -> Noise:
     return replace(noise, gust=(surge, sway, yaw))
 
 
-def _found(log: Log, model: Model, noise: Noise) -> tuple[View, tuple[str, ...]]:
+def _found(log: Log, model: Model, noise: Noise) -> tuple[Evidence, tuple[str, ...]]:
     """The effects that stand their tests, seen where the equations about them explain the data best.
 
     To be linear about what was found mostly helps; but a long delay, made by interpolation between seconds, is no
@@ -112,23 +124,25 @@ def _found(log: Log, model: Model, noise: Noise) -> tuple[View, tuple[str, ...]]
     """
     barred: frozenset[str] = frozenset()
     at: Coordinates = {}
-    best: tuple[float, View, tuple[str, ...]] | None = None
+    best: tuple[float, Evidence, tuple[str, ...]] | None = None
     for _ in range(_LOOKS):
-        view = view_of(_examined(log, replace(model, at=at), noise), by_leg=True)
-        names = searched(view, barred)
-        failed = [each for each in (tested(view, names, name) for name in names) if not each.accepted]
+        evidence = evidence_of(_normal_equations(log, replace(model, at=at), noise), by_leg=True)
+        names = search_effects(evidence, barred)
+        failed = [each for each in (acceptance_tests(evidence, names, name) for name in names) if not each.accepted]
         if failed:
             barred |= {max(failed, key=lambda each: each.p_value).name}
         else:
-            score = view.evidence(names) - 0.5 * float(view.inner[0, 0])
-            best = max(best, (score, view, names), key=lambda each: each[0]) if best else (score, view, names)
-            if stays(view, names, at, _SETTLED):
+            score = evidence.log_odds(names) - 0.5 * float(evidence.inner[0, 0])
+            best = (
+                max(best, (score, evidence, names), key=lambda each: each[0]) if best else (score, evidence, names)
+            )
+            if has_converged(evidence, names, at, _SETTLED):
                 break
-        at = moved_to(view, searched(view, barred))
-    return best[1:] if best else (view, ())
+        at = fitted_coordinates(evidence, search_effects(evidence, barred))
+    return best[1:] if best else (evidence, ())
 
 
-def _examined(log: Log, model: Model, noise: Noise) -> Examination:
+def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     """The log through the sensors' effects only; what is tolerated of each sensor is a nuisance.
 
     The motion that the equations are linear about stays: sensors that err are no reason to doubt where the ship
@@ -137,29 +151,29 @@ def _examined(log: Log, model: Model, noise: Noise) -> Examination:
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
-    seen = reported(log, model.plant(), linear.origin) + _between(log, linear.origin)
+    seen = sensor_readings(log, model.plant(), linear.origin) + _between(log, linear.origin)
     linear = replace(linear, observed=log.measured - seen)
     effects, shared = _signatures(log, model, linear.origin)
-    granted = tolerances(log, model.catalogue, effects)
+    tolerated = tolerances(log, model.catalogue, effects)
     scales = np.array([model.catalogue[each.effect].free_scale[each.coordinate] for each in effects])
-    layout = Layout(
+    layout = ColumnLayout(
         effect=tuple(each.effect for each in effects),
         prior=scales,
-        tolerated=granted,
+        tolerated=tolerated,
         wind=len(shared),
         features=0,
-        varied=(),
-        varied_prior=np.zeros(0),
-        varied_granted=np.zeros(0),
+        varying=(),
+        varying_prior=np.zeros(0),
+        varying_tolerated=np.zeros(0),
         depends=(),
     )
     loose = without_dynamics(noise, linear)
-    products = products_of(log, linear, columns_of(linear, [*effects, *shared]), loose)
-    some = np.flatnonzero(granted > 0.0)
+    gram = gram_matrices(log, linear, columns_of(linear, [*effects, *shared]), loose)
+    some = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + some, layout.first_wind + np.arange(len(shared))])
-    return Examination(
-        log, model, linear, tuple(effects), ForceRange(0.0, 0.0, 0.0), 0.0, loose, layout, products,
-        nuisance, np.concatenate([granted[some], _SHARED]),
+    return NormalEquations(
+        log, model, linear, tuple(effects), ForceRange(0.0, 0.0, 0.0), 0.0, loose, layout, gram,
+        nuisance, np.concatenate([tolerated[some], _SHARED]),
     )  # fmt: skip
 
 
@@ -224,14 +238,14 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
 
 
-def _stated(view: View, names: tuple[str, ...], test: Tested) -> Consistency:
-    model = view.examination.model
+def _stated(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> Consistency:
+    model = evidence.equations.model
     effect = model.catalogue[test.name]
-    fit = view.fit(names)
-    places = view.places(fit, test.name)
+    fit = evidence.fit(names)
+    places = evidence.places(fit, test.name)
     free = tuple(float(fit.values[place]) for place in places)
     errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
-    rivals = sorted((less, rival) for rival, less in rivals_of(view, names, test.name).items() if less < CLOSE)
+    rivals = sorted((less, rival) for rival, less in rivals_of(evidence, names, test.name).items() if less < CLOSE)
     alike = tuple(rival for _, rival in rivals)
     values = model.values(test.name, free)
     words = ", ".join(

@@ -8,8 +8,8 @@ from math import atan2, degrees, hypot
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import Remainder
-from hybrid.diagnosis.nuisance_basis import AXES, FORMS, OPERATION
+from hybrid.diagnosis.acceptance import LackOfFit
+from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import Correlation, Estimate, Rival, Unexplained, Verdict
 from hybrid.diagnosis.select_effects import CLOSE, Naming, rivals_of
 from hybrid.diagnosis.words import DEPENDS
@@ -25,11 +25,11 @@ _CREDIBLE = 3  # effects at once; more are as a rule what imitates one that is m
 
 def estimates(naming: Naming, name: str) -> dict[str, Estimate]:
     """The parameters of a named effect with their 95 % intervals."""
-    view, effect = naming.view, naming.view.examination.model.catalogue[name]
-    fit = view.fit(naming.names, prior=True)
-    places = view.places(fit, name)
+    evidence, effect = naming.evidence, naming.evidence.equations.model.catalogue[name]
+    fit = evidence.fit(naming.names, prior=True)
+    places = evidence.places(fit, name)
     covariance = fit.covariance[np.ix_(places, places)] * naming.tests[name].spread
-    given = naming.view.examination.model.given.get(name, (0.0,) * len(places))
+    given = naming.evidence.equations.model.given.get(name, (0.0,) * len(places))
     return intervals(effect, fit.values[places] + np.array(given), covariance)
 
 
@@ -67,7 +67,7 @@ def close_rivals(naming: Naming) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     found = []
     for name in naming.names:
-        for rival, less in rivals_of(naming.view, naming.names, name).items():
+        for rival, less in rivals_of(naming.evidence, naming.names, name).items():
             less = min(less, naming.nearer.get((name, rival), less))
             if less < 3.0 * CLOSE:
                 found.append(Rival(name, rival, float(less)))
@@ -93,7 +93,7 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: U
     return "indistinguishable" if tied else "named"
 
 
-def unexplained(found: Sequence[Remainder], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
+def unexplained(found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
     if found:
         found = _told(found)
@@ -108,16 +108,16 @@ def unexplained(found: Sequence[Remainder], effects: Sequence[Effect], share_of_
     return Unexplained(share_of_gap, (OPERATION,), words)
 
 
-def _told(found: Sequence[Remainder]) -> list[Remainder]:
+def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:
     """Without weaker signs that an effect has another form than it is named for."""
-    first = {each.what: each for each in reversed(found) if each.depends in FORMS}
-    return [each for each in found if each.depends not in FORMS or each is first[each.what]]
+    first = {each.what: each for each in reversed(found) if each.depends in INTERACTIONS}
+    return [each for each in found if each.depends not in INTERACTIONS or each is first[each.what]]
 
 
 _UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
 
 
-def looks_like(remainder: Remainder) -> str:
+def looks_like(remainder: LackOfFit) -> str:
     """One family in words: its axis or effect, on what it depends, and its size."""
     if remainder.what == "force":
         return (
@@ -128,16 +128,18 @@ def looks_like(remainder: Remainder) -> str:
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
     varies = f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
-    return f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in FORMS else varies
+    return (
+        f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in INTERACTIONS else varies
+    )
 
 
 def correlation_of(naming: Naming) -> Correlation:
     """How the estimates of what was named are correlated, in its free coordinates."""
-    fit = naming.view.fit(naming.names)
+    fit = naming.evidence.fit(naming.names)
     deviation = np.sqrt(np.diag(fit.covariance))
     titles, order = list[str](), list[int]()
     for name in naming.names:
-        places = naming.view.places(fit, name)
+        places = naming.evidence.places(fit, name)
         titles += [
             f"{plain(name)}, {number}" if len(places) > 1 else plain(name) for number, _ in enumerate(places, 1)
         ]

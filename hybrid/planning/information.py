@@ -19,7 +19,7 @@ from scipy.stats import chi2, ncx2, norm, t
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import FALSE_ALARM, UNSEEN
-from hybrid.diagnosis.evidence import Examination, reduced
+from hybrid.diagnosis.evidence import NormalEquations, marginalise
 from hybrid.effects import Catalogue, Effect
 
 POWER = 0.9
@@ -58,16 +58,16 @@ def _together(information: Information, names: Sequence[str]) -> Ints:
     return np.concatenate([np.zeros(0, dtype=np.int64), *(information.columns[name] for name in names)])
 
 
-def information_of(examination: Examination) -> Information:
+def information_of(equations: NormalEquations) -> Information:
     """The information in all legs of an examination."""
-    kept = 1 + np.arange(len(examination.layout.effect))
-    matrix, _ = reduced(examination.products.total, kept, examination.nuisance, examination.nuisance_scale)
-    return Information(matrix, _columns(examination), examination.model.catalogue)
+    kept = 1 + np.arange(len(equations.layout.effect))
+    matrix, _ = marginalise(equations.gram.total, kept, equations.nuisance, equations.nuisance_scale)
+    return Information(matrix, _columns(equations), equations.model.catalogue)
 
 
-def _columns(examination: Examination) -> dict[str, Ints]:
-    names = examination.model.catalogue
-    return {name: np.array(examination.layout.of(name), dtype=np.int64) - 1 for name in names}
+def _columns(equations: NormalEquations) -> dict[str, Ints]:
+    names = equations.model.catalogue
+    return {name: np.array(equations.layout.of(name), dtype=np.int64) - 1 for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,21 +86,21 @@ class Design:
         total = self.legs[np.array(legs, dtype=int)].sum(axis=0)
         effects = sum(len(each) for each in self.columns.values())
         rest = np.arange(effects, len(total))
-        matrix, _ = reduced(total, np.arange(effects), rest, np.ones(len(rest)))
+        matrix, _ = marginalise(total, np.arange(effects), rest, np.ones(len(rest)))
         return Information(matrix, self.columns, self.catalogue)
 
 
-def design_of(examination: Examination) -> Design:
+def design_of(equations: NormalEquations) -> Design:
     """An examination's legs, ready to be put together in other numbers, many times over."""
-    scale, nuisance = examination.nuisance_scale, examination.nuisance
-    heard = _heard(examination.products.total[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
-    effects = 1 + np.arange(len(examination.layout.effect))
-    change = np.zeros((examination.products.legs.shape[1], len(effects) + heard.shape[1]))
+    scale, nuisance = equations.nuisance_scale, equations.nuisance
+    heard = _heard(equations.gram.total[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
+    effects = 1 + np.arange(len(equations.layout.effect))
+    change = np.zeros((equations.gram.legs.shape[1], len(effects) + heard.shape[1]))
     change[effects, np.arange(len(effects))] = 1.0
     # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
     change[nuisance, len(effects) :] += heard * scale[:, None]
-    legs = np.array([change.T @ leg @ change for leg in examination.products.legs])
-    return Design(legs, _columns(examination), examination.model.catalogue)
+    legs = np.array([change.T @ leg @ change for leg in equations.gram.legs])
+    return Design(legs, _columns(equations), equations.model.catalogue)
 
 
 def _heard(granted: Floats) -> Floats:
@@ -138,27 +138,27 @@ def told_apart(information: Information, name: str, rival: str, sizes: float = 1
     return max(0.0, float(least))
 
 
-def limits(examination: Examination) -> dict[str, float]:
+def limits(equations: NormalEquations) -> dict[str, float]:
     """How large each effect has to be to be found in nine of ten trials like this one, in its parameter's unit.
 
     The distance of the first parameter from its neutral value; the largest for one that is absent at infinity.
     Of an effect with a direction, in the worst. Infinite (0 for the latter) where no possible size would do.
     """
-    information, legs = information_of(examination), legs_of(examination)
+    information, legs = information_of(equations), legs_of(equations)
     seen = free_limits(information)
     result = {}
-    for name, effect in examination.model.catalogue.items():
+    for name, effect in equations.model.catalogue.items():
         own = information.columns[name]
         again = predicted_limit(information, name, legs[:, own[:, None], own])
         result[name] = as_parameter(effect, max(seen[name], again))
     return result
 
 
-def legs_of(examination: Examination) -> Floats:
+def legs_of(equations: NormalEquations) -> Floats:
     """The information of all effects' coordinates in each leg by itself [L, P, P]."""
-    kept = 1 + np.arange(len(examination.layout.effect))
-    nuisance, scale = examination.nuisance, examination.nuisance_scale
-    return np.array([reduced(leg, kept, nuisance, scale)[0] for leg in examination.products.legs])
+    kept = 1 + np.arange(len(equations.layout.effect))
+    nuisance, scale = equations.nuisance, equations.nuisance_scale
+    return np.array([marginalise(leg, kept, nuisance, scale)[0] for leg in equations.gram.legs])
 
 
 def as_parameter(effect: Effect, size: float) -> float:

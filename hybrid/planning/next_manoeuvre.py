@@ -17,7 +17,7 @@ from scipy.stats import norm
 
 from acquisition.core.errors import ModelRangeError
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.evidence import Examination, examined
+from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE
@@ -78,7 +78,7 @@ class Rehearsal:
 
 
 def next_manoeuvre(
-    examination: Examination,
+    equations: NormalEquations,
     vessel: Vessel,
     values: Mapping[str, Values],
     pairs: Sequence[Pair],
@@ -88,7 +88,7 @@ def next_manoeuvre(
 
     ``values`` has the parameters of everything that is named: with them the ship rehearses.
     """
-    return asked_for(ranked(rehearsal_of(examination, vessel, values, progress), pairs), pairs)
+    return asked_for(ranked(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
 
 
 def asked_for(ranking: Sequence[Ranked], pairs: Sequence[Pair]) -> Manoeuvre | None:
@@ -108,15 +108,18 @@ def asked_for(ranking: Sequence[Ranked], pairs: Sequence[Pair]) -> Manoeuvre | N
 
 
 def rehearsal_of(
-    examination: Examination, vessel: Vessel, values: Mapping[str, Values], progress: Progress = lambda share: None
+    equations: NormalEquations,
+    vessel: Vessel,
+    values: Mapping[str, Values],
+    progress: Progress = lambda share: None,
 ) -> Rehearsal:
     """Every candidate rehearsed by the ship with the effects ``values``, behind what was recorded."""
-    model, log = examination.model, _shortened(examination.log)
+    model, log = equations.model, _shortened(equations.log)
     ship = apply_effects(model.base, values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
     made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
     joined = behind(log, [one_leg(each) for each in made.values()])
-    whole = examined(joined, model, examination.tolerance, examination.noise, progress=progress)
+    whole = normal_equations(joined, model, equations.tolerance, equations.noise, progress=progress)
     return Rehearsal(design_of(whole), range(log.legs), tuple(made))
 
 

@@ -18,7 +18,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import examined
+from hybrid.diagnosis.evidence import normal_equations
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.noise import Noise
@@ -185,7 +185,7 @@ def plan(
     asked = [rehearsed(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     joined = _joined([*asked, *made.values()])
-    whole = examined(joined, Model(ship, catalogue), tolerance, noise, progress=part_of(progress, 0, 2))
+    whole = normal_equations(joined, Model(ship, catalogue), tolerance, noise, progress=part_of(progress, 0, 2))
     design = design_of(whole)
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import examined, view_of
+from hybrid.diagnosis.evidence import evidence_of, normal_equations
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import named
@@ -50,7 +50,7 @@ def stages(tables: list[pd.DataFrame], catalogue: Catalogue = CATALOGUE) -> dict
     model = model_of(vessel, catalogue)
     with threadpool_limits(1, user_api="blas"):
         log_s, (log, noise) = timed(lambda: settled(log_of(tables), model, TOLERANCE))
-        score_s, _ = timed(lambda: view_of(examined(log, model, TOLERANCE, noise)))
+        score_s, _ = timed(lambda: evidence_of(normal_equations(log, model, TOLERANCE, noise)))
         naming_s, _ = timed(lambda: named(log, model, TOLERANCE, noise))
     whole_s, _ = timed(lambda: diagnose(tables, vessel, TOLERANCE, catalogue))
     return {"log and noise": log_s, "one score of all": score_s, "naming": naming_s, "whole diagnosis": whole_s}

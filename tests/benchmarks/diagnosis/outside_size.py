@@ -11,9 +11,9 @@ from math import sqrt
 
 from scipy.stats import chi2
 
-from hybrid.diagnosis.acceptance import CHANCE, Remainder, families, remainders
-from hybrid.diagnosis.evidence import view_of
-from hybrid.diagnosis.select_effects import searched
+from hybrid.diagnosis.acceptance import CHANCE, LackOfFit, families, lack_of_fit
+from hybrid.diagnosis.evidence import evidence_of
+from hybrid.diagnosis.select_effects import search_effects
 from hybrid.effects import CATALOGUE
 from hybrid.planning.information import noncentrality
 from tests.benchmarks.diagnosis.design import Design
@@ -42,12 +42,12 @@ def size_found(name: str, design: Design) -> float:
 
 def _ratio(name: str, size: float, design: Design) -> float:
     """The size at which it is found, over this one."""
-    examination = examination_of(design, {name: size})
-    view = view_of(examination)
-    every = families(examination)
+    equations = examination_of(design, {name: size})
+    evidence = evidence_of(equations)
+    every = families(equations)
     degrees = {(each.depends, each.what): len(each.columns) for each in every}
     ratios = [_STEP]
-    for each in remainders(view, searched(view)):
+    for each in lack_of_fit(evidence, search_effects(evidence)):
         number = degrees.get((each.depends, each.what))
         if number is not None and each.gain > number:
             needed = noncentrality(float(chi2.isf(CHANCE / (len(every) + 1), number)), number)
@@ -55,6 +55,6 @@ def _ratio(name: str, size: float, design: Design) -> float:
     return min(ratios)
 
 
-def _least(remainder: Remainder) -> float:
+def _least(remainder: LackOfFit) -> float:
     """The size below which nobody cares for it."""
     return max(CATALOGUE[remainder.what].smallest_free) if remainder.what in CATALOGUE else 0.0

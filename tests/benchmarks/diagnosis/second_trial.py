@@ -35,7 +35,7 @@ def with_next_manoeuvre(
 
 def candidate_of(what: str, examined: Examined, vessel: Vessel) -> Candidate:
     """The candidate of the repertoire that is asked for in these words."""
-    for each in repertoire(shafts_of(vessel, usual_rpm(examined.naming.view.examination.log))):
+    for each in repertoire(shafts_of(vessel, usual_rpm(examined.naming.evidence.equations.log))):
         if what.startswith(each.what):
             return each
     raise ConfigurationError(f"no candidate reads {what!r}")

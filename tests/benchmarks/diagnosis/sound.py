@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import Examination, examined
+from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.linearise import model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.effects import CATALOGUE, Effect
@@ -30,12 +30,12 @@ ALIKE = 4.0
 _KEPT = 0.25  # of an effect's information has to be left when those hidden beside it are unknown, too
 
 
-def examination_of(design: Design, outside: Mapping[str, float] | None = None) -> Examination:
+def examination_of(design: Design, outside: Mapping[str, float] | None = None) -> NormalEquations:
     """One look at a trial with nothing of the catalogue hidden in it."""
     table, _ = simulated(design, {}, outside)
     model = model_of(load_vessel(VESSEL), CATALOGUE)
     log, noise = settled(log_of([table]), model, TOLERANCE)
-    return examined(log, model, TOLERANCE, noise)
+    return normal_equations(log, model, TOLERANCE, noise)
 
 
 def sound(design: Design) -> dict[str, Any]:

@@ -123,14 +123,14 @@ def errors_over_bounds(examined: Examined, hidden: Hidden) -> list[float]:
     The standard errors are those of a joint fit of what is truly hidden on the last view of the data: the bound.
     """
     named = {each.name: each for each in examined.diagnosis.effects}
-    view, result = examined.naming.view, []
-    fit = view.fit(tuple(hidden))
+    evidence, result = examined.naming.evidence, []
+    fit = evidence.fit(tuple(hidden))
     for name, values in hidden.items():
         if name not in named:
             continue
         effect = CATALOGUE[name]
         found = effect.free({key: each.value for key, each in named[name].parameters.items()})
-        places = [fit.columns.index(column) for column in view.columns([name])]
+        places = [fit.columns.index(column) for column in evidence.columns([name])]
         bound = np.sqrt(np.diag(fit.covariance)[places])
         result += [float(each) for each in (np.array(found) - np.array(effect.free(values))) / bound]
     return result

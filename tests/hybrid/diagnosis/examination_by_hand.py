@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.evidence import Examination, Layout, Products
+from hybrid.diagnosis.evidence import ColumnLayout, GramMatrices, NormalEquations
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.nuisance_basis import ForceRange
@@ -33,11 +33,11 @@ class Design:
     """Whitened columns of some legs [L, rows, C], the data's, column 0, still empty; their products by leg."""
 
     columns: Floats
-    layout: Layout
+    layout: ColumnLayout
     nuisance: NDArray[np.int64]
     scale: Floats
     plant: Plant
-    products: Floats
+    gram: Floats
 
     def data(self, random: np.random.Generator, effects: Mapping[str, tuple[float, ...]] | None = None) -> Floats:
         """Data [L, rows] with these effects, what is tolerated and noise, all as the statistics assume."""
@@ -47,15 +47,15 @@ class Design:
             z += self.columns[:, :, self.layout.of(name)] @ np.array(free)
         return z
 
-    def examination(self, data: Floats) -> Examination:
+    def equations(self, data: Floats) -> NormalEquations:
         """As if a filter had given these columns."""
-        legs = self.products.copy()
+        legs = self.gram.copy()
         legs[:, 0, 1:] = legs[:, 1:, 0] = np.einsum("lrc,lr->lc", self.columns, data)[:, 1:]
         legs[:, 0, 0] = (data**2).sum(axis=1)
-        products = Products(legs, np.full(len(legs), data.shape[1]))
-        return Examination(
+        gram = GramMatrices(legs, np.full(len(legs), data.shape[1]))
+        return NormalEquations(
             log=NEEDLESS, model=Model(self.plant, SMALL_CATALOGUE), linear=NEEDLESS, effects=(),
-            range=ForceRange(1e5, 1e5, 1e6), tolerance=0.01, noise=Noise(), layout=self.layout, products=products,
+            range=ForceRange(1e5, 1e5, 1e6), tolerance=0.01, noise=Noise(), layout=self.layout, gram=gram,
             nuisance=self.nuisance, nuisance_scale=self.scale,
         )  # fmt: skip
 
@@ -64,33 +64,33 @@ def a_design(plant: Plant, legs: int, seed: int, sigmas: float = 20.0, rows: int
     """Columns in which an effect of ordinary size stands out by so many standard deviations."""
     effect = tuple(name for name, each in SMALL_CATALOGUE.items() for _ in each.free_scale)
     prior = np.array([size for each in SMALL_CATALOGUE.values() for size in each.free_scale])
-    varied = ("heading_bias*time",) * 2
-    layout = Layout(
-        effect=effect, prior=prior, tolerated=np.zeros(len(prior)), wind=1, features=4, varied=varied,
-        varied_prior=np.full(2, prior[2]), varied_granted=np.full(2, 0.02),
+    varying = ("heading_bias*time",) * 2
+    layout = ColumnLayout(
+        effect=effect, prior=prior, tolerated=np.zeros(len(prior)), wind=1, features=4, varying=varying,
+        varying_prior=np.full(2, prior[2]), varying_tolerated=np.full(2, 0.02),
         depends=("heading",) * 3 + ("time",) * 2,
     )  # fmt: skip
     count = layout.first_feature + 3 * (layout.features + len(layout.depends))
     columns = np.random.default_rng(seed).standard_normal((legs, rows, count)) / np.sqrt(legs * rows)
     columns[:, :, 0] = 0.0
     columns[:, :, 1 : 1 + len(prior)] *= sigmas / prior
-    columns[:, :, layout.first_varied : layout.first_feature] *= sigmas / layout.varied_prior
+    columns[:, :, layout.first_varying : layout.first_feature] *= sigmas / layout.varying_prior
     nuisance = np.arange(layout.first_wind, count)
     scale = np.full(len(nuisance), 2.0)
-    scale[layout.first_varied - layout.first_wind : layout.first_feature - layout.first_wind] = (
-        layout.varied_granted
+    scale[layout.first_varying - layout.first_wind : layout.first_feature - layout.first_wind] = (
+        layout.varying_tolerated
     )
-    return Design(columns, layout, nuisance, scale, plant, products_of(columns))
+    return Design(columns, layout, nuisance, scale, plant, gram_matrices(columns))
 
 
-def products_of(columns: Floats) -> Floats:
+def gram_matrices(columns: Floats) -> Floats:
     """Leg by leg [L, C, C]."""
     return np.asarray(columns.transpose(0, 2, 1) @ columns)
 
 
 def with_columns(design: Design, columns: Floats) -> Design:
     """The same design with other columns."""
-    return replace(design, columns=columns, products=products_of(columns))
+    return replace(design, columns=columns, gram=gram_matrices(columns))
 
 
 def in_other_units(design: Design, name: str, factor: float) -> Design:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.acceptance import perhaps_one
-from hybrid.diagnosis.evidence import View, view_of
+from hybrid.diagnosis.acceptance import composite_effects
+from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
@@ -22,32 +22,32 @@ def design(plant: Plant) -> Design:
     return a_design(plant, 4, 7)
 
 
-def seen(design: Design, *names: str) -> View:
+def seen(design: Design, *names: str) -> Evidence:
     """A view of these effects with signatures at random, but that of a loss at both pods is the sum of two."""
     random = np.random.default_rng(8)
     columns = {name: random.standard_normal((500, len(CATALOGUE[name].free_scale))) for name in names}
     if "thrust_loss_both" in columns:
         columns["thrust_loss_both"] = sum(columns[name] for name in BOTH) + 0.1 * columns["thrust_loss_both"]
     every = np.hstack([np.zeros((500, 1)), *columns.values()])
-    examination = design.examination(design.data(random))
+    equations = design.equations(design.data(random))
     effect = tuple(name for name in names for _ in CATALOGUE[name].free_scale)
     catalogue = {name: CATALOGUE[name] for name in names}
-    return View(
+    return Evidence(
         every.T @ every,
         replace(
-            examination,
+            equations,
             model=Model(design.plant, catalogue),
-            layout=replace(examination.layout, effect=effect, prior=np.ones(len(effect))),
+            layout=replace(equations.layout, effect=effect, prior=np.ones(len(effect))),
         ),
     )
 
 
 def test_a_loss_at_either_pod_may_be_one_where_the_catalogue_has_no_loss_at_both(design: Design) -> None:
-    assert perhaps_one(seen(design, *BOTH, "wake_fraction"), BOTH) == [BOTH]
+    assert composite_effects(seen(design, *BOTH, "wake_fraction"), BOTH) == [BOTH]
 
 
 def test_where_it_has_one_that_was_tried(design: Design) -> None:
-    assert perhaps_one(seen(design, *BOTH, "thrust_loss_both"), BOTH) == []
+    assert composite_effects(seen(design, *BOTH, "thrust_loss_both"), BOTH) == []
 
 
 @pytest.mark.parametrize(
@@ -65,24 +65,24 @@ def test_where_it_has_one_that_was_tried(design: Design) -> None:
 def test_what_comes_together_anyway_or_has_nothing_to_do_with_each_other_stays_two(
     design: Design, pair: tuple[str, str]
 ) -> None:
-    assert perhaps_one(seen(design, *pair), pair) == []
+    assert composite_effects(seen(design, *pair), pair) == []
 
 
 def test_two_clocks_may_be_the_third(design: Design) -> None:
     pair = ("position_delay", "heading_delay")
-    assert perhaps_one(seen(design, *pair), pair) == [pair]
+    assert composite_effects(seen(design, *pair), pair) == [pair]
 
 
 def test_factors_on_the_wind_may_be_the_one_on_what_is_left(design: Design) -> None:
     names = ("wind_yaw_load", "wind_drag", "wind_load")
-    assert perhaps_one(seen(design, *names), names) == [names]
+    assert composite_effects(seen(design, *names), names) == [names]
 
 
 def test_what_hangs_together_is_one_group_in_the_order_of_names(design: Design) -> None:
     names = ("sway_added_mass", "ocean_current", "loading", "surge_added_mass")
-    assert perhaps_one(seen(design, *names), names) == [("sway_added_mass", "loading", "surge_added_mass")]
+    assert composite_effects(seen(design, *names), names) == [("sway_added_mass", "loading", "surge_added_mass")]
 
 
 def test_a_view_of_data_has_what_it_takes(design: Design) -> None:
-    view = view_of(design.examination(design.data(np.random.default_rng(9))))
-    assert perhaps_one(view, ("ocean_current", "hull_fouling")) == []
+    evidence = evidence_of(design.equations(design.data(np.random.default_rng(9))))
+    assert composite_effects(evidence, ("ocean_current", "hull_fouling")) == []

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import remainders
+from hybrid.diagnosis.acceptance import lack_of_fit
 from hybrid.diagnosis.select_effects import CLOSE, Naming
 from hybrid.diagnosis.verdict import close_rivals
 from tests.hybrid.diagnosis.conftest import Diagnosed
@@ -17,15 +17,15 @@ SHORT_S = 1200.0
 
 def standard_error(naming: Naming, name: str) -> Floats:
     """Of the free coordinates of a named effect."""
-    fit = naming.view.fit(naming.names)
-    places = [fit.columns.index(column) for column in naming.view.columns([name])]
+    fit = naming.evidence.fit(naming.names)
+    places = [fit.columns.index(column) for column in naming.evidence.columns([name])]
     return np.sqrt(np.diag(fit.covariance)[places])
 
 
 def error(naming: Naming, name: str, **truth: float) -> Floats:
     """Estimate less truth in free coordinates."""
-    fit, model = naming.view.fit(naming.names), naming.view.examination.model
-    places = [fit.columns.index(column) for column in naming.view.columns([name])]
+    fit, model = naming.evidence.fit(naming.names), naming.evidence.equations.model
+    places = [fit.columns.index(column) for column in naming.evidence.columns([name])]
     return np.asarray(fit.values[places] - np.array(model.catalogue[name].free(truth)))
 
 
@@ -43,9 +43,9 @@ def test_a_current_is_named_with_its_speed_and_direction(diagnosed: Diagnosed) -
 def test_nothing_is_named_where_nothing_is_hidden(diagnosed: Diagnosed) -> None:
     naming = diagnosed(seed=4, hidden={}, sea="calm", duration_s=SHORT_S)
     assert naming.names == ()
-    view = naming.view
-    assert view.inner[0, 0] == pytest.approx(view.examination.products.rows.sum(), rel=0.15)
-    assert not any(each.found for each in remainders(view, ()))
+    evidence = naming.evidence
+    assert evidence.inner[0, 0] == pytest.approx(evidence.equations.gram.rows.sum(), rel=0.15)
+    assert not any(each.found for each in lack_of_fit(evidence, ()))
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_two_effects_at_once_are_both_named(diagnosed: Diagnosed) -> None:
 def test_a_moment_that_hangs_on_heading_is_no_effect_of_the_catalogue(diagnosed: Diagnosed) -> None:
     """A yaw moment of sin 4 psi: found beyond the catalogue, in yaw, on heading."""
     naming = diagnosed(seed=7, hidden={}, outside={"yaw_moment_4psi": 6e4}, sea="calm", duration_s=3600.0)
-    found = [each for each in remainders(naming.view, naming.names) if each.found]
+    found = [each for each in lack_of_fit(naming.evidence, naming.names) if each.found]
     assert (found[0].depends, found[0].what) == ("heading", "yaw")
 
 

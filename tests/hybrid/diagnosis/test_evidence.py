@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad, quad
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.evidence import Products, drawn, fitted, log_evidence, reduced
+from hybrid.diagnosis.evidence import GramMatrices, draw_columns, fit_columns, log_evidence, marginalise
 
 ROWS = 60
 
@@ -28,7 +28,9 @@ def test_reduced_is_the_inner_product_under_the_inverse_of_v(seed: int, nuisance
     scale = 10.0**size * np.random.default_rng(seed).uniform(0.5, 2.0, nuisances)
     N = columns[:, kept:] * scale
     V = np.eye(ROWS) + N @ N.T
-    inner, log_determinant = reduced(columns.T @ columns, np.arange(kept), np.arange(kept, kept + nuisances), scale)
+    inner, log_determinant = marginalise(
+        columns.T @ columns, np.arange(kept), np.arange(kept, kept + nuisances), scale
+    )
     expected = columns[:, :kept].T @ np.linalg.solve(V, columns[:, :kept])
     np.testing.assert_allclose(inner, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
     assert log_determinant == pytest.approx(float(np.linalg.slogdet(V)[1]), abs=1e-5)
@@ -36,7 +38,7 @@ def test_reduced_is_the_inner_product_under_the_inverse_of_v(seed: int, nuisance
 
 def test_a_nuisance_without_bounds_takes_its_own_shape_away() -> None:
     columns = whitened_columns(1, 4)
-    inner, _ = reduced(columns.T @ columns, np.array([0, 1]), np.array([2, 3]), np.array([1e5, 1e5]))
+    inner, _ = marginalise(columns.T @ columns, np.array([0, 1]), np.array([2, 3]), np.array([1e5, 1e5]))
     free = columns[:, 2:]
     left = columns[:, :2] - free @ np.linalg.lstsq(free, columns[:, :2], rcond=None)[0]
     np.testing.assert_allclose(inner, left.T @ left, rtol=1e-6)
@@ -45,8 +47,8 @@ def test_a_nuisance_without_bounds_takes_its_own_shape_away() -> None:
 def test_fitted_is_generalised_least_squares() -> None:
     columns, scale = whitened_columns(2, 8), np.array([0.5, 1.0, 2.0, 0.3])
     V = np.eye(ROWS) + (columns[:, 4:] * scale**2) @ columns[:, 4:].T
-    inner, _ = reduced(columns.T @ columns, np.arange(4), np.arange(4, 8), scale)
-    fit = fitted(inner, (3, 1))
+    inner, _ = marginalise(columns.T @ columns, np.arange(4), np.arange(4, 8), scale)
+    fit = fit_columns(inner, (3, 1))
     S, z = columns[:, [3, 1]], columns[:, 0]
     covariance = np.linalg.inv(S.T @ np.linalg.solve(V, S))
     values = covariance @ S.T @ np.linalg.solve(V, z)
@@ -59,16 +61,16 @@ def test_fitted_is_generalised_least_squares() -> None:
 
 def test_a_prior_is_as_good_as_so_many_measurements_of_zero() -> None:
     columns, prior = whitened_columns(3, 3), np.array([0.2, 3.0])
-    fit = fitted(columns.T @ columns, (1, 2), prior)
+    fit = fit_columns(columns.T @ columns, (1, 2), prior)
     rows = np.vstack([columns, np.column_stack([np.zeros(2), np.diag(1.0 / prior)])])
-    again = fitted(rows.T @ rows, (1, 2))
+    again = fit_columns(rows.T @ rows, (1, 2))
     np.testing.assert_allclose(fit.values, again.values, rtol=1e-9)
     np.testing.assert_allclose(fit.covariance, again.covariance, rtol=1e-9)
 
 
 def test_nothing_fitted_explains_nothing() -> None:
     inner = np.eye(3)
-    assert fitted(inner, ()).gain == 0.0
+    assert fit_columns(inner, ()).gain == 0.0
     assert log_evidence(inner, (), np.zeros(0)) == 0.0
 
 
@@ -111,17 +113,17 @@ def test_evidence_does_not_know_the_unit_of_a_parameter(seed: int, unit: float) 
 def test_draws_scatter_as_the_posterior() -> None:
     columns, prior = whitened_columns(6, 4) / 4.0, np.array([0.7, 0.2, 1.5])
     inner = columns.T @ columns
-    fit = fitted(inner, (1, 2, 3), prior)
-    draws = np.array([drawn(inner, (1, 2, 3), prior, seed) for seed in range(4000)])
+    fit = fit_columns(inner, (1, 2, 3), prior)
+    draws = np.array([draw_columns(inner, (1, 2, 3), prior, seed) for seed in range(4000)])
     deviation = np.sqrt(np.diag(fit.covariance))
     assert np.abs((draws.mean(axis=0) - fit.values) / deviation).max() < 4.0 / np.sqrt(4000)
     scatter = np.cov(draws.T) / np.outer(deviation, deviation)
     np.testing.assert_allclose(scatter, fit.covariance / np.outer(deviation, deviation), atol=0.1)
-    assert np.array_equal(draws[3], drawn(inner, (1, 2, 3), prior, 3))
+    assert np.array_equal(draws[3], draw_columns(inner, (1, 2, 3), prior, 3))
 
 
 def test_the_total_is_the_sum_of_legs() -> None:
     columns = whitened_columns(7, 3).reshape(4, 15, 3)
     legs = np.einsum("lri,lrj->lij", columns, columns)
     whole = columns.reshape(-1, 3)
-    np.testing.assert_allclose(Products(legs, np.full(4, 15)).total, whole.T @ whole, rtol=1e-12)
+    np.testing.assert_allclose(GramMatrices(legs, np.full(4, 15)).total, whole.T @ whole, rtol=1e-12)

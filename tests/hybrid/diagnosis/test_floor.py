@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.evidence import Examination
+from hybrid.diagnosis.evidence import NormalEquations
 from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.noise_floor import left_by_noise_m
 from hybrid.diagnosis.smoother import reconstructed
@@ -23,7 +23,9 @@ HORIZON_S, DRAWS = 15, 300
 @pytest.mark.parametrize("noise", DISTURBANCES.values(), ids=DISTURBANCES)
 def test_it_is_the_mean_distance_of_drawn_windows(noise: Noise) -> None:
     linear = a_ship(int(EDGES[-1]), 61)
-    examination = cast("Examination", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(edges=EDGES)))
+    examination = cast(
+        "NormalEquations", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(edges=EDGES))
+    )
     variance = reconstructed(linear, one_column(linear.observed), noise, EDGES)[1]
     random = np.random.default_rng(62)
     away = np.concatenate([_drawn_distances(linear.A, linear.B, variance, noise, at, random) for at in STARTS])
@@ -49,7 +51,9 @@ def _drawn_distances(
 def test_more_noise_leaves_more() -> None:
     linear, log = a_ship(int(EDGES[-1]), 63), SimpleNamespace(edges=EDGES)
     left = [
-        left_by_noise_m(cast("Examination", SimpleNamespace(linear=linear, noise=each, log=log)), STARTS, HORIZON_S)
+        left_by_noise_m(
+            cast("NormalEquations", SimpleNamespace(linear=linear, noise=each, log=log)), STARTS, HORIZON_S
+        )
         for each in (Noise(), Noise(gust=(3e3, 3e3, 3e4)), Noise(gust=(9e3, 9e3, 9e4)))
     ]
     assert left == sorted(left)

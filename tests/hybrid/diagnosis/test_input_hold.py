@@ -11,7 +11,7 @@ import pytest
 from acquisition.core.channels import COMMAND
 from hybrid.diagnosis.input_hold import read_as, read_as_fits
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import READINGS, Reading, log_of, mean_settings
+from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
@@ -23,7 +23,7 @@ DT_S, SECONDS = 0.1, 600
 MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
-def settings(kind: Reading) -> np.ndarray:
+def settings(kind: InputHold) -> np.ndarray:
     """Shaft speeds and azimuths [10 Hz, 5] that change every 20 s: at once, or as drives move, in four seconds."""
     random = np.random.default_rng(1)
     count = SECONDS // 20
@@ -36,7 +36,7 @@ def settings(kind: Reading) -> np.ndarray:
     return np.column_stack([np.convolve(np.pad(each, 40, "edge"), width, "same")[40:-40] for each in steps.T])
 
 
-def recorded(plant: Plant, kind: Reading) -> pd.DataFrame:
+def recorded(plant: Plant, kind: InputHold) -> pd.DataFrame:
     """A trial with settings of this kind, recorded once a second, with some noise."""
     acting = settings(kind)
     wind = np.tile([1.0, 4.0], (len(acting), 1))
@@ -54,8 +54,8 @@ def recorded(plant: Plant, kind: Reading) -> pd.DataFrame:
     return table
 
 
-@pytest.mark.parametrize("kind", get_args(Reading))
-def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: Reading) -> None:
+@pytest.mark.parametrize("kind", get_args(InputHold))
+def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHold) -> None:
     """Also where the drives lag."""
     lags = {"thruster_lag": {"time_constant_s": 2.0}} if kind == "until the next record" else {}
     table = recorded(apply_effects(plant, lags), kind)
@@ -72,7 +72,7 @@ def test_what_a_setting_does_between_two_records() -> None:
     times = np.arange(1000, 1021)
     table = pd.DataFrame(0.0, columns=list(COMMAND), index=pd.to_datetime(times, unit="s", utc=True))
     table["port_rpm"] = np.where(times < 1010, 60.0, 120.0)
-    quarters = {each: mean_settings(table, times, each)[:, :, 0] for each in READINGS}
+    quarters = {each: mean_settings(table, times, each)[:, :, 0] for each in INPUT_HOLDS}
     assert quarters["until the next record"][9] == pytest.approx(1.0)
     assert quarters["since the last record"][9] == pytest.approx(2.0)
     assert quarters["line"][9] == pytest.approx([1.125, 1.375, 1.625, 1.875])

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binom
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import ANOTHER_FORM, Remainder, families, remainders
-from hybrid.diagnosis.evidence import view_of
-from hybrid.diagnosis.nuisance_basis import FORMS
+from hybrid.diagnosis.acceptance import INTERACTION_CHANCE, LackOfFit, families, lack_of_fit
+from hybrid.diagnosis.evidence import evidence_of
+from hybrid.diagnosis.nuisance_basis import INTERACTIONS
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE, Design, a_design, with_columns
 
@@ -24,9 +24,9 @@ def design(plant: Plant) -> Design:
     return a_design(plant, 8, 51)
 
 
-def judged(design: Design, data: Floats, names: tuple[str, ...] = ()) -> list[Remainder]:
+def judged(design: Design, data: Floats, names: tuple[str, ...] = ()) -> list[LackOfFit]:
     """What remains of these data beside effects of these names."""
-    return remainders(view_of(design.examination(data), by_leg=True), names)
+    return lack_of_fit(evidence_of(design.equations(data), by_leg=True), names)
 
 
 @pytest.mark.parametrize("names", [(), ("ocean_current", "sway_bias")])
@@ -36,7 +36,7 @@ def test_chances_of_families_are_what_they_say(design: Design, names: tuple[str,
     random = np.random.default_rng(52)
     results = [judged(design, design.data(random, effects), names) for _ in range(DRAWS)]
     number = len(results[0])
-    for family in families(design.examination(design.data(random))):
+    for family in families(design.equations(design.data(random))):
         chances = np.array([
             each.p_value for result in results for each in result
             if (each.depends, each.what) == (family.depends, family.what)
@@ -51,20 +51,20 @@ def test_chances_of_families_are_what_they_say(design: Design, names: tuple[str,
 
 def test_a_family_that_is_there_is_the_first_and_has_its_size(design: Design) -> None:
     data, random = design.data(np.random.default_rng(53)), np.random.default_rng(54)
-    column = design.layout.beyond(2)[1]  # in yaw, on heading
+    column = design.layout.nuisance_forces(2)[1]  # in yaw, on heading
     size = 40.0
     first = judged(design, data + size * design.columns[:, :, column])[0]
     assert (first.depends, first.what) == ("heading", "yaw")
     assert first.found
     assert first.size == pytest.approx(size * 1e4, rel=0.2)  # in N m; the filter reckons in 10 kN m
-    column = design.layout.beyond(0)[4]
+    column = design.layout.nuisance_forces(0)[4]
     first = judged(design, design.data(random) - size * design.columns[:, :, column])[0]
     assert (first.depends, first.what) == ("time", "surge")
 
 
 def test_a_bias_that_drifts_is_found_as_such(design: Design) -> None:
     data = design.data(np.random.default_rng(55))
-    first = judged(design, data + 1.0 * design.columns[:, :, design.layout.first_varied])[0]
+    first = judged(design, data + 1.0 * design.columns[:, :, design.layout.first_varying])[0]
     assert (first.depends, first.what) == ("time", "heading_bias")
     assert first.size == pytest.approx(1.0, rel=0.3)
     assert first.found
@@ -72,7 +72,7 @@ def test_a_bias_that_drifts_is_found_as_such(design: Design) -> None:
 
 def test_a_bias_that_drifts_by_nothing_that_matters_is_not_found(plant: Plant) -> None:
     long = a_design(plant, 8, 56, sigmas=2000.0)
-    data = long.data(np.random.default_rng(57)) + 0.1 * long.columns[:, :, long.layout.first_varied]
+    data = long.data(np.random.default_rng(57)) + 0.1 * long.columns[:, :, long.layout.first_varying]
     drifts = next(each for each in judged(long, data) if each.what == "heading_bias")
     assert drifts.p_value < 1e-3
     assert not drifts.found
@@ -103,16 +103,17 @@ def doubted(plant: Plant) -> Design:
     """A bias whose form is in question: of that it is granted nothing."""
     design = a_design(plant, 8, 60)
     layout = design.layout
-    varied = tuple(f"sway_bias*{name}" for name in FORMS[:2])
-    rest = ~np.isin(design.nuisance, np.arange(2) + layout.first_varied)
+    varied = tuple(f"sway_bias*{name}" for name in INTERACTIONS[:2])
+    rest = ~np.isin(design.nuisance, np.arange(2) + layout.first_varying)
     return replace(
-        design, layout=replace(layout, varied=varied, varied_granted=np.zeros(2)), nuisance=design.nuisance[rest],
+        design, layout=replace(layout, varying=varied, varying_tolerated=np.zeros(2)),
+        nuisance=design.nuisance[rest],
         scale=design.scale[rest],
     )  # fmt: skip
 
 
-def forms(design: Design, data: Floats) -> list[Remainder]:
-    return [each for each in judged(design, data, ("sway_bias",)) if each.depends in FORMS]
+def forms(design: Design, data: Floats) -> list[LackOfFit]:
+    return [each for each in judged(design, data, ("sway_bias",)) if each.depends in INTERACTIONS]
 
 
 def test_an_effect_that_is_named_rightly_seldom_seems_to_have_another_form(doubted: Design) -> None:
@@ -122,19 +123,19 @@ def test_an_effect_that_is_named_rightly_seldom_seems_to_have_another_form(doubt
         found = forms(doubted, doubted.data(random, {"sway_bias": (0.5,)}))
         assert len(found) == 2
         wrong += any(each.found for each in found)
-    assert wrong <= binom.ppf(0.9999, draws, ANOTHER_FORM)
+    assert wrong <= binom.ppf(0.9999, draws, INTERACTION_CHANCE)
 
 
 def test_another_form_is_found_however_small_it_is(doubted: Design) -> None:
     """Half of the smallest bias that matters."""
     size = 0.5 * SMALL_CATALOGUE["sway_bias"].smallest_free[0]
-    column = doubted.layout.first_varied + 1
+    column = doubted.layout.first_varying + 1
     clear = 6.0 / np.linalg.norm(doubted.columns[:, :, column])
     columns = doubted.columns.copy()
     columns[:, :, column] *= clear / size  # it stands out by six standard deviations
     known = with_columns(doubted, columns)
     data = known.data(np.random.default_rng(62), {"sway_bias": (0.5,)}) + size * columns[:, :, column]
     first = forms(known, data)[0]
-    assert (first.what, first.depends) == ("sway_bias", FORMS[1])
+    assert (first.what, first.depends) == ("sway_bias", INTERACTIONS[1])
     assert first.size == pytest.approx(size, rel=0.5)
     assert first.found

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.linearise import Model, driven, linear_model, next_states, reported, signatures, unreported
+from hybrid.diagnosis.linearise import (
+    Model,
+    acting_settings,
+    linear_model,
+    next_states,
+    sensor_readings,
+    signatures,
+    true_states,
+)
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
@@ -82,13 +90,13 @@ def test_a_long_delay_that_the_model_knows_leaves_little(plant: Plant, name: str
 
 def own_report(log: Log, own: Plant) -> Floats:
     """What a plant's sensors report of the motion found again."""
-    return reported(log, own, unreported(log, own))
+    return sensor_readings(log, own, true_states(log, own))
 
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_unreported_inverts_reported(plant: Plant, log: Log, name: str) -> None:
     own = typical(plant, name)
-    states, middle = unreported(log, own), inside(log, 8)
+    states, middle = true_states(log, own), inside(log, 8)
     assert (np.abs(own_report(log, own) - log.nominal)[middle] < 0.05 * SMALL).all()
     assert (np.abs(states - log.nominal) > 1e-4).any()
 
@@ -138,14 +146,14 @@ def test_a_signature_is_what_a_small_effect_does(plant: Plant, log: Log, name: s
     Of what has one sign only the middle of the range is meant, so that much curvature is allowed there.
     """
     model, effect = Model(plant, CATALOGUE), CATALOGUE[name]
-    origin = unreported(log, plant)
+    origin = true_states(log, plant)
     for each in signatures(log, model, origin, [name]):
         little = 1e-3 * effect.free_scale[each.coordinate]
         ends = []
         for times in (0.0, 1.0, 2.0):
             moved = model.moved(name, each.coordinate, times * little)
             assert moved is not None
-            ends.append((next_states(log, moved, origin), reported(log, moved, origin)))
+            ends.append((next_states(log, moved, origin), sensor_readings(log, moved, origin)))
         for mine, k in ((each.D, 0), (each.E, 1)):
             slope = (4.0 * ends[1][k] - 3.0 * ends[0][k] - ends[2][k]) / (2.0 * little)
             size = np.sqrt((slope**2).mean(axis=0)).max()
@@ -171,7 +179,7 @@ def test_an_effect_at_the_end_of_its_range_has_a_signature_to_the_inside(
 
 def test_what_an_effect_does_beyond_its_signature_is_of_second_order(plant: Plant, log: Log) -> None:
     model, name = Model(plant, CATALOGUE), "ocean_current"
-    origin = unreported(log, plant)
+    origin = true_states(log, plant)
     east = signatures(log, model, origin, [name])[1]
     none = next_states(log, plant, origin)
 
@@ -186,7 +194,7 @@ def test_what_an_effect_does_beyond_its_signature_is_of_second_order(plant: Plan
 
 def test_thrusters_that_lag_follow_by_their_time(plant: Plant, log: Log) -> None:
     """What acts at the start of each second against the exponential, step by step."""
-    controls, acting = driven(log, plant.shifted(thruster_lag_s=1.3))
+    controls, acting = acting_settings(log, plant.shifted(thruster_lag_s=1.3))
     series, now, expected = log.controls.reshape(-1, 5), log.controls[0, 0].copy(), []
     for step in series:
         expected.append(now.copy())
@@ -198,14 +206,14 @@ def test_thrusters_that_lag_follow_by_their_time(plant: Plant, log: Log) -> None
 def test_a_late_record_acts_earlier_and_never_across_a_break(plant: Plant) -> None:
     log = a_log(plant, 60, edges=(30,), breaks=(30,))
     late = plant.shifted(command_delay_s=0.5)
-    controls, _ = driven(log, late)
+    controls, _ = acting_settings(log, late)
     series = log.controls.reshape(-1, 5)
     np.testing.assert_allclose(controls.reshape(-1, 5)[:118], series[2:120], atol=1e-12)
     np.testing.assert_allclose(controls.reshape(-1, 5)[118:120], series[[119, 119]], atol=1e-12)
     other = replace(log, controls=log.controls.copy())
     other.controls[30:] += 0.5
-    changed = driven(other, late.shifted(thruster_lag_s=2.0))
-    same = driven(log, late.shifted(thruster_lag_s=2.0))
+    changed = acting_settings(other, late.shifted(thruster_lag_s=2.0))
+    same = acting_settings(log, late.shifted(thruster_lag_s=2.0))
     assert np.array_equal(changed[0][:30], same[0][:30])
     np.testing.assert_array_equal(changed[1][:30], same[1][:30])
     assert np.array_equal(changed[1][30], changed[0][30, 0])
@@ -218,9 +226,9 @@ def test_azimuths_through_astern_do_not_turn_round(plant: Plant, log: Log) -> No
     wrapped.controls[:, :, 1] = (astern.controls[:, :, 1] + np.pi) % (2.0 * np.pi) - np.pi
     assert (np.abs(np.diff(wrapped.controls[:, 0, 1])) > 6.0).any()
     for own in (plant.shifted(command_delay_s=0.3), plant.shifted(thruster_lag_s=1.5)):
-        off = driven(astern, own)[0][:, :, 1] - driven(wrapped, own)[0][:, :, 1]
+        off = acting_settings(astern, own)[0][:, :, 1] - acting_settings(wrapped, own)[0][:, :, 1]
         np.testing.assert_allclose(off - 2.0 * np.pi * np.round(off / (2.0 * np.pi)), 0.0, atol=1e-9)
-        states = unreported(log, own)
+        states = true_states(log, own)
         np.testing.assert_allclose(next_states(astern, own, states), next_states(wrapped, own, states), atol=1e-9)
 
 

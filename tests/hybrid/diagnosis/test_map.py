@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from hybrid.diagnosis.evidence import Examination, examined
+from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.map import (
     FORCES,
@@ -34,22 +34,22 @@ MOMENT_NM = 2e5
 YAW = {"yaw_asymmetry": CATALOGUE["yaw_asymmetry"]}
 
 
-def looked_at(
+def design_matrix(
     truth: Plant, plant: Plant, seed: int, at: Mapping[str, tuple[float, ...]] | None = None
-) -> Examination:
+) -> NormalEquations:
     """An examination of a trial of ``truth`` through ``plant`` with the effects ``at``."""
-    return examined(noisy_log(truth, seed), Model(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005, QUIET)
+    return normal_equations(noisy_log(truth, seed), Model(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005, QUIET)
 
 
 @pytest.fixture(scope="module")
-def turned(plant: Plant) -> Examination:
+def turned(plant: Plant) -> NormalEquations:
     """A trial of a ship that a steady moment turns, seen through a model that has it."""
     at = {"yaw_asymmetry": (MOMENT_NM,)}
-    return looked_at(plant.shifted(constant_N_nm=MOMENT_NM), plant, 1, at)
+    return design_matrix(plant.shifted(constant_N_nm=MOMENT_NM), plant, 1, at)
 
 
 @pytest.fixture(scope="module")
-def turned_map(turned: Examination) -> Map:
+def turned_map(turned: NormalEquations) -> Map:
     """Its map, of the model without what was added."""
     return map_of(turned)
 
@@ -87,12 +87,12 @@ def test_the_reconstructed_force_agrees_with_the_cells(turned_map: Map) -> None:
     assert np.median(turned_map.force[:, 2]) == pytest.approx(MOMENT_NM, rel=0.15)
 
 
-def test_repaired_nothing_is_left(turned: Examination) -> None:
+def test_repaired_nothing_is_left(turned: NormalEquations) -> None:
     """With the moment in the model its map is empty."""
     assert all(abs(each.z) < 4.0 for each in map_of(turned, repaired=True).places)
 
 
-def test_where_is_the_notable_part_of_the_reference_models_map(turned: Examination, turned_map: Map) -> None:
+def test_where_is_the_notable_part_of_the_reference_models_map(turned: NormalEquations, turned_map: Map) -> None:
     """The surest first, all beyond chance."""
     found = where(turned)
     assert found == notable(turned_map.places)
@@ -103,7 +103,7 @@ def test_where_is_the_notable_part_of_the_reference_models_map(turned: Examinati
 @pytest.mark.parametrize("seed", [11, 12])
 def test_a_right_model_has_an_empty_map(plant: Plant, seed: int) -> None:
     """Noise alone puts nothing on the map."""
-    assert max(abs(each.z) for each in map_of(looked_at(plant, plant, seed)).places) < 4.0
+    assert max(abs(each.z) for each in map_of(design_matrix(plant, plant, seed)).places) < 4.0
 
 
 def test_seconds_are_counted(turned_map: Map) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import FORMS, Beyond, beyond
+from hybrid.diagnosis.nuisance_basis import INTERACTIONS, NuisanceBasis, nuisance_basis
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 
@@ -19,8 +19,8 @@ def log(plant: Plant) -> Log:
     return a_log(plant, 400)
 
 
-def shapes(log: Log) -> Beyond:
-    return beyond(log, log.nominal, [])
+def shapes(log: Log) -> NuisanceBasis:
+    return nuisance_basis(log, log.nominal, [])
 
 
 def test_squares_of_coefficients_are_the_mean_square_of_what_they_make(log: Log) -> None:
@@ -54,7 +54,7 @@ def test_a_bank_beside_the_track_is_among_the_places(log: Log) -> None:
         log, controls=np.resize(log.controls, (3000, *log.controls.shape[1:])), nominal=nominal,
         time_s=np.arange(3000), leg=np.zeros(3000, dtype=np.int64),
     )  # fmt: skip
-    found = beyond(log, nominal, [])
+    found = nuisance_basis(log, nominal, [])
     own = found.features[:, [each == "place" for each in found.depends]]
     bank = np.exp(-np.abs(nominal[:, 0] - 500.0) / 300.0)
     bank -= bank.mean()
@@ -66,12 +66,15 @@ def test_a_named_effect_may_change_with_each_form_and_with_nothing_that_stays(lo
     """Shapes away from their mean and of one size, so that sizes of forms compare."""
     ones = Signature("hull_fouling", 0, np.ones((len(log), 6)), np.zeros((len(log), 6)))
     other = replace(ones, effect="towed_load")
-    found = {each.effect: each.D[:, 0] for each in beyond(log, log.nominal, [ones, other], ["hull_fouling"]).varied}
-    assert set(found) == {f"hull_fouling*{name}" for name in FORMS}
+    found = {
+        each.effect: each.D[:, 0]
+        for each in nuisance_basis(log, log.nominal, [ones, other], ["hull_fouling"]).varying
+    }
+    assert set(found) == {f"hull_fouling*{name}" for name in INTERACTIONS}
     for shape in found.values():
         assert shape.mean() == pytest.approx(0.0, abs=1e-9)
         assert (shape**2).mean() == pytest.approx(1.0)
     steady = log.nominal.copy()
     steady[:, 4] = 0.2
-    rest = {each.effect for each in beyond(log, steady, [ones], ["hull_fouling"]).varied}
+    rest = {each.effect for each in nuisance_basis(log, steady, [ones], ["hull_fouling"]).varying}
     assert set(found) - rest == {"hull_fouling*drift"}

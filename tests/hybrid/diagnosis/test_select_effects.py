@@ -10,11 +10,18 @@ from scipy.stats import binom, chi2, kstest
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
-from hybrid.diagnosis.acceptance import tested as stands
+from hybrid.diagnosis.acceptance import acceptance_tests as stands
 from hybrid.diagnosis.diagnose import suspects
-from hybrid.diagnosis.evidence import View, view_of
+from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.select_effects import Coordinates, _about_itself, log_density, moved_to, rivals_of, searched
+from hybrid.diagnosis.select_effects import (
+    Coordinates,
+    _linear_about_itself,
+    fitted_coordinates,
+    log_density,
+    rivals_of,
+    search_effects,
+)
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,
@@ -42,9 +49,9 @@ def design(plant: Plant) -> Design:
 
 def seen(
     design: Design, seed: int, effects: dict[str, tuple[float, ...]] | None = None, by_leg: bool = False
-) -> View:
+) -> Evidence:
     """A view of data drawn with these effects."""
-    return view_of(design.examination(design.data(np.random.default_rng(seed), effects)), by_leg)
+    return evidence_of(design.equations(design.data(np.random.default_rng(seed), effects)), by_leg)
 
 
 @pytest.mark.parametrize("effects", SETS)
@@ -52,11 +59,11 @@ def test_the_set_that_is_there_is_found_and_stands_its_tests(
     design: Design, effects: dict[str, tuple[float, ...]]
 ) -> None:
     for seed in range(3):
-        view = seen(design, seed, effects, by_leg=True)
-        names = searched(view)
+        evidence = seen(design, seed, effects, by_leg=True)
+        names = search_effects(evidence)
         assert set(names) == set(effects)
         for name in names:
-            assert stands(view, names, name).accepted
+            assert stands(evidence, names, name).accepted
 
 
 def test_parameters_are_within_their_intervals(design: Design) -> None:
@@ -93,8 +100,11 @@ def test_the_likeliest_of_all_effects_is_a_false_alarm_as_seldom_as_stated(desig
     """Over draws of nothing: any effect by itself below the level at which it would be named."""
     alarms, draws = 0, 300
     for seed in range(draws):
-        view = seen(design, seed)
-        alarms += any(view.chance(view.fit([each]).gain, len(view.columns([each]))) < 0.05 for each in view.names)
+        evidence = seen(design, seed)
+        alarms += any(
+            evidence.chance(evidence.fit([each]).gain, len(evidence.columns([each]))) < 0.05
+            for each in evidence.names
+        )
     low, high = binom.ppf([1e-4, 1.0 - 1e-4], draws, 0.05)
     assert low <= alarms <= high
     assert FALSE_ALARM < 0.05
@@ -104,9 +114,9 @@ def test_nothing_is_found_where_nothing_is(design: Design) -> None:
     """Searched and tested: a share of false alarms that the level allows."""
     named = 0
     for seed in range(30):
-        view = seen(design, seed, by_leg=True)
-        names = searched(view)
-        named += any(stands(view, names, name).accepted for name in names)
+        evidence = seen(design, seed, by_leg=True)
+        names = search_effects(evidence)
+        named += any(stands(evidence, names, name).accepted for name in names)
     assert named <= binom.ppf(0.9999, 30, FALSE_ALARM)
 
 
@@ -114,9 +124,9 @@ def test_an_effect_that_only_one_leg_shows_is_not_accepted(design: Design) -> No
     data = design.data(np.random.default_rng(3))
     column = design.layout.of("sway_bias")[0]
     data[4] += 0.5 * design.columns[4, :, column]
-    view = view_of(design.examination(data), by_leg=True)
-    assert searched(view) != ()
-    assert not stands(view, ("sway_bias",), "sway_bias").accepted
+    evidence = evidence_of(design.equations(data), by_leg=True)
+    assert search_effects(evidence) != ()
+    assert not stands(evidence, ("sway_bias",), "sway_bias").accepted
 
 
 def test_an_effect_that_few_legs_show_well_and_others_little_is_accepted(design: Design) -> None:
@@ -126,16 +136,16 @@ def test_an_effect_that_few_legs_show_well_and_others_little_is_accepted(design:
     columns[:, :, column] *= np.geomspace(0.25, 4.0, len(columns))[:, None]
     uneven, accepted = with_columns(design, columns), 0
     for seed in range(10):
-        view = seen(uneven, seed, {"sway_bias": (0.15,)}, by_leg=True)
-        accepted += stands(view, ("sway_bias",), "sway_bias").accepted
+        evidence = seen(uneven, seed, {"sway_bias": (0.15,)}, by_leg=True)
+        accepted += stands(evidence, ("sway_bias",), "sway_bias").accepted
     assert accepted >= 9
 
 
 def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant) -> None:
     """Far above the noise in a very long trial, and still nothing to name."""
     long = a_design(plant, 8, 43, sigmas=2000.0)
-    view = seen(long, 1, {"heading_bias": (0.1,)}, by_leg=True)
-    result = stands(view, ("heading_bias",), "heading_bias")
+    evidence = seen(long, 1, {"heading_bias": (0.1,)}, by_leg=True)
+    result = stands(evidence, ("heading_bias",), "heading_bias")
     assert result.p_value < 1e-9
     assert not result.large_enough
     assert not result.accepted
@@ -143,30 +153,30 @@ def test_an_effect_smaller_than_anyone_cares_about_is_not_accepted(plant: Plant)
 
 def test_the_density_of_data_does_not_hang_on_what_the_equations_are_linear_about(design: Design) -> None:
     """Of a linear problem: with effects taken off and put back, the density of each set is the same."""
-    examination = design.examination(design.data(np.random.default_rng(6), SETS[2]))
-    view, names = view_of(examination), ("ocean_current", "thrust_loss_port")
-    at = moved_to(view, names)
+    equations = design.equations(design.data(np.random.default_rng(6), SETS[2]))
+    evidence, names = evidence_of(equations), ("ocean_current", "thrust_loss_port")
+    at = fitted_coordinates(evidence, names)
     z = design.data(np.random.default_rng(6), SETS[2])
     for name, free in at.items():
         z = z - design.columns[:, :, design.layout.of(name)] @ np.array(free)
-    model = replace(examination.model, at=at)
-    moved = view_of(replace(design.examination(z), model=model))
+    model = replace(equations.model, at=at)
+    moved = evidence_of(replace(design.equations(z), model=model))
     for some in ((), names, ("heading_bias",)):
-        assert log_density(moved, some) == pytest.approx(log_density(view, some), abs=1e-6)
+        assert log_density(moved, some) == pytest.approx(log_density(evidence, some), abs=1e-6)
 
 
 def test_nobody_steps_out_of_bounds_to_see_what_is_there(design: Design) -> None:
     """What is possible about nothing may, linear about itself, ask for more than there can be."""
-    view, names = seen(design, 2, {"thrust_loss_port": (-0.12,)}), ("thrust_loss_port",)
+    evidence, names = seen(design, 2, {"thrust_loss_port": (-0.12,)}), ("thrust_loss_port",)
     beyond = seen(design, 2, {"thrust_loss_port": (-3.0,)})
     asked: list[Coordinates] = []
 
-    def look(at: Coordinates) -> View:
+    def look(at: Coordinates) -> Evidence:
         asked.append(at)
         return beyond
 
-    at, last = _about_itself(view, look, names)
-    assert asked == [at] == [moved_to(view, names)]
+    at, last = _linear_about_itself(evidence, look, names)
+    assert asked == [at] == [fitted_coordinates(evidence, names)]
     assert last is beyond
 
 
@@ -174,25 +184,25 @@ def test_what_is_out_of_bounds_is_not_named(design: Design) -> None:
     """Ten times the typical loss would push astern: whatever is named instead, it is within its bounds."""
     effect = SMALL_CATALOGUE["thrust_loss_port"].parameters[0]
     beyond = (effect.low - effect.neutral - 0.5,)
-    view = seen(design, 2, {"thrust_loss_port": beyond})
-    assert view.values(["thrust_loss_port"])["thrust_loss_port"] is None
-    names = searched(view)
+    evidence = seen(design, 2, {"thrust_loss_port": beyond})
+    assert evidence.values(["thrust_loss_port"])["thrust_loss_port"] is None
+    names = search_effects(evidence)
     assert "thrust_loss_port" not in names
-    assert view.possible(names)
+    assert evidence.possible(names)
 
 
 def test_a_barred_effect_is_not_named(design: Design) -> None:
-    view = seen(design, 4, SETS[3])
-    assert "heading_bias" not in searched(view, frozenset({"heading_bias"}))
+    evidence = seen(design, 4, SETS[3])
+    assert "heading_bias" not in search_effects(evidence, frozenset({"heading_bias"}))
 
 
 @pytest.mark.parametrize("factor", [1e-3, 57.3, 1e4])
 def test_nothing_depends_on_the_unit_of_a_parameter(design: Design, factor: float) -> None:
     other = in_other_units(design, "ocean_current", factor)
     data = design.data(np.random.default_rng(5), SETS[2])
-    before, after = (view_of(each.examination(data)) for each in (design, other))
+    before, after = (evidence_of(each.equations(data)) for each in (design, other))
     for names in (["ocean_current"], ["ocean_current", "sway_bias"], ["heading_bias"]):
-        assert after.evidence(names) == pytest.approx(before.evidence(names), rel=1e-7)
+        assert after.log_odds(names) == pytest.approx(before.log_odds(names), rel=1e-7)
         assert after.fit(names).gain == pytest.approx(before.fit(names).gain, rel=1e-7)
     np.testing.assert_allclose(
         after.fit(["ocean_current"]).values * factor, before.fit(["ocean_current"]).values, rtol=1e-6
@@ -203,9 +213,9 @@ def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
     """Data with an effect taken off by the model, put back: the same fit and evidence."""
     data = design.data(np.random.default_rng(6), SETS[1])
     column = design.layout.of("heading_bias")[0]
-    examination = design.examination(data - 0.9 * design.columns[:, :, column])
-    moved = replace(examination, model=Model(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
-    before, after = view_of(design.examination(data), True), view_of(moved, True)
+    equations = design.equations(data - 0.9 * design.columns[:, :, column])
+    moved = replace(equations, model=Model(design.plant, SMALL_CATALOGUE, {"heading_bias": (0.9,)}))
+    before, after = evidence_of(design.equations(data), True), evidence_of(moved, True)
     np.testing.assert_allclose(after.inner, before.inner, rtol=1e-7, atol=1e-7 * np.abs(before.inner).max())
     mine, other = (stands(each, ("heading_bias",), "heading_bias") for each in (before, after))
     assert other.gain == pytest.approx(mine.gain, rel=1e-6)
@@ -215,9 +225,9 @@ def test_linear_about_what_is_found_says_the_same(design: Design) -> None:
 def test_gains_on_unseen_legs_are_those_of_a_fit_to_the_others(design: Design) -> None:
     """Leg by leg, with nuisances of their own: the log density of each, written out."""
     data = design.data(np.random.default_rng(7), SETS[1])
-    view = view_of(design.examination(data), by_leg=True)
-    column, prior = design.layout.of("heading_bias")[0], view.prior(["heading_bias"])[0]
-    gains = unseen_gains(view, (), ("heading_bias",))
+    evidence = evidence_of(design.equations(data), by_leg=True)
+    column, prior = design.layout.of("heading_bias")[0], evidence.prior(["heading_bias"])[0]
+    gains = unseen_gains(evidence, (), ("heading_bias",))
 
     def weighed(columns: Floats, z: Floats) -> tuple[float, float]:
         N = columns[:, design.nuisance] * design.scale
@@ -240,8 +250,8 @@ def test_a_twin_is_a_rival_and_a_stranger_is_not(design: Design) -> None:
     ratio = design.layout.prior[own - 1] / design.layout.prior[twin - 1]
     columns[:, :, twin] = columns[:, :, own] * ratio * 1.001
     alike = with_columns(design, columns)
-    view = seen(alike, 8, {"heading_bias": (0.8,)})
-    less = rivals_of(view, ("heading_bias",), "heading_bias")
+    evidence = seen(alike, 8, {"heading_bias": (0.8,)})
+    less = rivals_of(evidence, ("heading_bias",), "heading_bias")
     assert abs(less["yaw_inertia"]) < 0.1
     assert min(value for name, value in less.items() if name != "yaw_inertia") > 20.0
 
@@ -251,9 +261,9 @@ def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_
     columns = design.columns.copy()
     columns[:, :, design.layout.of("wind_load")] = 0.0
     deaf = with_columns(design, columns)
-    view = seen(deaf, 3, {"heading_bias": BIAS}, by_leg=True)
-    assert searched(view) == ("heading_bias",)
-    ranked = {each.name: each for each in suspects(view)}
+    evidence = seen(deaf, 3, {"heading_bias": BIAS}, by_leg=True)
+    assert search_effects(evidence) == ("heading_bias",)
+    ranked = {each.name: each for each in suspects(evidence)}
     assert next(iter(ranked)) == "heading_bias"
     assert ranked["wind_load"].evidence < 0.0
     assert ranked["wind_load"].p_value > 0.5
@@ -261,15 +271,16 @@ def test_an_effect_of_which_the_data_say_nothing_is_no_suspect_and_no_stumbling_
 
 def test_no_more_than_two_clocks_are_wrong_at_once(design: Design) -> None:
     """Were all records late by the same, none would be; so three that are late are one that is early."""
-    view = seen(design, 4, {"heading_bias": BIAS, "sway_bias": (0.4,), "yaw_rate_bias": (0.2,)})
+    evidence = seen(design, 4, {"heading_bias": BIAS, "sway_bias": (0.4,), "yaw_rate_bias": (0.2,)})
     three = ("heading_bias", "sway_bias", "yaw_rate_bias")
-    assert view.possible(three)
-    model = view.examination.model
+    assert evidence.possible(three)
+    model = evidence.equations.model
     clocks = {name: replace(each, family="clock") for name, each in model.catalogue.items() if name in three}
     late = replace(
-        view, examination=replace(view.examination, model=replace(model, catalogue={**model.catalogue, **clocks}))
+        evidence,
+        equations=replace(evidence.equations, model=replace(model, catalogue={**model.catalogue, **clocks})),
     )
     assert not late.possible(three)
     assert late.possible(three[:2])
-    assert set(searched(view)) == set(three)
-    assert len(set(searched(late)) & set(three)) == 2
+    assert set(search_effects(evidence)) == set(three)
+    assert len(set(search_effects(late)) & set(three)) == 2

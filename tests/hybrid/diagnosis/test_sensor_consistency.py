@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.evidence import view_of
+from hybrid.diagnosis.evidence import evidence_of
 from hybrid.diagnosis.linearise import Model, linear_model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.sensor_consistency import _examined, consistency, motion_sensors, without_dynamics
+from hybrid.diagnosis.sensor_consistency import _normal_equations, consistency, motion_sensors, without_dynamics
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial
@@ -118,12 +118,14 @@ def test_what_all_sensors_share_is_no_contradiction(plant: Plant) -> None:
     """Forces that are not even within a second do not pass for one delay of all, and that for three of each."""
     table, _ = make_trial(seed=6, sea="calm", programme="zigzags", duration_s=900.0)
     log = log_of([table])
-    view = view_of(_examined(log, Model(plant, motion_sensors(log, Model(plant, CATALOGUE))), Noise()))
+    evidence = evidence_of(
+        _normal_equations(log, Model(plant, motion_sensors(log, Model(plant, CATALOGUE))), Noise())
+    )
     delays = ("position_delay", "heading_delay", "speed_delay")
     for name in delays:
-        fit = view.fit([name])
+        fit = evidence.fit([name])
         assert abs(fit.values[0]) < 1.5 * np.sqrt(fit.covariance[0, 0])
-    common = view.fit(delays).covariance.sum() / len(delays) ** 2
+    common = evidence.fit(delays).covariance.sum() / len(delays) ** 2
     assert np.sqrt(common) > 1.0  # s: nobody knows by how much all are late
 
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.diagnosis.acceptance import Remainder
+from hybrid.diagnosis.acceptance import LackOfFit
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.verdict import intervals, unexplained, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
 
-SHEAR = Remainder("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
-FADING = Remainder("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
+SHEAR = LackOfFit("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
+FADING = LackOfFit("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
 
 
 def test_one_word_for_it() -> None:
@@ -35,7 +35,7 @@ def test_what_remains_is_said_with_its_size_and_what_it_hangs_on() -> None:
 
 def test_of_several_signs_of_another_form_the_strongest_is_told() -> None:
     thrust, drift = (
-        Remainder(depends, "hull_fouling", chance, 50.0, 0.03, matters=True)
+        LackOfFit(depends, "hull_fouling", chance, 50.0, 0.03, matters=True)
         for depends, chance in (("thrust", 1e-9), ("drift", 1e-3))
     )
     unknown = unexplained([thrust, drift, FADING], [CATALOGUE["hull_fouling"]], 0.4)

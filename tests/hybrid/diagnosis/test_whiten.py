@@ -36,16 +36,16 @@ def explained(noise: Noise, columns: Columns, seed: int) -> tuple[Floats, float]
         )
     drive = np.concatenate([columns.drive, forces], axis=2)
     seen = np.concatenate([columns.seen, np.zeros_like(forces)], axis=2)
-    products, log_determinant = np.zeros((drive.shape[2],) * 2), 0.0
+    gram, log_determinant = np.zeros((drive.shape[2],) * 2), 0.0
     for first, last in itertools.pairwise(EDGES):
         rows = slice(int(first), int(last))
         block = dense(linear, noise, rows)
         off = seen[rows].reshape(-1, drive.shape[2]) - block.C @ block.driven(drive[rows])
         there = np.isfinite(off[:, 0])
         covariance = block.seen_covariance[np.ix_(there, there)]
-        products += off[there].T @ np.linalg.solve(covariance, off[there])
+        gram += off[there].T @ np.linalg.solve(covariance, off[there])
         log_determinant += float(np.linalg.slogdet(covariance)[1])
-    return products, log_determinant
+    return gram, log_determinant
 
 
 @pytest.mark.parametrize("missing", [0.0, 0.3])
@@ -53,9 +53,9 @@ def explained(noise: Noise, columns: Columns, seed: int) -> tuple[Floats, float]
 def test_products_and_likelihood_are_those_of_the_joint_gaussian(sea: str, missing: float) -> None:
     columns = any_columns(5, missing=missing)
     z, spread = whitened(a_ship(21, 5), columns, DISTURBANCES[sea], EDGES)
-    products, log_determinant = explained(DISTURBANCES[sea], columns, 5)
+    gram, log_determinant = explained(DISTURBANCES[sea], columns, 5)
     flat = z.reshape(-1, columns.count)
-    np.testing.assert_allclose(flat.T @ flat, products, rtol=1e-6, atol=1e-6 * np.abs(products).max())
+    np.testing.assert_allclose(flat.T @ flat, gram, rtol=1e-6, atol=1e-6 * np.abs(gram).max())
     assert np.log(spread).sum() == pytest.approx(log_determinant, rel=1e-8)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import Examination, examined
+from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
@@ -42,13 +42,13 @@ SOME = {
 }
 
 
-def examination_at(plant: Plant, vessel: Vessel, tolerance: float) -> Examination:
+def examination_at(plant: Plant, vessel: Vessel, tolerance: float) -> NormalEquations:
     log = rehearsed(zigzag(swings=12), vessel, plant, CALM, 600)
-    return examined(log, Model(plant, SOME), tolerance, Noise())
+    return normal_equations(log, Model(plant, SOME), tolerance, Noise())
 
 
 @pytest.fixture(scope="module")
-def examination(plant: Plant, vessel: Vessel) -> Examination:
+def equations(plant: Plant, vessel: Vessel) -> NormalEquations:
     return examination_at(plant, vessel, 0.01)
 
 
@@ -94,34 +94,34 @@ def test_noncentrality_of_one_coordinate_is_that_of_a_normal_variate() -> None:
     assert noncentrality(threshold, 1, 0.5) == pytest.approx(threshold, rel=1e-3)
 
 
-def test_legs_put_together_say_what_the_whole_says(examination: Examination) -> None:
-    whole, design = information_of(examination), design_of(examination)
-    again = design.information(range(examination.log.legs))
+def test_legs_put_together_say_what_the_whole_says(equations: NormalEquations) -> None:
+    whole, design = information_of(equations), design_of(equations)
+    again = design.information(range(equations.log.legs))
     spoken = np.diag(whole.matrix) > 0.0
     assert np.diag(again.matrix)[spoken] == pytest.approx(np.diag(whole.matrix)[spoken], rel=0.02)
 
 
-def test_another_leg_never_takes_information_away(examination: Examination) -> None:
-    design = design_of(examination)
-    for leg in range(1, examination.log.legs):
+def test_another_leg_never_takes_information_away(equations: NormalEquations) -> None:
+    design = design_of(equations)
+    for leg in range(1, equations.log.legs):
         more = design.information(range(leg + 1)).matrix - design.information(range(leg)).matrix
-        scale = np.sqrt(np.maximum(np.diag(design.information(range(examination.log.legs)).matrix), 1e-12))
+        scale = np.sqrt(np.maximum(np.diag(design.information(range(equations.log.legs)).matrix), 1e-12))
         assert np.linalg.eigvalsh(more / np.outer(scale, scale)).min() > -1e-6
 
 
-def test_what_was_not_used_is_not_seen(examination: Examination) -> None:
-    found = limits(examination)
+def test_what_was_not_used_is_not_seen(equations: NormalEquations) -> None:
+    found = limits(equations)
     assert found["tunnel_thrust_loss"] == inf
     assert 0.0 < found["hull_fouling"] < 1.0
 
 
-def test_a_compass_is_off_by_something_anyway(examination: Examination) -> None:
+def test_a_compass_is_off_by_something_anyway(equations: NormalEquations) -> None:
     granted = CATALOGUE["heading_bias"].parameters[0].tolerance
-    assert limits(examination)["heading_bias"] > 4.0 * granted
+    assert limits(equations)["heading_bias"] > 4.0 * granted
 
 
-def test_who_grants_the_model_more_sees_less(plant: Plant, vessel: Vessel, examination: Examination) -> None:
-    strict, loose = limits(examination), limits(examination_at(plant, vessel, 0.03))
+def test_who_grants_the_model_more_sees_less(plant: Plant, vessel: Vessel, equations: NormalEquations) -> None:
+    strict, loose = limits(equations), limits(examination_at(plant, vessel, 0.03))
     assert all(loose[name] >= 0.97 * strict[name] for name in SOME)
     assert loose["hull_fouling"] > 1.5 * strict["hull_fouling"]
 
@@ -158,7 +158,7 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     model, sea = Model(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
     table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, 0)
     log, noise = settled(log_of([table]), model, 0.01)
-    limit = limits(examined(log, model, 0.01, noise))
+    limit = limits(normal_equations(log, model, 0.01, noise))
     names = [name for name in CATALOGUE if limit[name] < 3.0 * CATALOGUE[name].free_scale[0]]
     names = [name for name in names if CATALOGUE[name].chart == "linear"][::2][:20]
     missed = []

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hybrid.diagnosis.evidence import Examination, examined
+from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
@@ -44,9 +44,9 @@ SOME["compass_bias"] = replace(CATALOGUE["heading_bias"], name="compass_bias")
 Rank = Callable[[str, str, Values], list[Ranked]]
 
 
-def recorded(plant: Plant, vessel: Vessel, legs: Manoeuvre) -> Examination:
+def recorded(plant: Plant, vessel: Vessel, legs: Manoeuvre) -> NormalEquations:
     log = rehearsed(legs, vessel, plant, BREEZE, 600)
-    return examined(log, Model(plant, SOME), 0.01, Noise())
+    return normal_equations(log, Model(plant, SOME), 0.01, Noise())
 
 
 def ranking(rehearsal: Rehearsal) -> Rank:

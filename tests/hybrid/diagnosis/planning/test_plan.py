@@ -86,9 +86,9 @@ def design_by_hand(legs: int, seed: int) -> Design:
     roots = generator.standard_normal((legs, 6, 6)) * generator.lognormal(0.0, 1.5, (legs, 1, 6))
     names = ("hull_fouling", "thrust_loss_both", "heading_bias", "speed_scale")
     scale = np.array([1.0 / CATALOGUE[name].free_scale[0] for name in names] + [1.0, 1.0])
-    products = np.einsum("lik,ljk->lij", roots, roots) * np.outer(scale, scale)
+    gram = np.einsum("lik,ljk->lij", roots, roots) * np.outer(scale, scale)
     columns = {name: np.array([number]) for number, name in enumerate(names)}
-    return Design(products, columns, {name: CATALOGUE[name] for name in names})
+    return Design(gram, columns, {name: CATALOGUE[name] for name in names})
 
 
 @pytest.mark.parametrize("seed", range(5))
