@@ -32,29 +32,27 @@ interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
-from hybrid.report import ground_sections as ground
-from hybrid.report import prediction_sections as prediction
 from hybrid.report import story_sections
-from hybrid.report import trial_sections as trial
 from hybrid.report.case import load_case
-from hybrid.report.show import links, shown_in
+from hybrid.report.show import links, sections, shown_in
+from hybrid.report.trial_sections import write_interactive_pages
 
 case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
-show = shown_in(figures_folder)
-show(prediction.add_headline, case, remark)
+show = sections("trial.html", figures_folder, case=case, remark=remark)
+show("headline")
 
 # %%
-show(story_sections.add_in_short, diagnosis)
+shown_in(figures_folder)(story_sections.add_in_short, diagnosis)
 
 # %%
-pages = {} if interactive is None else trial.write_interactive_pages(case, interactive)
+pages = {} if interactive is None else write_interactive_pages(case, interactive)
 links({"how the diagnosis came to that": story, **pages})
 
 # %% [markdown]
 # ## Run sheet
 
 # %%
-show(trial.add_sheet, case)
+show("sheet")
 
 # %% [markdown]
 # ## Data quality
@@ -63,13 +61,13 @@ show(trial.add_sheet, case)
 # or left out, before all that follows, and what was done is listed; the recording itself stays as it is.
 
 # %%
-show(trial.add_data_quality, case)
+show("data_quality")
 
 # %% [markdown]
 # ## Where she went
 
 # %%
-show(trial.add_tracks, case)
+show("tracks")
 
 # %% [markdown]
 # ## What she did
@@ -78,34 +76,34 @@ show(trial.add_tracks, case)
 # is judged only where the thrusters were really held, which is shaded.
 
 # %%
-show(trial.add_time_series, case)
+show("time_series")
 
 # %% [markdown]
 # ## Manoeuvres
 
 # %%
-show(trial.add_indices, case)
+show("indices")
 
 # %% [markdown]
 # ## How well her way was predicted
 
 # %%
-show(prediction.add_baselines, case)
+show("baselines")
 
 # %%
-show(prediction.add_by_second, case)
+show("by_second")
 
 # %% [markdown]
 # ### From many starts
 
 # %%
-show(prediction.add_fans, case)
+show("fans")
 
 # %% [markdown]
 # ### Errors, and whether the regions hold what they say
 
 # %%
-show(prediction.add_distributions, case)
+show("distributions")
 
 # %% [markdown]
 # ## Where the model is off
@@ -114,16 +112,16 @@ show(prediction.add_distributions, case)
 # is white everywhere but for noise.
 
 # %%
-show(ground.add_residual_maps, case)
+show("residual_maps")
 
 # %% [markdown]
 # ## On what ground: the range of the training
 
 # %%
-show(ground.add_coverage, case)
+show("coverage")
 
 # %% [markdown]
 # ## Parameters
 
 # %%
-show(ground.add_parameters, case)
+show("parameters")

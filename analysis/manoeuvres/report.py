@@ -167,6 +167,8 @@ def write_report(found: Sequence[Found], folder: Path, length_m: float | None = 
 
     Raises :class:`StorageError`.
     """
+    from analysis.report.rendering import render
+
     plain = folder / "manoeuvres.json"
     with in_place_of(plain) as partial:
         content = summary(found, length_m)
@@ -174,21 +176,8 @@ def write_report(found: Sequence[Found], folder: Path, length_m: float | None = 
             provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
             said |= {"recording": provenance["recording"], "provenance": provenance}
         partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    return plain, _page(found, length_m).write(folder / "manoeuvres.html")
-
-
-def _page(found: Sequence[Found], length_m: float | None) -> Any:
-    from analysis.manoeuvres.motion import motion_of
-    from analysis.report.manoeuvre_plots import drawer, title_of
-    from analysis.report.page import Page
-
-    page = Page("Manoeuvres", "Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information")
-    for each in found:
-        page.heading(f"{Path(each.recording).name}: {count_text(each.manoeuvres)}")
-        motion = motion_of(each.table) if each.manoeuvres else None
-        for manoeuvre in each.manoeuvres:
-            if motion is not None:
-                page.figure(*drawer(motion, manoeuvre, length_m), title_of(manoeuvre))
-            page.text(subline(manoeuvre))
-            page.table(list(HEADER), rows_of(manoeuvre))
-    return page
+    page = render(
+        "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,
+        subtitle="Indices after ITTC 7.5-04-02-01; IMO MSC.137(76) limits for information",
+    )  # fmt: skip
+    return plain, page.write(folder / "manoeuvres.html")

@@ -1,11 +1,11 @@
-"""Pictures of manoeuvres: a zigzag against time, a circle as a track to scale, the rest as both.
+"""Manoeuvres on a page: a row for each, and pictures: a zigzag against time, a circle to scale, the rest as both.
 
 Each function fills a figure; those that draw into one axes return the artists.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -17,6 +17,7 @@ from analysis.manoeuvres.current import without_current
 from analysis.manoeuvres.indices import Manoeuvre
 from analysis.manoeuvres.motion import Motion
 from analysis.manoeuvres.noise import half_width_s, smoothed
+from analysis.manoeuvres.report import cells, words
 from analysis.manoeuvres.tracks import along_and_across, approach_of, crossing_s, peak
 from analysis.report.plots import FAINT, PALETTE, ship
 
@@ -222,6 +223,8 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: flo
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.0)
 
 
+PICTURED = frozenset({"zigzag", "turning_circle", "stopping", "acceleration", "crabbing"})
+"""Kinds whose picture says more than their indices do; of a ship that goes straight the series say it all."""
 SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (10.0, 5.5), "turning_circle": (10.5, 6.0)}
 _OTHER_INCH = (9.0, 5.5)
 
@@ -231,3 +234,26 @@ def drawer(
 ) -> tuple[Callable[[Figure], None], tuple[float, float]]:
     """What fills a page's figure with a manoeuvre, and the figure's size."""
     return (lambda figure: draw(figure, motion, manoeuvre, length_m)), SIZES_INCH.get(manoeuvre.kind, _OTHER_INCH)
+
+
+_FIRST_INDICES = 3
+_SECONDARY = ("half_command", "time_to_check", "initial_turning")  # left to the manoeuvre's own table
+
+
+def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
+    """A manoeuvre's row in the table of all."""
+    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
+    main = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _SECONDARY)]
+    indices = ", ".join(f"{words(name)} {cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
+    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
+    return [f"{manoeuvre.start:%H:%M:%S}", f"{manoeuvre.name}{side}", f"{seconds:.0f} s", indices]
+
+
+def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns that hold nothing.
+
+    >>> without_empty(["index", "limit"], [["reach", ""]])
+    (['index'], [['reach']])
+    """
+    kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
+    return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 from acquisition.core.frames import Quality
 from analysis.quality.samples import runs
 from analysis.quality.summary import ALL
-from analysis.quality.terminal import counts_of, finding_text, missing_text
-from analysis.report.page import Page
+from analysis.quality.terminal import counts_of, finding_text
+from analysis.report.rendering import Page, render
 from analysis.tables.files import in_place_of, write_parquet
 from analysis.tables.time_index import main_stretch, times_ns
 
@@ -51,58 +50,40 @@ def write_quality(
         partial.write_text(json.dumps({**found, "provenance": provenance}, indent=1) + "\n", encoding="utf-8")
     flags = folder / "flags.parquet"
     recording = str(provenance["recording"])
-    said = {"recording": recording, "findings": found["findings"], "provenance": provenance}
-    about = {key: json.dumps(value) for key, value in said.items()}
+    origin = {"recording": recording, "findings": found["findings"], "provenance": provenance}
+    about = {key: json.dumps(value) for key, value in origin.items()}
     write_parquet(quality.flags, flags, dict.fromkeys(map(str, quality.flags.columns), "QARTOD flag"), about)
     return [report, flags, quality_page(quality, trial, recording).write(folder / "quality.html")]
 
 
 def quality_page(quality: DataQuality, trial: Mapping[str, str], recording: str) -> Page:
     """One page: how much is good, what was found, the flags over time, the counts by channel."""
-    page = Page("Data quality", recording)
-    page.headline(_headline(quality))
-    add_quality(page, quality)
-    page.heading("Run sheet")
-    page.table(["", ""], [[key.replace("_", " "), str(value)] for key, value in trial.items() if value])
-    return page
-
-
-def add_quality(page: Page, quality: DataQuality) -> None:
-    """What was found, the flags over time and the counts by channel, as sections of any page."""
-    page.heading("What was found in the data")
-    page.parts += [_paragraph(finding) for finding in quality.findings]
-    if not quality.findings:
-        page.text("Nothing: every check passed.")
-    page.heading("Over time")
-    height = 0.9 + 0.3 * len(quality.channels)
-    page.figure(
-        lambda figure: draw_flags(figure, quality),
-        (9.4, height),
-        "One line a channel: its flags in time, white where it has no samples. What a finding is about has a "
-        "line below it, in the colour of its code, from beginning to end.",
-        "data_quality",
-    )
-    page.heading("By channel")
-    header = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
-              "steps back", "flagged good"]  # fmt: skip
-    page.table(header, [[name, each.grade, *counts_of(each), _good_share(quality, name)]
-                        for name, each in quality.channels.items()])  # fmt: skip
-    if missing := missing_text(quality):
-        page.text(missing)
-
-
-def _headline(quality: DataQuality) -> dict[str, str]:
     grades = [each.grade for each in quality.channels.values()]
-    counts = {f"channels {grade}": str(grades.count(grade)) for grade in ("good", "suspect", "bad")}
-    return {**counts, "findings": str(len(quality.findings))}
+    counts = {f"channels {grade}": grades.count(grade) for grade in ("good", "suspect", "bad")}
+    return render(
+        "quality.html", title="Data quality", subtitle=recording, quality=quality,
+        headline={**counts, "findings": len(quality.findings)},
+        trial=[(key.replace("_", " "), value) for key, value in trial.items() if value],
+    )  # fmt: skip
 
 
-def _paragraph(finding: Finding) -> str:
-    """A finding as HTML: what and where in bold, when, then in words."""
+HEADER = ["channel", "grade", "samples", "rate [Hz]", "gaps", "stuck", "spikes", "out of range", "times twice",
+          "steps back"]  # fmt: skip
+
+
+def channel_rows(quality: DataQuality, *, shares: bool = False) -> list[list[str]]:
+    """A row a channel, as :data:`HEADER` says; with the share that is flagged good if asked for."""
+    return [
+        [name, each.grade, *counts_of(each), *([_good_share(quality, name)] if shares else [])]
+        for name, each in quality.channels.items()
+    ]
+
+
+def finding_cells(finding: Finding) -> list[str]:
+    """What was found, in which channel and when, and a sentence on it."""
     where = "all channels" if finding.channel == ALL else finding.channel
-    when = f"{finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
-    title = f"<b>{escape(finding.code.replace('_', ' '))}</b> · {escape(where)}"
-    return f'<p>{title} <span class="sub">· {when}</span><br>{escape(finding_text(finding))}</p>'
+    about = f"{where} \u00b7 {finding.start:%H:%M:%S} to {finding.end:%H:%M:%S} UTC"
+    return [finding.code.replace("_", " "), about, finding_text(finding)]
 
 
 def _good_share(quality: DataQuality, name: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,7 +22,6 @@ from analysis.wind import mean_wind
 if TYPE_CHECKING:
     from acquisition.recording.reader import Recording
     from analysis.manoeuvres import Manoeuvre
-    from analysis.report.page import Page
 
 _NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
 UNKNOWN = "not recorded"
@@ -154,11 +153,6 @@ def _form(ship: Ship | None, one_hz: pd.DataFrame) -> list[tuple[str, str]]:
         ("dimensions", words),
         ("ratios", f"L/B {length_m / ship.beam_m:.2f}, B/T {ship.beam_m / ship.draught_m:.2f}{per_speed}"),
     ]
-
-
-def add_run_sheet(page: Page, rows: Sequence[tuple[str, str]]) -> None:
-    """The run sheet as a table of a page."""
-    page.table(["", ""], [list(row) for row in rows], words=True)
 
 
 def events_of(recording: Recording) -> list[list[str]]:

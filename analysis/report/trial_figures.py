@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from analysis.report.page import Page
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Drawing: TypeAlias = "tuple[Callable[[Figure], None], tuple[float, float], str]"
+"""What fills a figure, its size [in], and its caption."""
 _TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
 _TRACK_INCH = (3.0, 8.0)
 _MOST_TICKS = 10  # times of day along a track; more would lie on each other
@@ -36,20 +36,17 @@ def tick_every_s(table: pd.DataFrame) -> float:
     return next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
 
 
-def add_track(
-    page: Page,
+def track_figure(
     table: pd.DataFrame,
     windows: pd.DataFrame | None = None,
     length_m: float | None = None,
     executes: Sequence[pd.Timestamp] = (),
-    name: str = "track",
-) -> None:
-    """The track of a 1 Hz table; arguments as those of :func:`analysis.report.plots.track`."""
+) -> Drawing | None:
+    """The track of a 1 Hz table, None without positions; arguments as of :func:`analysis.report.plots.track`."""
     from analysis.report import plots
 
     if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
-        page.text("No positions were recorded.")
-        return
+        return None
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
@@ -57,32 +54,24 @@ def add_track(
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
     legs = 0 if windows is None else windows["leg"].nunique()
-    page.figure(
-        draw,
-        (8, _track_height_inch(table)),
-        f"The track, north up, one colour a leg of held thrusters ({legs} legs), time in UTC.",
-        name,
-    )
+    caption = f"The track, north up, one colour a leg of held thrusters ({legs} legs), time in UTC."
+    return draw, (8.0, _track_height_inch(table)), caption
 
 
-def add_channels(
-    page: Page, table: pd.DataFrame, windows: pd.DataFrame | None = None, name: str = "channels"
-) -> None:
-    """The channels of a 1 Hz table against time, held windows shaded."""
+def channels_figure(table: pd.DataFrame, windows: pd.DataFrame | None = None) -> Drawing | None:
+    """The channels of a 1 Hz table against time, held windows shaded; None without any channel."""
     from analysis.report import plots
 
     groups = known_groups(table, _GROUPS)
-    if not groups:
-        return
 
     def draw(figure: Figure) -> None:
-        for axes, names in zip(
-            figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0], groups, strict=True
-        ):
+        grid = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, names in zip(grid, groups, strict=True):
             plots.series(axes, table, names, windows)
             axes.label_outer()
 
-    page.figure(draw, (9, 1.2 + 1.5 * len(groups)), "The channels at 1 Hz; shaded where a window is held.", name)
+    caption = "The channels at 1 Hz; shaded where a window is held."
+    return (draw, (9.0, 1.2 + 1.5 * len(groups)), caption) if groups else None
 
 
 def known_groups(table: pd.DataFrame, groups: Sequence[Sequence[str]]) -> list[list[str]]:

@@ -159,6 +159,10 @@ class Case:
             return None
         return calibration_of(self.errors["hybrid"].distance, judged.radius_m, judged.horizons)
 
+    def figure_name(self, what: str, trial: str) -> str:
+        """What a recording's figure is called: by its trial where there are several."""
+        return what if len(self.paths) == 1 else f"{what}_{trial}"
+
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
         horizons, tracks = self.validation.horizons, self.validation.tracks

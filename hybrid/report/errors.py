@@ -6,7 +6,7 @@ Windows are [N], seconds 1 to H. Errors are predicted less measured.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from hybrid.prediction.bootstrap import LegBootstrap
 from hybrid.prediction.prediction_windows import Horizons, difference_rad, in_ship_axes
 from hybrid.prediction.scores import distances
 from hybrid.report.motion import speeds_of
+from hybrid.report.words import plain
 
 QUANTITIES = {
     "distance": "distance [m]",
@@ -99,10 +100,10 @@ def calibration_of(distance: Floats, radius_m: Floats, horizons: Horizons) -> Ca
     return Calibration(inside.mean(axis=0), pinaw, low, high, pit.ravel(), legs.legs)
 
 
-def table_of(errors: Mapping[str, Errors], quantity: str, seconds: list[int]) -> list[list[str]]:
+def error_rows(errors: Mapping[str, Errors], quantity: str, seconds: Sequence[int]) -> list[list[str]]:
     """A row a method: its name, then median and 90 % of a quantity at each of ``seconds``, as text."""
     rows = []
     for method, each in errors.items():
         half, most = each.by_second(quantity, 0.5), each.by_second(quantity, 0.9)
-        rows.append([method, *(f"{half[second - 1]:.2f}, {most[second - 1]:.2f}" for second in seconds)])
+        rows.append([plain(method), *(f"{half[second - 1]:.2f}, {most[second - 1]:.2f}" for second in seconds)])
     return rows

@@ -1,7 +1,8 @@
-"""The sections of a trial's report: each puts one part of a case onto a page, with its figures by name."""
+"""What a trial's report says of a case in words and rows; ``templates/trial.html`` puts it onto the page."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,66 +10,81 @@ import numpy as np
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.batch.products import Products
-from analysis.report.manoeuvres_page import add_manoeuvres
-from analysis.report.page import Page
-from analysis.report.quality_page import add_quality
-from analysis.report.run_sheet import add_run_sheet, events_of, run_sheet
-from analysis.report.trial_figures import add_channels, add_track, known_groups
+from analysis.report.run_sheet import events_of, run_sheet
+from hybrid.prediction.bootstrap import FEW_LEGS
 from hybrid.report.case import Case
+from hybrid.report.errors import QUANTITIES, Calibration, error_rows
+from hybrid.report.residuals import ENOUGH_S
+from hybrid.report.words import listed, plain, quantity_title
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    import pandas as pd
 
-_SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
-_COMMANDS = (("port_rpm", "starboard_rpm", "tunnel_rpm"), ("port_angle_deg", "starboard_angle_deg"),
-             ("wind_speed_mps",), ("wind_direction_deg",))  # fmt: skip
+    from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
+    from hybrid.calibrators.calibrator import Ground
+    from hybrid.workflows.validate import Validation
+
+__all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "events_of", "run_sheet"]  # for the template
+
 INTERACTIVE = "interactive"
 _A_DAY_S = 86_400.0  # received so long after: the source's clock is of another day
-_ORDERS = ("port_order_rpm", "starboard_order_rpm", "port_order_angle_deg", "starboard_order_angle_deg")
+_SEEN = {
+    "nothing": "None has seen these recordings.",
+    "another part": "The calibrator was trained on another part of the same recordings.",
+    "some": "The calibrator has seen some of this.",
+}
+_SECONDS = (1, 5, 10, 15, 20, 30, 45, 60)
 
 
-def add_sheet(page: Page, case: Case) -> None:
-    """The run sheet of each recording, and what happened aboard."""
-    for name, products in case.products.items():
-        _name_recording(page, case, name)
-        add_run_sheet(page, run_sheet(products.recording, products.one_hz, products.manoeuvres, case.ship(name)))
-        events = events_of(products.recording)
-        if events:
-            with page.details(f"{len(events)} events: marks, warnings, changes"):
-                page.table(["UTC", "event"], events, words=True)
+def window_rows(products: Products) -> pd.DataFrame | None:
+    """The long table of a recording's held windows."""
+    return None if products.windows is None else products.windows.rows
 
 
-def _name_recording(page: Page, case: Case, name: str) -> None:
-    if len(case.paths) > 1:
-        page.heading(name)
+def headline(case: Case) -> dict[str, str]:
+    """The mean distance of each method, and what the calibrator gains."""
+    judged = case.validation
+    figures = {
+        f"{plain(name)}, mean distance over {judged.horizons.horizon_s} s": f"{score.mean_distance_m:.2f} m"
+        for name, score in judged.scores.items()
+        if name in ("constant_velocity", "reference", "hybrid")
+    }
+    if judged.reduction is not None and judged.coverage_95 is not None:
+        figures["less error than the reference"] = f"{judged.reduction:.0%}"
+        figures["of positions inside the 95 % regions"] = f"{judged.coverage_95:.0%}"
+    return figures
 
 
-def add_data_quality(page: Page, case: Case) -> None:
-    """What was found in the data, by recording; times and sources beside."""
-    for name, products in case.products.items():
-        _name_recording(page, case, name)
-        if not products.recording.closed:
-            page.note("The recording was not closed and is read as far as it goes.")
-        for shortfall in products.shortfalls:
-            page.note(f"Please note: {shortfall}.")
-        add_quality(page, products.quality)
-        _add_repairs(page, case, products)
-        _add_times(page, products)
-        _add_sources(page, products)
+def model_words(case: Case) -> str:
+    """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
+    model = case.model_name
+    ships = listed(list(dict.fromkeys(each.recording.trial.vessel or "no ship" for each in case.products.values())))
+    words = f"The reference is the model {model}; the recordings name {ships}."
+    if case.trained is None:
+        return words
+    trained = case.trained
+    recordings = listed([each.path.name for each in trained.sources])
+    return (
+        f"{words} The hybrid is the calibrator {trained.calibrator.method}, trained on {recordings} "
+        f"({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, {trained.trained_at:%Y-%m-%d})."
+    )
 
 
-def _add_repairs(page: Page, case: Case, products: Products) -> None:
-    """What was put right before anything else, or that nothing was."""
-    if not case.repair:
-        page.note("Nothing was put right: values that are flagged bad are used as they are (--no-repair).")
-    elif not products.repairs:
-        page.text("Nothing was certain enough to be put right before what follows.")
-    for each in products.repairs:
-        page.text(f"Put right before what follows: {each.channel}, {each.text}, {each.changed:,} values.")
+def doubts_of(products: Products) -> str | None:
+    """What of the data is in doubt, in a line; None where nothing is."""
+    channels = products.quality.channels
+    doubtful = [name for name in channels if channels[name].grade != "good"]
+    if not doubtful:
+        return None
+    codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
+    return (
+        f"{len(doubtful)} of {len(channels)} channels are not good ({listed(list(codes))}): part of every error "
+        "below may be the data's. The section on data quality says more."
+    )
 
 
-def _add_times(page: Page, products: Products) -> None:
-    """How even the stamps are, and how long samples took to arrive."""
+def time_rows(products: Products) -> list[list[str]]:
+    """How even the stamps of each channel are, and how long samples took to arrive."""
     rows = []
     for name, series in products.recording.series.items():
         if name not in products.quality.channels or series.measured_ns.size < 2:
@@ -82,89 +98,116 @@ def _add_times(page: Page, products: Products) -> None:
              "" if other else f"{np.quantile(np.abs(late - np.median(late)), 0.95):.3f}",
              ", ".join(series.sources)]
         )  # fmt: skip
-    page.text(
-        "Between samples, and from being measured to being received [s]; zero where the receiver's clock stamps."
-    )
-    page.table(
-        [
-            "channel",
-            "between, median [s]",
-            "95 % [s]",
-            "longest [s]",
-            "received after [s]",
-            "scatter, 95 % [s]",
-            "source",
-        ],
-        rows,
-    )
+    return rows
 
 
-def _add_sources(page: Page, products: Products) -> None:
+def source_rows(products: Products) -> list[list[str]]:
     """Frames by source, and what was refused or dropped on the way, as the recorder counted."""
-    health = products.recording.health
-    if not health:
-        page.text("The recording holds no word of its sources: it was imported or simulated.")
-        return
-    rows = [
+    return [
         [name, str(each.get("state", "")), f"{each.get('frames', 0):,}", f"{each.get('rejected', 0):,}",
          ", ".join(f"{count:,} {reason}" for reason, count in (each.get("reasons") or {}).items()),
          f"{each.get('dropped', 0):,}"]
-        for name, each in health.items()
+        for name, each in products.recording.health.items()
     ]  # fmt: skip
-    page.text("By source, as the recorder counted: frames with a wrong checksum, counter or length are refused.")
-    page.table(["source", "state at the end", "frames", "refused", "why", "dropped"], rows)
 
 
-def add_tracks(page: Page, case: Case) -> None:
-    """Each recording's track with the ship to scale, the time, the wind and where manoeuvres began."""
-    for name, products in case.products.items():
-        _name_recording(page, case, name)
-        windows = None if products.windows is None else products.windows.rows
-        executes = [each.start for each in products.manoeuvres]
-        ship = case.ship(name)
-        length_m = None if ship is None else ship.over_all_m
-        add_track(page, products.one_hz, windows, length_m, executes, _figure_name(case, "track", name))
+def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
+    """Every method on windows that none has seen, and the best one's row."""
+    judged = case.validation
+    rows = [
+        [plain(name), f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
+         f"{each.mae_east_m:.3f}", f"{each.heading_error_deg:.2f}",
+         f"{each.mean_distance_m / judged.scores['reference'].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")]
+        for name, each in judged.scores.items()
+    ]  # fmt: skip
+    best = int(np.argmin([each.mean_distance_m for each in judged.scores.values()]))
+    return rows, best
 
 
-def _figure_name(case: Case, what: str, trial: str) -> str:
-    return what if len(case.paths) == 1 else f"{what}_{trial}"
+def baseline_words(case: Case) -> str:
+    """On what the table of methods rests."""
+    judged = case.validation
+    legs = len(np.unique(judged.horizons.leg))
+    return (
+        f"Means over {len(judged.horizons)} held windows of {judged.horizons.horizon_s} s in {legs} legs, one "
+        f"every {case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, "
+        "data driven the network without a model. Networks learn no heading: it is the reference's, for data "
+        f"driven the present turn held. {_SEEN[case.seen]} {_dropped(case)}"
+    )
 
 
-def add_time_series(page: Page, case: Case) -> None:
-    """Measured, reference and hybrid against time, over thruster settings and wind; held windows shaded."""
-    for name, products in case.products.items():
-        _name_recording(page, case, name)
-        if products.windows is None or case.why_not or not case.predicted(name):
-            add_channels(page, products.one_hz, None, _figure_name(case, "time_series", name))
-            continue
-        page.figure(
-            lambda figure, name=name: _draw_series(figure, case, name),  # type: ignore[misc]
-            (9.5, 13),
-            "Measured, and predicted in windows that follow each other: each prediction starts anew from what was "
-            "measured. Speeds of predictions are differences of their tracks. Shaded where thrusters were held.",
-            _figure_name(case, "time_series", name),
-        )
+def _dropped(case: Case) -> str:
+    """How many windows were tried, and why the others are not judged."""
+    gathered = case.gathered
+    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in gathered.dropped.items() if count)
+    return f"Of {gathered.candidates:,} windows tried others were left out: {reasons}." if reasons else ""
 
 
-def _draw_series(figure: Figure, case: Case, name: str) -> None:
-    from analysis.report import plots as trial_plots
-    from hybrid.report import plots
+def seconds_up_to(horizon_s: int) -> list[int]:
+    """The seconds of a prediction that tables show."""
+    return [each for each in _SECONDS if each <= horizon_s]
 
-    products = case.products[name]
-    table = products.one_hz.assign(speed_mps=np.hypot(products.one_hz["surge_mps"], products.one_hz["sway_mps"]))
-    windows = None if products.windows is None else products.windows.rows
-    predicted = case.predicted(name)
-    commands = known_groups(table, _COMMANDS)
-    grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
-    for axes, channel in zip(grid, _SERIES, strict=False):
-        plots.compared(axes, table, channel, predicted, windows)
-        axes.label_outer()
-    for axes, names in zip(grid[len(_SERIES) :], commands, strict=True):
-        orders = [each for each in _ORDERS if each in table and each.replace("_order", "") in names]
-        trial_plots.series(axes, table, [*names, *orders], windows)
-        axes.label_outer()
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-    figure.align_ylabels()
+
+def second_titles(seconds: Sequence[int]) -> list[str]:
+    """Heads of columns."""
+    return [f"{each} s" for each in seconds]
+
+
+def calibration_rows(calibration: Calibration, seconds: Sequence[int]) -> list[list[str]]:
+    """Coverage and width of the 95 % regions."""
+    return [
+        ["inside, PICP [%]", *(f"{100 * calibration.picp[each - 1]:.1f}" for each in seconds)],
+        ["width over mean way covered, PINAW [1]", *(_share(calibration.pinaw[each - 1]) for each in seconds)],
+    ]
+
+
+def _share(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "\u2013"
+
+
+def fallback_words(judged: Validation, training: Ground) -> str:
+    """How many windows start beyond the training, in what, and which baseline speaks there."""
+    names = [name for name, column in zip(training.names, training.beyond.T, strict=True) if column.any()]
+    spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
+    where = f", in {listed([quantity_title(name) for name in names])}" if names else ""
+    beyond = 0 if judged.untrained is None else int(judged.untrained.sum())
+    return (
+        f"{beyond} of {len(judged.horizons)} windows start too far beyond what the calibrator was trained "
+        f"on{where}; there a baseline speaks: {spoke}."
+    )
+
+
+def outside_words(judged: Validation, training: Ground) -> str:
+    """How many windows lie outside the range of the training itself, and in what."""
+    past = [name for name, column in zip(training.names, training.past.T, strict=True) if column.any()]
+    count = int(training.past.any(axis=1).sum())
+    return (
+        f"{count} of {len(judged.horizons)} windows lie outside the range of the training itself"
+        + (f", in {listed([quantity_title(name) for name in past])}" if past else "")
+        + "; up to the dashes that is allowed, for a model goes on where a table ends."
+    )
+
+
+def parameter_warnings(learned: Parameters) -> list[str]:
+    """Which parameters lie at a bound, and which cannot be told apart."""
+    warnings = []
+    at_bound = [each.name for each in learned.every if each.at_bound]
+    if at_bound:
+        warnings.append(f"At the bound of what is allowed: {', '.join(at_bound)}.")
+    pairs = learned.entangled()
+    if pairs:
+        words = ", ".join(f"{one} with {other} ({value:+.2f})" for one, other, value in pairs[:6])
+        warnings.append(f"Cannot be told apart: {words}{', and more' if len(pairs) > 6 else ''}.")
+    return warnings
+
+
+def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
+    """Value, standard error, interval and a remark of each."""
+    return [
+        [each.name, f"{each.value:.4g}", f"\u00b1 {each.error:.2g}", f"{each.low:.4g} to {each.high:.4g}",
+         each.unit, "at its bound" if each.at_bound else "" if each.identified else "not known by the data"]
+        for each in parameters
+    ]  # fmt: skip
 
 
 def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
@@ -174,7 +217,7 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
 
     pages = {}
     for trial, products in case.products.items():
-        windows = None if products.windows is None else products.windows.rows
+        windows = window_rows(products)
         page = Path(folder) / (f"{INTERACTIVE}.html" if len(case.paths) == 1 else f"{INTERACTIVE}_{trial}.html")
         predicted = {} if windows is None or case.why_not else case.predicted(trial)
         try:
@@ -186,24 +229,3 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
         what = "track and channels to zoom into" + (f", {trial}" if len(case.paths) > 1 else "")
         pages[what] = page.name
     return pages
-
-
-def add_indices(page: Page, case: Case) -> None:
-    """Manoeuvres and their indices, in metres and ship lengths, with the limits of MSC.137(76) for information."""
-    for name, products in case.products.items():
-        _name_recording(page, case, name)
-        if not products.manoeuvres:
-            page.text("No manoeuvre was found in this recording.")
-            continue
-        ship = case.ship(name)
-        length_m = None if ship is None else ship.between_perpendiculars_m
-        add_manoeuvres(page, products.table, products.manoeuvres, length_m)
-        if length_m is None:
-            page.text(
-                "The recording names none of the vessel files: no lengths, and no limits that follow from them."
-            )
-        elif length_m < 100.0:
-            page.text(
-                f"Lengths are between perpendiculars, {length_m:g} m. The limits were made for ships of 100 m and "
-                "more with rudders, and stand here for comparison."
-            )

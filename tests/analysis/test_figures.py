@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from acquisition.core.errors import StorageError
 from analysis.report.figures import file_name, filled, numbers_of, write_figure
-from analysis.report.page import Page
 from analysis.report.plots import held_shade, series, track
+from analysis.report.rendering import environment, render
 from analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 
@@ -97,10 +97,10 @@ def test_a_folder_that_cannot_be_is_one_clear_error(tmp_path: Path) -> None:
         write_figure(Figure(), tmp_path / "file", "x")
 
 
-def test_drawing_leaves_the_users_settings_alone() -> None:
+def test_drawing_leaves_the_users_settings_alone(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
-    page = Page("a", "b")
-    page.figure(lambda figure: figure.subplots().plot([0, 1]), (3, 2), "A line, and no more.")  # type: ignore[arg-type]
+    (tmp_path / "line.html").write_text('{{ chart(draw, (3, 2), "A line, and no more.", "") }}')
+    page = render("line.html", templates=environment(tmp_path), draw=lambda axes: axes.plot([0, 1]))
     assert dict(mpl.rcParams) == before
     assert list(page.figures) == ["a_line_and_no_more"]
 

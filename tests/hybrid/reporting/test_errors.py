@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hybrid.prediction.prediction_windows import PAST_S, Horizons
-from hybrid.report.errors import calibration_of, errors_of, table_of
+from hybrid.report.errors import calibration_of, error_rows, errors_of
 from hybrid.report.motion import COLUMNS, one_after_another, predicted_motion, speeds_of
 
 
@@ -59,7 +59,7 @@ def test_quantiles_are_of_sizes_and_the_table_has_them() -> None:
     predicted[..., 1] += np.linspace(-1.0, 0.8, 10)[:, None]
     errors = errors_of(predicted, horizons_of(measured))
     np.testing.assert_allclose(errors.by_second("across", 0.5), np.median(np.abs(np.linspace(-1.0, 0.8, 10))))
-    assert table_of({"m": errors}, "across", [1, 10]) == [["m", "0.50, 0.82", "0.50, 0.82"]]
+    assert error_rows({"m": errors}, "across", [1, 10]) == [["m", "0.50, 0.82", "0.50, 0.82"]]
 
 
 def test_a_turning_circle_has_the_speeds_it_was_made_of() -> None:

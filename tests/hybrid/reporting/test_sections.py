@@ -10,35 +10,39 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from acquisition.core.errors import StorageError
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
-from analysis.report.page import Page
+from analysis.report.rendering import Page, render
 from analysis.tables.table import table_of
-from hybrid.report import ground_sections as ground
-from hybrid.report import prediction_sections as prediction
-from hybrid.report import trial_sections as trial
 from hybrid.report.case import Case, load_case
-from hybrid.report.show import FAILED, links, shown_in
+from hybrid.report.show import FAILED, links, sections, templates
 from hybrid.report.words import plain
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')
 UNIT = re.compile(r"\[[^\]]+\]|UTC")
 pytestmark = pytest.mark.pages
-SECTIONS: tuple[Callable[[Page, Case], None], ...] = (
-    prediction.add_headline, trial.add_sheet, trial.add_data_quality, trial.add_tracks, trial.add_time_series,
-    trial.add_indices, prediction.add_baselines, prediction.add_by_second, prediction.add_fans,
-    prediction.add_distributions, ground.add_residual_maps, ground.add_coverage, ground.add_parameters,
+SECTIONS = (
+    "headline", "sheet", "data_quality", "tracks", "time_series", "indices", "baselines", "by_second", "fans",
+    "distributions", "residual_maps", "coverage", "parameters",
 )  # fmt: skip
 
 
 def page_of(case: Case) -> Page:
-    page = Page("A title", "a subtitle")
-    for add in SECTIONS:
-        add(page, case)
-    return page
+    """All sections of a trial's report as one page."""
+    shown = [render("trial.html", each, templates(), case=case, remark="") for each in SECTIONS]
+    body = Markup("").join(Markup(each.html) for each in shown)
+    whole = render("base.html", title="A title", subtitle="a subtitle", body=body)
+    return Page(whole.html, {name: figure for each in shown for name, figure in each.figures.items()})
+
+
+def said_of(case: Case, folder: Path) -> str:
+    """What all sections show in a notebook."""
+    show = sections("trial.html", folder, case=case, remark="")
+    return "".join(show(each).html for each in SECTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +116,7 @@ def test_the_headline_is_that_of_the_validation(html: str, case: Case) -> None:
 
 def test_without_a_calibrator_the_report_says_so_and_stands(bare: Case) -> None:
     page = page_of(bare)
-    text = "".join(page.parts)
+    text = page.html
     assert "No calibrator was given" in text
     assert "region_calibration" not in page.figures
     assert set(bare.validation.tracks) == {"constant_velocity", "reference"}
@@ -124,9 +128,8 @@ def test_a_trial_without_a_held_window_has_a_report_that_says_why(
 ) -> None:
     """Too short for a window: run sheet, quality and track stand, predictions say why there are none."""
     short = simulated("calm", 3, 12.0)
-    show = shown_in(tmp_path / "figures")
     case = load_case([short])
-    said = "".join(show(add, case).html for add in SECTIONS)
+    said = said_of(case, tmp_path / "figures")
     assert "Nothing was predicted" in said
     assert "This could not be made" in said
     assert "SHA-256" in said
@@ -147,8 +150,7 @@ def test_several_recordings_are_told_apart(
     damaged, short = tmp_path / "damaged.mcap", simulated("calm", 3, 12.0)
     damaged.write_bytes(unseen.read_bytes()[:200])
     case = load_case([damaged, unseen, short, earlier[0]], small_folder, allow_seen=True)
-    show = shown_in(tmp_path / "figures")
-    said = "".join(show(add, case).html for add in SECTIONS)
+    said = said_of(case, tmp_path / "figures")
     assert FAILED not in said
     assert "could not be made" not in said
     assert list(case.products) == [unseen.stem, short.stem, earlier[0].stem]
@@ -166,9 +168,8 @@ def test_a_recording_that_lacks_channels_has_a_report_that_says_so(
     table = table_of(read_recording(unseen)).drop(columns=lacking)
     path = tmp_path / "lacking.mcap"
     write_table(table, path, Trial(name="lacking"), source="test")
-    show = shown_in(tmp_path / "figures")
     case = load_case([path])
-    said = "".join(show(add, case).html for add in SECTIONS)
+    said = said_of(case, tmp_path / "figures")
     assert FAILED not in said, re.findall(f"{FAILED}[^<]*", said)
     assert "Nothing was predicted" in said
     assert lacking[0] in said
@@ -188,8 +189,11 @@ def test_values_that_are_flagged_bad_do_not_count_unless_one_says_so(unseen: Pat
     errors = [each.validation.scores["reference"].mean_distance_m for each in (clean, mended, kept)]
     assert errors[1] == pytest.approx(errors[0], rel=0.1)
     assert errors[2] > 1.5 * errors[0]
-    assert "Nothing was put right" in shown_in(tmp_path)(trial.add_data_quality, kept).html
-    assert "Put right before what follows: north_m" in shown_in(tmp_path)(trial.add_data_quality, mended).html
+    assert "Nothing was put right" in sections("trial.html", tmp_path, case=kept)("data_quality").html
+    assert (
+        "Put right before what follows: north_m"
+        in sections("trial.html", tmp_path, case=mended)("data_quality").html
+    )
 
 
 def test_limits_are_by_the_length_between_perpendiculars_of_the_ship_that_sailed(
@@ -211,7 +215,7 @@ def test_limits_are_by_the_length_between_perpendiculars_of_the_ship_that_sailed
 
 def test_what_was_seen_is_said(earlier: list[Path], unseen: Path, small_folder: Path) -> None:
     said = [
-        "".join(shown_in("unused")(prediction.add_baselines, case).html.split("<figure>")[:1])
+        "".join(sections("trial.html", "unused", case=case)("baselines").html.split("<figure>")[:1])
         for case in (load_case([unseen], small_folder), load_case(earlier[:1], small_folder, allow_seen=True))
     ]
     assert "None has seen" in said[0]
@@ -219,7 +223,7 @@ def test_what_was_seen_is_said(earlier: list[Path], unseen: Path, small_folder: 
 
 
 def test_a_section_writes_its_figures_and_their_numbers(case: Case, tmp_path: Path) -> None:
-    shown_in(tmp_path)(prediction.add_by_second, case)
+    sections("trial.html", tmp_path, case=case)("by_second")
     assert {path.name for path in tmp_path.iterdir()} == {f"errors_by_second.{e}" for e in ("svg", "pdf", "json")}
 
 
@@ -231,7 +235,7 @@ def test_links_are_markup_and_what_they_say_is_text() -> None:
 def test_a_page_that_cannot_be_written_is_one_clear_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="is a file, not a folder"):
-        Page("a", "b").write(tmp_path / "file" / "page.html")
+        Page("a").write(tmp_path / "file" / "page.html")
 
 
 def test_what_a_recording_says_of_itself_is_text(unseen: Path, tmp_path: Path) -> None:
@@ -239,9 +243,8 @@ def test_what_a_recording_says_of_itself_is_text(unseen: Path, tmp_path: Path) -
     evil = "<script>alert(1)</script>\"'&"
     path = tmp_path / "t<b>x'&.mcap"
     write_table(table_of(read_recording(unseen)), path, Trial(name=evil, vessel=evil, crew_notes=evil), source=evil)
-    show = shown_in(tmp_path / "figures")
-    case = load_case([path])
-    said = "".join(show(add, case).html for add in (trial.add_sheet, trial.add_data_quality, trial.add_tracks))
+    show = sections("trial.html", tmp_path / "figures", case=load_case([path]))
+    said = "".join(show(each).html for each in ("sheet", "data_quality", "tracks"))
     assert "<script" not in said
     assert "&lt;script&gt;" in said
     assert "t<b>x" not in said

@@ -1,0 +1,106 @@
+"""Pages from templates: results in, HTML out that needs no network, its figures embedded and kept for export.
+
+Templates lie in ``templates`` beside this module; ``base.html`` has the look, ``macros.html`` tables, large numbers
+and what else pages share, as ``ui`` in every template. A block may be rendered alone, as a section of a notebook.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from acquisition.core.errors import storage_error
+from acquisition.recording.trial import software_version
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page, or a section of one: its markup, and its figures by name."""
+
+    html: str
+    figures: dict[str, Figure] = field(default_factory=dict)
+    title: str = ""
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    def write(self, path: Path) -> Path:
+        """Write the page. Raises :class:`StorageError`."""
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(self.html, encoding="utf-8")
+        except OSError as error:
+            raise storage_error(path, error) from error
+        return path
+
+
+@cache
+def environment(*folders: Path) -> Environment:
+    """Where templates are looked for: in ``folders``, then in this package's."""
+    from analysis.manoeuvres import report
+    from analysis.manoeuvres.motion import motion_of
+    from analysis.quality.terminal import missing_text
+    from analysis.report import manoeuvre_plots, quality_page, trial_figures
+
+    made = Environment(
+        loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": manoeuvre_plots.manoeuvre_line}
+    made.globals |= {
+        "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
+        "trial_figures": trial_figures, "quality_page": quality_page, "missing_text": missing_text,
+        "motion_of": motion_of, "manoeuvre_figures": manoeuvre_plots, "manoeuvre_report": report,
+    }  # fmt: skip
+    made.globals["ui"] = made.get_template("macros.html").module
+    return made
+
+
+def render(template: str, block: str = "", templates: Environment | None = None, **context: Any) -> Page:
+    """A page from a template and what it names, or one ``block`` of it.
+
+    In the template ``figure(draw, size_inch, caption, name, ...)`` embeds what ``draw(figure, ...)`` fills, and
+    ``chart`` the same of a function that draws into axes; without a name it is how the caption begins. ``level`` is
+    that of headings.
+    """
+    from analysis.report.figures import file_name, filled, png_of
+
+    figures: dict[str, Figure] = {}
+
+    def figure(
+        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str = "", *what: Any
+    ) -> Markup:
+        made = filled(lambda empty: draw(empty, *what), size_inch)
+        figures[name or file_name(caption)] = made
+        return picture(png_of(made), caption)
+
+    def chart(
+        draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str, *what: Any
+    ) -> Markup:
+        return figure(lambda empty: draw(empty.subplots(), *what), size_inch, caption, name)
+
+    source = (templates or environment()).get_template(template)
+    values = {**context, "figure": figure, "chart": chart}
+    if not block:
+        return Page(source.render(values), figures, context.get("title", ""))
+    return Page("".join(source.blocks[block](source.new_context(values))), figures)
+
+
+def picture(png: bytes, caption: str) -> Markup:
+    """A picture that is there already, embedded."""
+    data = base64.b64encode(png).decode("ascii")
+    return Markup(
+        '<figure><img alt="{0}" src="data:image/png;base64,{1}"><figcaption>{0}</figcaption></figure>'
+    ).format(caption, data)
