@@ -15,8 +15,8 @@ import numpy as np
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import Quality
+from acquisition.logger.follow import Follower
 from acquisition.logger.requests import send_prediction
-from acquisition.recording.follow import Follower
 from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
 from analysis.tables.time_index import NANO

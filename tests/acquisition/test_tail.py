@@ -11,11 +11,11 @@ import pytest
 from acquisition.config.sections import RecordingSection
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Sample
+from acquisition.logger.follow import Follower, choose_recorder, no_recorder_text
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.batches import Samples
-from acquisition.recording.follow import Follower, choose_recorder, no_recorder_text
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tail import Tail
