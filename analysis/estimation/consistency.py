@@ -53,14 +53,14 @@ class Consistency:
         return {name: asdict(each) | {"consistent": each.consistent} for name, each in self.channels.items()}
 
 
-def consistency_of(time_s: Floats, innovation: Floats, spread: Floats, refused: Bools) -> Consistency:
-    """Judge innovations [steps, channels] and their spreads; refused ones are counted and left out."""
+def consistency_of(time_s: Floats, innovation: Floats, deviation: Floats, refused: Bools) -> Consistency:
+    """Judge innovations [steps, channels] by their standard deviations; refused ones are counted and left out."""
     judged = {}
     for number, name in enumerate(CHANNELS):
         there = np.isfinite(innovation[:, number])
         kept = there & ~refused[:, number] & (time_s > time_s[0] + 10.0)
         if kept.sum() >= 2 * _BLOCKS:
-            ratio = innovation[kept, number] / spread[kept, number]
+            ratio = innovation[kept, number] / deviation[kept, number]
             judged[name] = _judged(ratio, int((there & refused[:, number]).sum()))
     return Consistency(judged)
 

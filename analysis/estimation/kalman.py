@@ -1,13 +1,12 @@
-"""Kalman filter and Rauch-Tung-Striebel smoother over quantities that move by laws of :mod:`.process_models`.
+"""Kalman filter and fixed-interval smoother of measurements at any times, over sums of :mod:`.process_models`.
 
-The state is blocks, each a quantity with its derivatives; a quantity may be the sum of two
-blocks, slow motion and waves. Steps come at any times; at each, every channel may have one value, which sees
-the state through a row of its own. Channels are taken one after another, which for noise that is independent
-between them is the same as taking them together, and lets each be judged by itself: one whose innovation lies
-beyond the gate is refused. When a channel has been refused for long, the truth may have jumped: the quantity
-that it sees is then set free by the size of the jump, and the channel is believed.
+The state is blocks, each a quantity with its derivatives; a quantity may be the sum of two blocks, slow motion and
+waves. At each step every channel may have one value, which measures the state through a row of its own. A value
+whose innovation lies beyond the gate is refused. When a channel has been refused for long, the truth may have
+jumped: the quantity that it measures is then set free by the size of the jump, and the channel is believed.
 
-Two engines give the same numbers: filterpy, and a compiled recursion that is some hundred times faster.
+Two engines give the same numbers: filterpy's, which reads as the textbooks do, and the compiled recursion of
+:mod:`.kalman_kernel`, which is some hundred times faster.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Bools, Floats, Ints
 from analysis.estimation.process_models import Model
 
 Engine = Literal["auto", "filterpy", "compiled"]
@@ -38,7 +37,7 @@ class Gate:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """What is measured, step by step: rising times, values and how they see the state.
+    """What is measured, step by step: rising times, values and how they measure the state.
 
     ``time_s`` [steps]; ``value`` [steps, channels], NaN where there is none; ``row`` [steps, channels, states];
     ``variance`` [steps, channels]; ``turn`` [channels], the period of a channel on the circle, else 0;
@@ -52,17 +51,10 @@ class Steps:
     turn: Floats
     jumps: Bools
 
-    def seen_by(self, model: Model) -> Steps:
+    def for_model(self, model: Model) -> Steps:
         """The same steps on the model's states, of which several may add up to one; slow ones alone may jump."""
         row, jumps = self.row @ model.sums, (self.jumps @ (model.sums != 0)) & model.may_jump
         return Steps(self.time_s, self.value, row, self.variance, self.turn, jumps)
-
-    def part(self, first: int, last: int) -> Steps:
-        """The steps ``first`` to ``last``, the last one excluded."""
-        some = slice(first, last)
-        return Steps(
-            self.time_s[some], self.value[some], self.row[some], self.variance[some], self.turn, self.jumps
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +64,7 @@ class Start:
     mean: Floats
     covariance: Floats
 
-    def seen_by(self, model: Model) -> Start:
+    def for_model(self, model: Model) -> Start:
         """The same on the model's states: a swing starts anywhere in it, what is slow as given here."""
         covariance = np.zeros((model.may_jump.size,) * 2)
         mean = (self.mean @ model.sums) * model.may_jump
@@ -85,40 +77,48 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Filtered:
-    """The state at each step, before (``prior``) and after its values, and how they were received.
+    """The state after the values of each step, mean [steps, states] and covariance, and how these were received.
 
-    ``innovation`` and ``spread`` (its standard deviation) [steps, channels] are NaN where there was no value.
+    ``innovation`` and ``deviation``, its standard deviation, [steps, channels] are NaN where there was no value.
     """
 
-    prior_mean: Floats
-    prior_covariance: Floats
     mean: Floats
     covariance: Floats
     innovation: Floats
-    spread: Floats
+    deviation: Floats
     refused: Bools
 
     @property
     def nis(self) -> Floats:
         """Normalised innovation squared [steps, channels]; its mean is 1 for a filter that is right."""
-        return np.asarray((self.innovation / self.spread) ** 2)
+        return np.asarray((self.innovation / self.deviation) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """A smoothed track of the state [steps, states], with its covariance and all that interpolation needs."""
+    """A smoothed track of the state, ``mean`` [steps, states], and all that interpolation needs.
+
+    ``costate`` [steps, states] and ``information`` [steps, states, states] are what a step and all later ones say
+    of the state predicted for it (Bryson and Frazier 1963).
+    """
 
     time_s: Floats
     mean: Floats
-    covariance: Floats
+    costate: Floats
+    information: Floats
     filtered: Filtered
     model: Model
+
+    @property
+    def covariance(self) -> Floats:
+        """Of the smoothed state at each step [steps, states, states]."""
+        return self.at(self.time_s)[1]
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats]:
         """Mean [times, states] and covariance at any times from the first step on, exact for the model.
 
-        From the filtered state before each time the motion is predicted, and one smoother step from the
-        smoothed state after it corrects the prediction. Beyond the last step it is the prediction.
+        From the filtered state before each time the motion is predicted, and what all later steps say corrects the
+        prediction. Beyond the last step it is the prediction.
         """
         before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
         after = np.minimum(before + 1, self.time_s.size - 1)
@@ -126,19 +126,17 @@ class Track:
             self.filtered.mean[before], self.filtered.covariance[before], time_s - self.time_s[before], self.model
         )
         inside = after > before
-        forward = self.model.transition(np.where(inside, self.time_s[after] - time_s, 0.0))
-        prior = self.filtered.prior_covariance[after]
-        gain = _gain(covariance, forward, prior) * inside[:, None, None]
-        step = self.mean[after] - self.filtered.prior_mean[after]
-        mean = mean + np.einsum("kij,kj->ki", gain, step)
-        return mean, covariance + gain @ (self.covariance[after] - prior) @ gain.transpose(0, 2, 1)
+        forward = self.model.transition(np.where(inside, self.time_s[after] - time_s, 0.0)) * inside[:, None, None]
+        onward = forward @ covariance
+        mean = mean - np.einsum("kji,kj->ki", onward, self.costate[after])
+        return mean, covariance - onward.transpose(0, 2, 1) @ self.information[after] @ onward
 
 
 def predicted(mean: Floats, covariance: Floats, dt_s: Floats, model: Model) -> tuple[Floats, Floats]:
     """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
-    forward = model.transition(dt_s)
-    spread = forward @ covariance @ forward.transpose(0, 2, 1) + model.process_noise(dt_s)
-    return np.einsum("kij,kj->ki", forward, mean), spread
+    forward, added, which = model.over(dt_s)
+    forward = forward[which]
+    return np.einsum("kij,kj->ki", forward, mean), forward @ covariance @ forward.transpose(0, 2, 1) + added[which]
 
 
 def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: Engine = "auto") -> Track:
@@ -147,38 +145,38 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
         from analysis.estimation.kalman_filterpy import filter_and_smooth
 
         return filter_and_smooth(steps, start, model, gate)
-    return smooth_filtered(steps.time_s, filter_steps(steps, start, model, gate), model)
+    from analysis.estimation.kalman_kernel import WIDTH, run_filter, run_smoother
 
-
-def filter_steps(steps: Steps, start: Start, model: Model, gate: Gate) -> Filtered:
-    """The forward pass of the compiled engine."""
-    from analysis.estimation.kalman_compiled import forward_pass
-
-    return Filtered(*forward_pass(*arguments(steps, start, model, gate)))
-
-
-def arguments(
-    steps: Steps, start: Start, model: Model, gate: Gate, blocks: tuple[Floats, Floats] | None = None
-) -> tuple[object, ...]:
-    """What the compiled recursion takes; ``blocks`` are those of the model over the intervals, if known."""
-    forward, added = blocks or model.blocks_over(np.diff(steps.time_s, prepend=steps.time_s[:1]))
-    return (
-        steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, start.mean,
-        start.covariance, model.sizes, forward, added, gate.limit, gate.patience_s, gate.patience,
+    F, Q, interval = model.over(np.diff(steps.time_s, prepend=steps.time_s[:1]), WIDTH)
+    edges = np.array([0, steps.time_s.size])
+    innovation, variance, *kept = run_filter(
+        steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, F, Q, interval, edges,
+        start.mean[None], start.covariance, gate.limit, gate.patience_s, gate.patience, True,
     )  # fmt: skip
-
-
-def smooth_filtered(time_s: Floats, filtered: Filtered, model: Model) -> Track:
-    """The backward pass (Rauch, Tung and Striebel 1965) of the compiled engine."""
-    from analysis.estimation.kalman_compiled import backward_pass
-
-    gain = _gain(filtered.covariance[:-1], model.transition(np.diff(time_s)), filtered.prior_covariance[1:])
-    mean, covariance = backward_pass(
-        filtered.mean, filtered.covariance, filtered.prior_mean, filtered.prior_covariance, gain
+    smoothed: tuple[Floats, Floats, Floats] = run_smoother(
+        F, interval, steps.row, gate.limit, innovation, variance, *kept
     )
-    return Track(time_s, mean, covariance, filtered, model)
+    refused = innovation**2 > gate.limit * variance
+    _, mean, covariance = kept
+    filtered = Filtered(mean, covariance, innovation, np.sqrt(variance), refused)
+    return Track(steps.time_s, *smoothed, filtered, model)
 
 
-def _gain(covariance: Floats, forward: Floats, prior: Floats) -> Floats:
-    """P F' inv(prior), for each step."""
-    return np.asarray(np.linalg.solve(prior, forward @ covariance).transpose(0, 2, 1))
+def innovations_of(
+    steps: Steps, starts: Floats, covariance: Floats, edges: Ints, model: Model, gate: Gate
+) -> tuple[Floats, Floats]:
+    """The innovations and their variances alone, twice [steps, channels]; NaN where there is no value.
+
+    Stretches of steps begin and end at ``edges`` [stretches + 1], each with its mean in ``starts`` [stretches,
+    states] and with ``covariance``.
+    """
+    from analysis.estimation.kalman_kernel import WIDTH, run_filter
+
+    dt_s = np.diff(steps.time_s, prepend=steps.time_s[:1])
+    dt_s[edges[:-1]] = 0.0
+    F, Q, interval = model.over(dt_s, WIDTH)
+    innovation, variance, *_ = run_filter(
+        steps.time_s, steps.value, steps.row, steps.variance, steps.turn, steps.jumps, F, Q, interval, edges,
+        starts, covariance, gate.limit, gate.patience_s, gate.patience, False,
+    )  # fmt: skip
+    return innovation, variance

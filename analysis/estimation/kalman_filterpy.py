@@ -1,4 +1,4 @@
-"""The engine of :mod:`.kalman` on filterpy (Labbe): its KalmanFilter and its RTS smoother."""
+"""The readable engine of :mod:`.kalman`, on filterpy (Labbe): its KalmanFilter and its RTS smoother."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> T
     kalman = KalmanFilter(dim_x=start.mean.size, dim_z=1)
     kalman.x, kalman.P = start.mean[:, None].copy(), start.covariance.copy()
     patience = _Patience(gate, channels)
-    innovation, spread = np.full((count, channels), np.nan), np.full((count, channels), np.nan)
+    innovation, deviation = np.full((2, count, channels), np.nan)
     refused = np.zeros((count, channels), dtype=bool)
     states: tuple[list[Floats], ...] = ([], [], [], [])
     for k in range(count):
         if k > 0:
             kalman.predict(F=forward[k], Q=added[k])
-        freed = _freed(kalman, steps, k, patience, gate)
-        kalman.P = kalman.P + freed
-        added[k] += freed
+        released = _released(kalman, steps, k, patience, gate)
+        kalman.P = kalman.P + released
+        added[k] += released
         before = kalman.x[:, 0].copy(), kalman.P.copy()
         for c in _present(steps, k):
-            error, variance = _seen(kalman, steps, k, c)
-            innovation[k, c], spread[k, c] = error, np.sqrt(variance)
+            error, variance = _innovation(kalman, steps, k, c)
+            innovation[k, c], deviation[k, c] = error, np.sqrt(variance)
             refused[k, c] = error**2 > gate.limit * variance
             patience.note(c, float(steps.time_s[k]), bool(refused[k, c]))
             if not refused[k, c]:
@@ -58,9 +58,11 @@ def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> T
         for series, each in zip(states, (*before, kalman.x[:, 0].copy(), kalman.P.copy()), strict=True):
             series.append(each)
     prior_mean, prior, means, covariances = (np.stack(each) for each in states)
-    filtered = Filtered(prior_mean, prior, means, covariances, innovation, spread, refused)
-    mean, covariance, _, _ = kalman.rts_smoother(filtered.mean, filtered.covariance, forward, added)
-    return Track(steps.time_s, mean, covariance, filtered, model)
+    mean, covariance, _, _ = kalman.rts_smoother(means, covariances, forward, added)
+    costate = np.linalg.solve(prior, (prior_mean - mean)[..., None])[..., 0]
+    half = np.linalg.solve(prior, prior - covariance).transpose(0, 2, 1)
+    filtered = Filtered(means, covariances, innovation, deviation, refused)
+    return Track(steps.time_s, mean, costate, np.asarray(np.linalg.solve(prior, half)), filtered, model)
 
 
 def _present(steps: Steps, k: int) -> list[int]:
@@ -68,7 +70,7 @@ def _present(steps: Steps, k: int) -> list[int]:
     return [int(channel) for channel in np.flatnonzero(np.isfinite(steps.value[k]))]
 
 
-def _seen(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float]:
+def _innovation(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float]:
     """A channel's innovation, on its circle, and its variance."""
     row, turn = steps.row[k, channel], steps.turn[channel]
     error = float(steps.value[k, channel] - row @ kalman.x[:, 0])
@@ -77,17 +79,17 @@ def _seen(kalman: Any, steps: Steps, k: int, channel: int) -> tuple[float, float
     return error, float(row @ kalman.P @ row + steps.variance[k, channel])
 
 
-def _freed(kalman: Any, steps: Steps, k: int, patience: _Patience, gate: Gate) -> Floats:
+def _released(kalman: Any, steps: Steps, k: int, patience: _Patience, gate: Gate) -> Floats:
     """The variance that channels refused for long add to what they see."""
-    freed: Floats = np.zeros(kalman.P.shape)
+    released: Floats = np.zeros(kalman.P.shape)
     before = kalman.P
     for c in _present(steps, k):
         if not patience.over(c, float(steps.time_s[k])):
             continue
-        kalman.P = before + freed
-        error, variance = _seen(kalman, steps, k, c)
+        kalman.P = before + released
+        error, variance = _innovation(kalman, steps, k, c)
         along = np.where(steps.jumps[c], steps.row[k, c], 0.0)
         if error**2 > gate.limit * variance and along.any():
-            freed += (error / (along @ along)) ** 2 * np.outer(along, along)
+            released += (error / (along @ along)) ** 2 * np.outer(along, along)
     kalman.P = before
-    return freed
+    return released

@@ -1,22 +1,24 @@
 """Noise levels from the data themselves: those under which what was measured is the most likely.
 
-A filter with the right levels predicts each value with an error that is as large as it says. The likelihood of
-the innovations (Schweppe 1965) is largest there; it is computed on stretches spread over the recording, and each
-innovation's square counts only up to the gate, so that outliers do not pass for noise. Heading and yaw rate come
-first, by themselves; then position and speeds, with the heading given. Waves are part of the model where they
-make the data more likely by more than their three numbers would by chance (Schwarz 1978).
+A filter with the right levels predicts each value with an error that is as large as it says; the likelihood of its
+innovations (:mod:`.likelihood`) is largest there. It is computed on stretches spread over the recording. Heading
+and yaw rate come first, by themselves; then position and speeds, with the heading given. Waves are part of the
+model where they make the data more likely by more than their three numbers would by chance (Schwarz 1978).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from analysis.estimation.kalman import Gate, Start, Steps, filter_steps, smooth_filtered
+from analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
+from analysis.estimation.likelihood import Scoring, most_likely, robust_cost
 from analysis.estimation.motion_model import (
     EAST,
     HEADING,
@@ -30,20 +32,16 @@ from analysis.estimation.motion_model import (
     horizontal_steps,
     motion_steps,
 )
-from analysis.estimation.noise_search import (
-    CALM,
-    LEAST,
-    LEAST_JERK,
-    MOST_JERK,
-    Search,
-    across_of,
-    descended,
-    downhill,
-)
 from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
 from analysis.windows.steady_controls import noise_of
 
 STRETCHES, STEPS_OF_STRETCH = 10, 200
+LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
+"""The least noise that is searched for, SI."""
+LEAST_JERK, MOST_JERK = 1e-7, 1e2
+_CALM, _WAVY = 3, 6  # numbers without waves, and with them but without their direction
+_LONGEST_WAVE_S, _DAMPINGS = 20.0, (0.02, 0.6)
+_STARTS, _MOST_VIEWS = 2, 12
 _JERKS = (1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 _WAVE_PERIODS_S = (3.0, 5.0, 8.0, 12.0)
 _SPEEDS, _YAW_SPEEDS = (0.05, 0.2, 0.8), (0.002, 0.01, 0.04)  # where the search for waves begins, m/s and rad/s
@@ -150,7 +148,7 @@ def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
                      (LEAST["position"], LEAST["speed"]), rules, [added for *_, added in given])  # fmt: skip
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
-    if horizontal.size > CALM:
+    if horizontal.size > _CALM:
         horizontal = _with_direction(moving, horizontal)
         yaw = _with_waves(
             turning, _calm(turning), _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
@@ -192,9 +190,8 @@ def _first_levels(data: Binned) -> Floats:
 def _given_heading(part: Binned, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Start, Floats]:
     """The horizontal steps of a part with unit noise, their start, and the variance that the heading adds."""
     model = yaw.heading_model
-    steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).seen_by(model)
-    filtered = filter_steps(steps, first_state(part).seen_by(model), model, gate)
-    track = smooth_filtered(part.time_s, filtered, model)
+    steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)
+    track = smooth_steps(steps, first_state(part).for_model(model), model, gate, "compiled")
     heading, covariance = track.mean @ model.sums.T, model.sums @ track.covariance @ model.sums.T
     everything = motion_steps(part, heading[:, 0], np.ones(6))
     plain = horizontal_steps(everything, heading)
@@ -227,5 +224,131 @@ def _with_direction(search: Search, wavy: Floats) -> Floats:
     guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
     low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
     start = min(guesses, key=search.cost)
-    found, cost = downhill(search, start, low, high)
+    found, cost = search.climbed(start, low, high)
     return found if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
+
+
+Parts = Sequence[tuple[Steps, Start]]
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is searched for: two noise levels, a jerk and waves, for steps that are given with unit noise.
+
+    ``level_of`` [channels] tells which level is whose, ``added`` is variance that comes on top, by part.
+    """
+
+    parts: Parts
+    quantities: tuple[int, ...]
+    level_of: NDArray[np.int64]
+    first: Floats
+    least: tuple[float, float]
+    gate: Gate
+    added: Sequence[Floats] = ()
+    order: int = 2
+
+    def cost(self, logs: Floats) -> float:
+        """Minus twice the log likelihood; each innovation's square counts up to the gate."""
+        return robust_cost(*self.innovations(logs), self.gate.limit)
+
+    def climbed(self, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
+        """The most likely logarithms uphill from here, and their cost."""
+        return most_likely(self.innovations, logs, low, high, Scoring(limit=self.gate.limit))
+
+    def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
+        """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
+        levels = np.exp(logs)
+        across, direction_rad = across_of(logs)
+        laws: list[Law] = []
+        for share in (1.0, across)[: len(self.quantities)]:
+            laws.append(WhiteJerk(float(levels[2])))
+            if levels.size > _CALM:
+                laws.append(WaveMotion(share * float(levels[3]), float(levels[4]), float(levels[5]), self.order))
+        quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
+        model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
+        steps, starts = self._view(model)
+        steps = replace(steps, variance=self._joined.variance * levels[self.level_of] ** 2 + self._added)
+        covariance = self.parts[0][1].for_model(model).covariance
+        innovation, variance = innovations_of(steps, starts, covariance, self._edges, model, self.gate)
+        return innovation[self._there], variance[self._there]
+
+    def _view(self, model: Model) -> tuple[Steps, Floats]:
+        """Steps and starts on a model's states; they hang on its number of laws and its direction alone."""
+        key = len(model.laws), model.direction_rad
+        if key not in self._views:
+            if len(self._views) > _MOST_VIEWS:
+                self._views.clear()
+            starts = np.array([start.for_model(model).mean for _, start in self.parts])
+            self._views[key] = self._joined.for_model(model), starts
+        return self._views[key]
+
+    @cached_property
+    def _views(self) -> dict[tuple[int, float], tuple[Steps, Floats]]:
+        """What :meth:`_view` has found."""
+        return {}
+
+    @cached_property
+    def _joined(self) -> Steps:
+        """The steps of all parts in one."""
+        every = [steps for steps, _ in self.parts]
+        time_s, value, row, variance = (
+            np.concatenate([getattr(each, name) for each in every])
+            for name in ("time_s", "value", "row", "variance")
+        )
+        return Steps(time_s, value, row, variance, every[0].turn, every[0].jumps)
+
+    @cached_property
+    def _there(self) -> NDArray[np.bool_]:
+        return np.isfinite(self._joined.value)
+
+    @cached_property
+    def _edges(self) -> NDArray[np.int64]:
+        """Where parts begin, and the end [parts + 1]."""
+        return np.cumsum([0, *(steps.time_s.size for steps, _ in self.parts)])
+
+    @cached_property
+    def _added(self) -> Floats | float:
+        return np.concatenate(list(self.added)) if self.added else 0.0
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return int(self._there.sum())
+
+    @property
+    def first_logs(self) -> Floats:
+        """The logarithms of the first idea of the two levels."""
+        return np.asarray(np.log(np.maximum(self.first, 3.0 * np.array(self.least))))
+
+    @property
+    def shortest_wave_s(self) -> float:
+        """The shortest wave that the steps can tell from noise: three of them."""
+        return 3.0 * float(np.median(np.diff(self.parts[0][0].time_s))) if self.parts[0][0].time_s.size > 1 else 3.0
+
+    @property
+    def wave_bounds(self) -> Floats:
+        """Where the waves' speed, frequency and damping may be [3, 2], as logarithms."""
+        fastest = 2 * np.pi / self.shortest_wave_s
+        return np.log([(1e-6, 1e2), (2 * np.pi / _LONGEST_WAVE_S, fastest), _DAMPINGS])
+
+    @property
+    def bounds(self) -> list[tuple[float, float]]:
+        """Where levels and jerk may be, as logarithms."""
+        noises = [(float(np.log(least)), float(np.log(1e4))) for least in self.least]
+        return [*noises, (float(np.log(LEAST_JERK)), float(np.log(MOST_JERK)))]
+
+
+def across_of(logs: Floats) -> tuple[float, float]:
+    """How large the swing is across its direction, and the direction [rad]; 1 and 0 if that is not among them."""
+    return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
+
+
+def descended(
+    search: Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
+) -> tuple[Floats, float]:
+    """The lowest cost that is found downhill from the best of the guesses, and where."""
+    low, high = np.array(bounds).T
+    ends = [
+        search.climbed(np.clip(each, low, high), low, high) for each in sorted(guesses, key=search.cost)[:_STARTS]
+    ]
+    return min(ends, key=lambda end: end[1])

@@ -1,8 +1,13 @@
-"""How a quantity moves when nobody measures it: slow motion by white jerk, waves by a damped oscillator.
+"""Process models: how a quantity moves when nobody measures it, over any time, exactly.
 
-Both are linear, and their states are the quantity and its derivatives, so that a sum of both is seen through the
-same row twice. A ship's observer that keeps waves apart from the ship's
-own motion goes back to Balchen, Jenssen and Saelid 1976; Fossen 2011, chapter 11.
+White jerk is a ship's slow motion, a damped oscillator her swing in waves, an Ornstein-Uhlenbeck process what
+wanders about zero: forces that nobody predicts, slow errors of sensors. All are linear and driven by white noise. A
+ship's observer that keeps waves apart from the ship's own motion goes back to Balchen, Jenssen and Saelid 1976;
+Fossen 2011, chapter 11.
+
+:func:`oscillator` and :func:`decay` are plain arithmetic, on arrays or inside compiled code. The models on top of
+them (:class:`Law`) have the quantity and its derivatives for states, so that the same measurement row serves each
+summand of a quantity, slow motion and waves.
 """
 
 from __future__ import annotations
@@ -15,9 +20,34 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 
-QUANTITIES, LARGEST = 3, 5
+QUANTITIES = 3
 _SAME_S = 1e-9
 _CORNER = 1.1  # of a swing's low-pass, in its frequencies
+
+
+def decay(dt_s: Floats, lasting_s: float) -> Floats:
+    """What is left of an Ornstein-Uhlenbeck process after ``dt_s``, one that lasts ``lasting_s``: the share [-].
+
+    One less the share's square is what comes new of its stationary variance (Uhlenbeck and Ornstein 1930).
+    """
+    return np.exp(-dt_s / lasting_s)
+
+
+def oscillator(dt_s: Floats, frequency_radps: Floats, damping: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """A damped oscillator's displacement and speed after ``dt_s``: the transition's elements, row by row.
+
+    ``damping`` is the share of critical damping, below one (Fossen 2011, section 11.3: the waves' motion). Driven
+    by white noise in its speed, its stationary variances are s^2 and (frequency s)^2, uncorrelated.
+    """
+    damped = frequency_radps * np.sqrt(1.0 - damping * damping)
+    fall, cosine, sine = np.exp(-damping * frequency_radps * dt_s), np.cos(damped * dt_s), np.sin(damped * dt_s)
+    lead = damping * frequency_radps / damped * sine
+    return (
+        fall * (cosine + lead),
+        fall * sine / damped,
+        -fall * frequency_radps * frequency_radps / damped * sine,
+        fall * (cosine - lead),
+    )
 
 
 class Law(Protocol):
@@ -69,7 +99,7 @@ class WhiteJerk:
 
 @dataclass(frozen=True, slots=True)
 class WaveMotion:
-    """A swing about zero: a damped oscillator, driven by noise that a low-pass has made smooth.
+    """A swing about zero: :func:`oscillator`, driven by noise that a low-pass has made smooth.
 
     ``speed`` is the standard deviation of the first derivative, ``frequency_radps`` where the oscillator swings
     and ``damping`` its share of critical damping, which is the spectrum's width. The low-pass (Butterworth, of
@@ -164,31 +194,25 @@ class Model:
                 matrix[derivative::3, block.start + derivative] = shares
         return matrix
 
-    def blocks_over(self, dt_s: Floats) -> tuple[Floats, Floats]:
-        """Transition and added covariance over each of ``dt_s`` [k], block by block: twice [k, blocks, 5, 5].
+    def over(self, dt_s: Floats, width: int = 0) -> tuple[Floats, Floats, NDArray[np.int64]]:
+        """The distinct ones among the intervals ``dt_s`` [k]: transitions and process noises, and which is whose.
 
-        A smaller block fills the first rows and columns of its matrices.
+        Both are [distinct, states, states], or as many columns as ``width``, zeros behind the states; which [k].
         """
         rounded, which = np.unique(np.rint(dt_s / _SAME_S) * _SAME_S, return_inverse=True)
-        forward, added = np.zeros((2, rounded.size, len(self.laws), LARGEST, LARGEST))
+        states = int(self.sizes.sum())
+        forward, added = np.zeros((2, rounded.size, states, max(states, width)))
         done = {law: law.over(rounded) for law in set(self.laws)}
-        for number, law in enumerate(self.laws):
-            some = slice(0, law.size)
-            forward[:, number, some, some], added[:, number, some, some] = done[law]
-        return forward[which], added[which]
+        for law, some in zip(self.laws, self.blocks, strict=True):
+            forward[:, some, some], added[:, some, some] = done[law]
+        return forward, added, which
 
     def transition(self, dt_s: Floats) -> Floats:
         """The state's transition over each of ``dt_s`` [k]: [k, states, states]."""
-        return self._on_diagonal(self.blocks_over(dt_s)[0])
+        forward, _, which = self.over(dt_s)
+        return forward[which]
 
     def process_noise(self, dt_s: Floats) -> Floats:
         """The covariance that is added over each of ``dt_s`` [k]: [k, states, states]."""
-        return self._on_diagonal(self.blocks_over(dt_s)[1])
-
-    def _on_diagonal(self, blocks: Floats) -> Floats:
-        states = int(self.sizes.sum())
-        full = np.zeros((blocks.shape[0], states, states))
-        for number, some in enumerate(self.blocks):
-            size = some.stop - some.start
-            full[:, some, some] = blocks[:, number, :size, :size]
-        return full
+        _, added, which = self.over(dt_s)
+        return added[which]

@@ -135,7 +135,7 @@ def smooth(
         slow.covariance,
         noise,
         _rejected(table, data, noise, rules, innovations),
-        consistency_of(data.time_s, innovations.innovation, innovations.spread, innovations.refused),
+        consistency_of(data.time_s, innovations.innovation, innovations.deviation, innovations.refused),
     )
 
 
@@ -177,11 +177,11 @@ def _grid(data: Binned, rate_hz: float) -> Ints:
 def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
     """Two passes: the heading by itself, then everything about it."""
     begin, model = first_state(data), noise.heading_model
-    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).seen_by(model)
-    heading = smooth_steps(alone, begin.seen_by(model), model, gate, engine)
+    alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).for_model(model)
+    heading = smooth_steps(alone, begin.for_model(model), model, gate, engine)
     everything = noise.motion_model
-    steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).seen_by(everything)
-    return smooth_steps(steps, begin.seen_by(everything), everything, gate, engine)
+    steps = motion_steps(data, heading.mean @ model.sums[0], noise.by_channel).for_model(everything)
+    return smooth_steps(steps, begin.for_model(everything), everything, gate, engine)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,10 +215,10 @@ def _blocks(time_s: Floats) -> list[_Block]:
 
 @dataclass(frozen=True, slots=True)
 class _Innovations:
-    """What each step made of its values, gathered over the blocks; ``expected`` is the smoothed value."""
+    """What each step made of its values, gathered over the blocks; ``mean`` is the smoothed state."""
 
     innovation: Floats
-    spread: Floats
+    deviation: Floats
     refused: Bools
     mean: Floats
 
@@ -236,7 +236,7 @@ class _Innovations:
         core = slice(block.core_first, block.core_last)
         local = slice(block.core_first - block.first, block.core_last - block.first)
         self.innovation[core] = track.filtered.innovation[local]
-        self.spread[core] = track.filtered.spread[local]
+        self.deviation[core] = track.filtered.deviation[local]
         self.refused[core] = track.filtered.refused[local]
         self.mean[core] = track.mean[local] @ track.model.sums.T
 

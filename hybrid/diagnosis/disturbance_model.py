@@ -1,4 +1,4 @@
-"""The ship and what disturbs her as one linear system, second by second, compiled: for the filter and the smoother.
+"""The ship and what disturbs her as one linear system, second by second, compiled: for the Kalman kernel.
 
 States: the ship's six deviations from the motion that the model is linear about; a slow force in each body axis, an
 Ornstein-Uhlenbeck process; the swing in waves, three damped oscillators (north, east, yaw) with their speeds. They
@@ -9,24 +9,25 @@ none.
 
 from __future__ import annotations
 
-from math import cos, exp, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from analysis.estimation.process_models import decay, oscillator
 from hybrid.vessel.compiling import compiled
 
 CALM, SWING, DRIFT = 9, 6, 6
 """The number of states without waves and slow errors of sensors, and how many more each of these are."""
-
-WIDTH = 24
-"""The columns of the filter's matrices, zeros behind the states': loops of a known length are compiled faster."""
 
 FREE = np.array([30.0, 30.0, 0.5, 3.0, 3.0, 0.3])
 """Standard deviations of a block's first state [m, m, rad, m/s, m/s, rad/s]: so wide that nothing is known."""
 
 _SLOWEST_RADPS = 0.3
 _GRAVITY_MPS2 = 9.81
+
+
+left, oscillating = compiled(decay), compiled(oscillator)
 
 
 @compiled
@@ -48,33 +49,29 @@ def states_of(noise: Floats) -> int:
 
 
 @compiled
-def sight(H: Floats, origin: Floats, noise: Floats, channel: int, h: Floats) -> None:
-    """How a channel sees the states: fills ``h``. ``H`` [6, 6] and ``origin`` [6] are of this second."""
-    h[:] = 0.0
-    for i in range(6):
-        h[i] = H[channel, i]
-    if has_drift(noise):
-        h[h.size - DRIFT + channel] = 1.0
+def measurement_rows(H: Floats, origin: Floats, noise: Floats, rows: Floats) -> None:
+    """How each channel measures the states: fills ``rows`` [6, n]. ``H`` [6, 6] and ``origin`` [6] are of this
+    second.
+
+    The swing moves the ship over ground; a ship that swings in yaw measures her speed ahead along another axis.
+    """
+    for channel in range(6):
+        rows[channel, :] = 0.0
+        for i in range(6):
+            rows[channel, i] = H[channel, i]
+        if has_drift(noise):
+            rows[channel, rows.shape[1] - DRIFT + channel] = 1.0
     if not has_waves(noise):
         return
     c, s = cos(origin[2]), sin(origin[2])
-    if channel == 0:
-        h[9] = 1.0
-    elif channel == 1:
-        h[11] = 1.0
-    elif channel == 2:
-        h[13] = 1.0
-    elif channel == 3:  # a ship that swings in yaw sees her speed ahead from the side
-        h[10], h[12], h[13] = c, s, origin[4]
-    elif channel == 4:
-        h[10], h[12], h[13] = -s, c, -origin[3]
-    else:
-        h[14] = 1.0
+    rows[0, 9] = rows[1, 11] = rows[2, 13] = rows[5, 14] = 1.0
+    rows[3, 10], rows[3, 12], rows[3, 13] = c, s, origin[4]
+    rows[4, 10], rows[4, 12], rows[4, 13] = -s, c, -origin[3]
 
 
 @compiled
-def beginning(noise: Floats, origin: Floats, free: Floats, P: Floats) -> None:
-    """The covariance at the start of a block: fills ``P``, which is zero before."""
+def initial_covariance(noise: Floats, origin: Floats, free: Floats, P: Floats) -> None:
+    """The covariance at the start of a block: fills ``P`` [n, WIDTH], which is zero before."""
     for i in range(6):
         P[i, i] = free[i] ** 2
     for d in range(3):
@@ -94,7 +91,7 @@ def beginning(noise: Floats, origin: Floats, free: Floats, P: Floats) -> None:
 
 @compiled
 def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
-    """The system over a second from here: fills ``F`` and ``Q``, the covariance of what comes new."""
+    """The system over a second from here: fills ``F`` and ``Q``, the process noise, both [n, WIDTH]."""
     for i in range(6):
         for j in range(6):
             F[i, j] = A[i, j]
@@ -103,12 +100,12 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
                 Q[i, j] += B[i, d] * B[j, d] * noise[6 + d] ** 2
         for d in range(3):
             F[i, 6 + d] = B[i, d]
-    kept = exp(-1.0 / noise[12])
+    kept = left(1.0, noise[12])
     for d in range(3):
         F[6 + d, 6 + d] = kept
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
     if has_drift(noise):
-        first, kept = F.shape[0] - DRIFT, exp(-1.0 / noise[26])
+        first, kept = F.shape[0] - DRIFT, left(1.0, noise[26])
         for channel in range(6):
             F[first + channel, first + channel] = kept
             Q[first + channel, first + channel] = (1.0 - kept * kept) * noise[20 + channel] ** 2
@@ -119,11 +116,8 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
 @compiled
 def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
     """A damped oscillator over a second, exactly, stationary."""
-    w, damping = _met_frequency(noise, origin), noise[18]
-    wd = w * sqrt(1.0 - damping * damping)
-    fall, c, s = exp(-damping * w), cos(wd), sin(wd)
-    a00, a01 = fall * (c + damping * w / wd * s), fall * s / wd
-    a10, a11 = -fall * w * w / wd * s, fall * (c - damping * w / wd * s)
+    w = _met_frequency(noise, origin)
+    a00, a01, a10, a11 = oscillating(1.0, w, noise[18])
     q00 = 1.0 - a00 * a00 - a01 * a01 * w * w
     q11 = w * w - a10 * a10 - a11 * a11 * w * w
     q01 = -(a00 * a10 + a01 * a11 * w * w)
@@ -157,40 +151,14 @@ def _swing_covariance(noise: Floats, origin: Floats, d: int, e: int) -> float:
 
 
 @compiled
-def predicted(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
-    """``P`` a second later, in place; ``work`` is room to work in. ``F`` is mostly zeros, and ``P`` symmetric."""
-    n = P.shape[0]
-    for i in range(n):
-        for j in range(WIDTH):
-            work[i, j] = 0.0
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                for j in range(WIDTH):
-                    work[i, j] += f * P[k, j]
-    for i in range(n):
-        for j in range(i):
-            work[i, j], work[j, i] = work[j, i], work[i, j]
-    for i in range(n):
-        for j in range(WIDTH):
-            P[i, j] = Q[i, j]
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                for j in range(WIDTH):
-                    P[i, j] += f * work[k, j]
+def fill_block(A, B, H, origin, noise, F, Q, rows, P) -> None:  # type: ignore[no-untyped-def]
+    """The system over the T seconds of a block, as :mod:`analysis.estimation.kalman_kernel` takes it.
 
-
-@compiled
-def seen_through(P: Floats, h: Floats, Ph: Floats) -> float:
-    """Fills ``Ph`` with P h and returns h' P h; ``P`` is symmetric."""
-    n, variance = P.shape[0], 0.0
-    for j in range(WIDTH):
-        Ph[j] = 0.0
-    for i in range(n):
-        if h[i] != 0.0:
-            for j in range(WIDTH):
-                Ph[j] += h[i] * P[i, j]
-    for i in range(n):
-        variance += h[i] * Ph[i]
-    return variance
+    Fills ``F``, ``Q`` [T or more, n, WIDTH], of which number k leads from second k to the next, ``rows`` [T or
+    more, 6, n] and the initial covariance ``P`` [n, WIDTH]. F and Q are zero before, or of another block.
+    """
+    P[:] = 0.0
+    initial_covariance(noise, origin[0], FREE, P)
+    for k in range(A.shape[0]):
+        measurement_rows(H[k], origin[k], noise, rows[k])
+        transition(A[k], B[k], noise, origin[k], F[k], Q[k])

@@ -19,13 +19,12 @@ from hybrid.diagnosis.evidence import (
     subset_of,
     tolerated_forces,
 )
-from hybrid.diagnosis.innovations import Columns
+from hybrid.diagnosis.innovations import Columns, smoothed_state
 from hybrid.diagnosis.linearise import Model, Signature, sensor_readings
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
 from hybrid.diagnosis.nuisance_basis import WIND_MPS
-from hybrid.diagnosis.smoother import reconstructed
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
@@ -50,7 +49,7 @@ def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambd
         noise = estimated_noise(log, look, noise)
         progress(0.3 + 0.5 * round_)
         rest, sensors = _rest(log, look, noise, seed=None)
-        moved = look.linear.origin + reconstructed(look.linear, rest, noise, log.edges)[0][:, :6]
+        moved = look.linear.origin + smoothed_state(look.linear, rest, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=sensor_readings(log, model.plant(), moved) + sensors)
         progress(0.5 + 0.5 * round_)
     assert noise is not None

@@ -1,10 +1,13 @@
-"""Prediction errors of one second after another, made independent and of unit variance, compiled.
+"""Prediction errors second after second, made independent and of unit variance; and the smoothed motion and forces.
 
-A Kalman filter (Kalman 1960) over each block of the system in :mod:`.disturbance_model`. It starts from a state
-about which nothing is known, so that every block has a free one. Its innovations over their spread are the
-whitened errors. The filter is linear: what an effect would do to the errors is the filter's answer to the effect's
-signature, column by column, and a fit of effects to all the data is an ordinary least-squares problem from there
-on. Missing samples are passed over.
+A Kalman filter (:mod:`analysis.estimation.kalman_kernel`) over each block of the system in
+:mod:`.disturbance_model`. It starts from a state about which nothing is known, so that every block has a free one.
+Its innovations over their standard deviations are the whitened errors. The filter is linear: what an effect would
+do to the errors is the filter's answer to the effect's signature, column by column, and a fit of effects to all the
+data is an ordinary least-squares problem from there on.
+
+The smoother goes back over each block. Its motion is where the equations are made linear anew; its force is a
+picture of what the model lacks, for people.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -20,22 +23,16 @@ from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import (
-    FREE,
-    WIDTH,
-    beginning,
-    predicted,
-    seen_through,
-    sight,
-    states_of,
-    transition,
-)
+from analysis.estimation import kalman_kernel, process_models
+from analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
+from hybrid.diagnosis.disturbance_model import fill_block, states_of
 from hybrid.diagnosis.linearise import Linear, Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.vessel.compiling import FAST, compiled, source_stamp
 
 STAMP = source_stamp(
-    *(Path(__file__).with_name(f"{name}.py") for name in ("disturbance_model", "innovations", "smoother"))
+    *(Path(__file__).with_name(f"{name}.py") for name in ("disturbance_model", "innovations")),
+    *(Path(module.__file__ or "") for module in (kalman_kernel, process_models)),
 )
 
 
@@ -71,14 +68,27 @@ def whitened(linear: Linear, columns: Columns, noise: Noise, edges: NDArray[np.i
     ``edges`` [blocks + 1] are the rows at which blocks begin, and the end.
     """
     z = np.zeros((len(linear.A), 6, columns.count))
-    spread = np.ones((len(linear.A), 6))
-    arrays = (
-        linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, columns.drive, columns.seen, columns.features,
-        noise.as_array(),
-    )  # fmt: skip
+    variance = np.ones((len(linear.A), 6))
+    arrays = _system(linear, noise), columns.drive, columns.seen, columns.features
+    on_all_cores(lambda part: _whiten(*arrays, part, z, variance), edges)
+    return z, variance
 
-    on_all_cores(lambda part: _whiten(*arrays, part, z, spread), edges)
-    return z, spread
+
+def smoothed_state(linear: Linear, data: Columns, noise: Noise, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """The ship's deviation from the motion made linear about [T, 6] and the slow force [T, 3], then its variances.
+
+    Returns means [T, 9] and variances [T, 9]; forces in N, N and N m. ``data`` is one column.
+    """
+    mean, variance = np.zeros((len(linear.A), 9)), np.zeros((len(linear.A), 9))
+    arrays = _system(linear, noise), data.drive, data.seen
+    on_all_cores(lambda part: _smooth(*arrays, part, mean, variance), edges)
+    unit = np.concatenate([np.ones(6), FORCE_UNITS])
+    return mean * unit, variance * unit**2
+
+
+def _system(linear: Linear, noise: Noise) -> tuple[Floats, ...]:
+    """What the compiled loops know of the ship and of what disturbs her."""
+    return linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, noise.as_array()
 
 
 def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.int64]) -> None:
@@ -94,76 +104,73 @@ def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.in
 
 
 @compiled
-def _whiten_block(  # type: ignore[no-untyped-def]
-    A, B, H, origin, drive, seen, features, noise, first, last, z, spread
-):
-    """The whitened columns of one block; see :func:`whitened` for what the arrays are."""
-    plain, M = drive.shape[2], features.shape[1]
-    C, n = plain + 3 * M, states_of(noise)
-    P, F, Q, work = np.zeros((n, WIDTH)), np.zeros((n, WIDTH)), np.zeros((n, WIDTH)), np.zeros((n, WIDTH))
-    m, moved = np.zeros((n, C)), np.zeros((n, C))
-    h, Ph = np.zeros(n), np.zeros(WIDTH)
-    beginning(noise, origin[first], FREE, P)
-    for k in range(first, last):
-        for channel in range(6):
-            if np.isnan(seen[k, channel, 0]):
-                continue
-            sight(H[k], origin[k], noise, channel, h)
-            variance = seen_through(P, h, Ph) + noise[channel] ** 2
-            spread[k, channel] = variance
-            out = z[k, channel]
-            for j in range(plain):
-                out[j] = seen[k, channel, j]
-            for i in range(n):
-                if h[i] != 0.0:
-                    for j in range(C):
-                        out[j] -= h[i] * m[i, j]
-            for i in range(n):
-                gain = Ph[i] / variance
-                if gain != 0.0:
-                    for j in range(C):
-                        m[i, j] += gain * out[j]
-                    for j in range(WIDTH):
-                        P[i, j] -= gain * Ph[j]
-            root = 1.0 / sqrt(variance)
-            for j in range(C):
-                out[j] *= root
-        if k == last - 1:
-            break
-        transition(A[k], B[k], noise, origin[k], F, Q)
-        _moved(F, m, B[k], drive[k], features[k], moved)
-        m, moved = moved, m
-        predicted(F, Q, P, work)
+def _room(noise, edges):  # type: ignore[no-untyped-def]
+    """Room for the system of the longest block, the variances of its samples, and which transition leads where."""
+    n, longest = states_of(noise), 0
+    for block in range(edges.size - 1):
+        longest = max(longest, edges[block + 1] - edges[block])
+    R = np.empty((longest, 6))
+    R[:] = noise[:6] ** 2
+    F, Q = np.zeros((longest, n, WIDTH)), np.zeros((longest, n, WIDTH))
+    return F, Q, np.zeros((longest, 6, n)), R, np.zeros((n, WIDTH)), np.arange(longest) - 1
 
 
 @compiled
-def _moved(F, m, B, drive, features, moved):  # type: ignore[no-untyped-def]
-    """The filter's means a second later: fills ``moved`` [n, C]."""
-    n, plain, M = F.shape[0], drive.shape[1], features.size
-    for i in range(n):
-        for j in range(m.shape[1]):
-            moved[i, j] = 0.0
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                for j in range(m.shape[1]):
-                    moved[i, j] += f * m[k, j]
-        if i < 6:
-            for j in range(plain):
-                moved[i, j] += drive[i, j]
-            for d in range(3):
-                for j in range(M):
-                    moved[i, plain + d * M + j] -= B[i, d] * features[j]
+def _no_gate():  # type: ignore[no-untyped-def]
+    """The gate of a filter that refuses nothing."""
+    return inf, 0.0, 0, np.zeros(0), np.zeros((0, 0), dtype=np.bool_)
 
 
-def _make(stamp: int) -> Callable[..., None]:
+def _make_whiten(stamp: int) -> Callable[..., None]:
     @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
-    def whiten(A, B, H, origin, drive, seen, features, noise, edges, z, spread):  # type: ignore[no-untyped-def]
+    def whiten(system, drive, seen, features, edges, z, variance):  # type: ignore[no-untyped-def]
+        A, B, H, origin, noise = system
+        F, Q, rows, R, P, interval = _room(noise, edges)
+        plain, none = drive.shape[2], np.zeros((0, 0, 0))
+        kept, gain = (none, np.zeros((0, 0)), none), np.zeros((rows.shape[0], 6, 3))
         for block in range(edges.size - 1 if stamp != 0 else 0):
-            first, last = edges[block], edges[block + 1]
-            _whiten_block(A, B, H, origin, drive, seen, features, noise, first, last, z, spread)
+            a, b = edges[block], edges[block + 1]
+            T = b - a
+            fill_block(A[a:b], B[a:b], H[a:b], origin[a:b], noise, F, Q, rows, P)
+            for k in range(T):  # a feature's force is what the data would show: it is taken off
+                for i in range(6):
+                    for d in range(3):
+                        gain[k, i, d] = -B[a + k, i, d]
+                    for j in range(plain):
+                        z[a + k, i, j] = seen[a + k, i, j]
+            inputs, m = (drive[a:b], gain, features[a:b]), np.zeros((rows.shape[2], z.shape[2]))
+            filter_pass(
+                F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z[a:b], variance[a:b], kept
+            )
+            for k in range(a, b):
+                for channel in range(6):
+                    missing = np.isnan(seen[k, channel, 0])
+                    factor = 1.0 / sqrt(variance[k, channel])
+                    for j in range(z.shape[2]):
+                        z[k, channel, j] = 0.0 if missing else factor * z[k, channel, j]
 
     return whiten  # type: ignore[no-any-return]
 
 
-_whiten = _make(STAMP)
+def _make_smooth(stamp: int) -> Callable[..., None]:
+    @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+    def smooth(system, drive, seen, edges, mean, mean_variance):  # type: ignore[no-untyped-def]
+        A, B, H, origin, noise = system
+        F, Q, rows, R, P, interval = _room(noise, edges)
+        n, none = P.shape[0], np.zeros((0, 0, 0))
+        for block in range(edges.size - 1 if stamp != 0 else 0):
+            a, b = edges[block], edges[block + 1]
+            T = b - a
+            fill_block(A[a:b], B[a:b], H[a:b], origin[a:b], noise, F, Q, rows, P)
+            inputs, m = (drive[a:b], np.zeros((T, 6, 0)), np.zeros((T, 0))), np.zeros((n, 1))
+            z, variance = seen[a:b].copy(), np.ones((T, 6))
+            kept = np.zeros((T, 6, n)), np.zeros((T, n)), np.zeros((T, n, n))
+            filter_pass(F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z, variance, kept)
+            smoother_pass(
+                F, interval, rows[:T], inf, z, variance, kept, mean[a:b], mean_variance[a:b], np.zeros((0, 0)), none
+            )
+
+    return smooth  # type: ignore[no-any-return]
+
+
+_whiten, _smooth = _make_whiten(STAMP), _make_smooth(STAMP)

@@ -19,13 +19,12 @@ from scipy.stats import norm, t
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
-from hybrid.diagnosis.innovations import Columns, columns_of
+from hybrid.diagnosis.innovations import Columns, columns_of, smoothed_state
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.nuisance_basis import WIND_MPS, wind_errors
 from hybrid.diagnosis.result import Place
-from hybrid.diagnosis.smoother import reconstructed
 from hybrid.vessel.channels import RPM_PER_RPS
 
 LEAST_S = 20
@@ -192,7 +191,7 @@ def map_of(equations: NormalEquations, repaired: bool = False) -> Map:
     cells = cells_of(log, linear.origin)
     tolerated, scale = _tolerated(equations)
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
-    force = reconstructed(linear, data, _any_force(equations), log.edges)[0][:, 6:]
+    force = smoothed_state(linear, data, _any_force(equations), log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 

@@ -1,8 +1,7 @@
 """The noise levels under which what was measured is the most likely, once all effects have had their say.
 
-The likelihood of the filter's innovations (Schweppe 1965), climbed by scoring (Fisher): slopes by differences of
-the filter itself. The data come with every effect's part taken off first; else a missing effect passes for
-noise and hides itself. Innovations count up to a limit only, so that outliers do not pass for noise either.
+Maximum likelihood (:mod:`analysis.estimation.likelihood`) on the innovations of the disturbed ship's filter. The
+data come with every effect's part taken off first; else a missing effect passes for noise and hides itself.
 """
 
 from __future__ import annotations
@@ -13,15 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from analysis.estimation.likelihood import Prior, Scoring, most_likely, robust_cost
 from hybrid.diagnosis.innovations import Columns, whitened
 from hybrid.diagnosis.linearise import Linear
 from hybrid.diagnosis.noise import Noise
 
-_LIMIT = 4.0
-_DIFFERENCE = 0.02
-_SPREAD = 1.5  # of the logarithm of each level about where the search begins
+_SCORING = Scoring(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
+_DEVIATION = 1.5  # of the logarithm of each level about where the search begins
 _ROOM = 2.0
-_ENOUGH = 0.5  # of the logarithm of the likelihood
 _LEAST = np.log(
     [1e-3, 5e-5, 1e-3, 1e-3, 1e-5]
 )  # of the sensors: better ones there are none, or they are no sensors
@@ -37,28 +35,23 @@ def fitted_noise(
     """The likeliest levels for one column of data, searched from ``start``, and minus the log likelihood.
 
     At most ``steps`` steps are made."""
-    most = _most(linear, data)
-    begin = _bounded(_parameters(start), start, most)
-    now, damping = begin.copy(), 1.0
-    value, z, log_spread = _judged(linear, data, edges, start, now, begin)
-    for _ in range(steps):
-        slope, information = _slopes(linear, data, edges, start, now, z, log_spread)
-        slope += (now - begin) / _SPREAD**2
-        information += np.eye(len(now)) / _SPREAD**2
-        for _ in range(5):
-            step = -np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
-            trial = _bounded(now + np.clip(step, -1.0, 1.0), start, most)
-            new = _judged(linear, data, edges, start, trial, begin)
-            if new[0] < value:
-                break
-            damping *= 4.0
-        else:
-            break
-        gained, now, damping = value - new[0], trial, damping / 5.0
-        value, z, log_spread = new
-        if gained < _ENOUGH:
-            break
-    return _noise(start, now), value
+    low, high = _bounds(start, _most(linear, data))
+    begin, there = np.clip(_parameters(start), low, high), np.isfinite(data.seen[:, :, 0])
+
+    def innovations(at: Floats) -> tuple[Floats, Floats]:
+        return _innovations(linear, data, edges, _noise(start, at), there)
+
+    how = replace(_SCORING, most_steps=steps)
+    found, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
+    return _noise(start, found), 0.5 * cost
+
+
+def _innovations(
+    linear: Linear, data: Columns, edges: NDArray[np.int64], noise: Noise, there: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """All innovations and their variances."""
+    z, variance = whitened(linear, data, noise, edges)
+    return (z[:, :, 0] * np.sqrt(variance))[there], variance[there]
 
 
 def _most(linear: Linear, data: Columns) -> Floats:
@@ -71,33 +64,6 @@ def _most(linear: Linear, data: Columns) -> Floats:
     level = 1.4826 * np.array([np.median(each[np.isfinite(each)]) for each in third.T])
     level[0] = max(level[:2])
     return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
-
-
-def _judged(
-    linear: Linear, data: Columns, edges: NDArray[np.int64], start: Noise, at: Floats, begin: Floats
-) -> tuple[float, Floats, Floats]:
-    """Minus the log likelihood at these parameters, the whitened data and the log of their variance."""
-    z, spread = whitened(linear, data, _noise(start, at), edges)
-    flat, logs = z[:, :, 0].ravel(), np.log(spread).ravel()
-    away = 0.5 * float((((at - begin) / _SPREAD) ** 2).sum())
-    return _cost(flat, logs) + away, flat, logs
-
-
-def _slopes(
-    linear: Linear, data: Columns, edges: NDArray[np.int64], start: Noise, at: Floats, z: Floats, logs: Floats,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Slope [p] and Fisher's information [p, p] of minus the log likelihood."""
-    by_z, by_log = np.empty((len(at), z.size)), np.empty((len(at), z.size))
-    for number in range(len(at)):
-        moved = at.copy()
-        moved[number] += _DIFFERENCE
-        new, spread = whitened(linear, data, _noise(start, moved), edges)
-        by_z[number] = (new[:, :, 0].ravel() - z) / _DIFFERENCE
-        by_log[number] = (np.log(spread).ravel() - logs) / _DIFFERENCE
-    inside = np.abs(z) < _LIMIT
-    slope = 0.5 * by_log.sum(axis=1) + (by_z * (z * inside)).sum(axis=1)
-    errors = (by_z + 0.5 * z * by_log) * inside
-    return slope, 0.5 * by_log @ by_log.T + errors @ errors.T
 
 
 _SENSORS = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
@@ -137,17 +103,19 @@ def _noise(start: Noise, parameters: Floats) -> Noise:
     return result
 
 
-def _bounded(parameters: Floats, kind: Noise, most: Floats) -> Floats:
-    """The parameters as near as they may be."""
-    parameters[: len(_LEAST)] = np.clip(parameters[: len(_LEAST)], _LEAST, most)
+def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
+    """The least and the largest that each parameter may be."""
+    size = len(_parameters(kind))
+    low, high = np.full(size, -np.inf), np.full(size, np.inf)
+    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, most
     places = {"slow_s": _ALWAYS - 1}
     if kind.has_waves:
         places |= {"wave_frequency_radps": _ALWAYS + 3, "wave_damping": _ALWAYS + 4}
     if kind.has_drift:
-        places["drift_s"] = len(parameters) - 1
+        places["drift_s"] = size - 1
     for name, place in places.items():
-        parameters[place] = np.clip(parameters[place], *np.log(_BOUNDS[name]))
-    return np.asarray(parameters)
+        low[place], high[place] = np.log(_BOUNDS[name])
+    return low, high
 
 
 def with_drift(linear: Linear, data: Columns, edges: NDArray[np.int64], noise: Noise) -> Noise:
@@ -169,10 +137,5 @@ def with_drift(linear: Linear, data: Columns, edges: NDArray[np.int64], noise: N
 
 
 def _minus_log_likelihood(linear: Linear, data: Columns, edges: NDArray[np.int64], noise: Noise) -> float:
-    z, spread = whitened(linear, data, noise, edges)
-    return _cost(z[:, :, 0], np.log(spread))
-
-
-def _cost(z: Floats, logs: Floats) -> float:
-    """Minus the log likelihood of innovations, each counted up to a limit."""
-    return 0.5 * float((logs + np.minimum(z**2, _LIMIT**2)).sum())
+    there = np.isfinite(data.seen[:, :, 0])
+    return 0.5 * robust_cost(*_innovations(linear, data, edges, noise, there), _SCORING.limit)

@@ -11,16 +11,15 @@ import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.evidence import NormalEquations
-from hybrid.diagnosis.innovations import Columns
+from hybrid.diagnosis.innovations import Columns, smoothed_state
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.diagnosis.smoother import reconstructed
 
 
 def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
     """The mean distance [m] over the seconds 1 to H of windows that begin at the rows ``starts``."""
     linear, noise = equations.linear, equations.noise
     data = Columns(linear.defect[:, :, None], linear.observed[:, :, None], np.zeros((len(linear.A), 0)))
-    variance = reconstructed(linear, data, noise, equations.log.edges)[1]
+    variance = smoothed_state(linear, data, noise, equations.log.edges)[1]
     P = np.zeros((len(starts), 9, 9))
     P[:, range(6), range(6)] = variance[starts, :6]
     P[:, range(6, 9), range(6, 9)] = _slow(noise)

@@ -26,7 +26,7 @@ def north_steps(time_s: np.ndarray, values: np.ndarray, sigmas: tuple[float, flo
 
 def smoothed(steps: Steps, laws: tuple[Law, ...], gate: Gate, engine: str = "compiled") -> Track:
     model = Model((1,) * len(laws), laws)
-    return smooth_steps(steps.seen_by(model), START.seen_by(model), model, gate, engine)  # type: ignore[arg-type]
+    return smooth_steps(steps.for_model(model), START.for_model(model), model, gate, engine)  # type: ignore[arg-type]
 
 
 def irregular(seed: int, count: int = 60) -> Steps:
@@ -65,7 +65,7 @@ def textbook(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.n
 def test_both_engines_are_the_textbook_filter(laws: tuple[Law, ...], engine: str) -> None:
     steps, model = irregular(1), Model((1,) * len(laws), laws)
     track = smoothed(steps, laws, WIDE, engine)
-    expected = textbook(steps.seen_by(model), START.seen_by(model), model)
+    expected = textbook(steps.for_model(model), START.for_model(model), model)
     found = (track.filtered.mean, track.filtered.covariance, track.mean, track.covariance)
     for own, book in zip(found, expected, strict=True):
         assert own == pytest.approx(book, rel=1e-6, abs=1e-7)

@@ -10,15 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.arrays import Floats
+from analysis.estimation.kalman_kernel import WIDTH, predict_covariance, projected_variance
 from hybrid.diagnosis.disturbance_model import (
     CALM,
     FREE,
     SWING,
-    WIDTH,
-    beginning,
-    predicted,
-    seen_through,
-    sight,
+    initial_covariance,
+    measurement_rows,
     states_of,
     transition,
 )
@@ -42,7 +40,7 @@ def room(noise: Noise) -> Floats:
 def start(linear: Linear, noise: Noise, k: int) -> Floats:
     """Covariance of a block's first state."""
     P = room(noise)
-    beginning(noise.as_array(), linear.origin[k], FREE, P)
+    initial_covariance(noise.as_array(), linear.origin[k], FREE, P)
     return P
 
 
@@ -62,7 +60,7 @@ def test_two_seconds_are_those_of_the_exact_processes(noise: Noise) -> None:
     P = start(linear, noise, 0)
     np.testing.assert_allclose(P[:, :n], by_hand.covariance[:n, :n], rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(F[:, :n], by_hand.onward[n:, :n], rtol=1e-9, atol=1e-12)
-    predicted(F, Q, P, room(noise))
+    predict_covariance(F, Q, P, room(noise))
     np.testing.assert_allclose(P[:, :n], by_hand.covariance[n:, n:], rtol=1e-9, atol=1e-12)
     assert not P[:, n:].any()
 
@@ -89,7 +87,7 @@ def test_what_is_new_is_a_covariance_and_the_swing_is_stationary(
     new = Q[:, : len(Q)]
     np.testing.assert_allclose(new, new.T, atol=1e-14)
     assert np.linalg.eigvalsh(new).min() > -1e-12
-    predicted(F, Q, P, room(noise))
+    predict_covariance(F, Q, P, room(noise))
     begun = start(linear, noise, 0)
     for part in (slice(6, 9), swing):
         np.testing.assert_allclose(P[part, part], begun[part, part], rtol=1e-9, atol=1e-13)
@@ -115,10 +113,10 @@ def test_each_channel_sees_the_states_as_the_sensors_move(noise: Noise) -> None:
     linear = a_ship(1, 24)
     n = states_of(noise.as_array())
     C = dense(linear, noise, slice(0, 1)).C
-    P, h, Ph = start(linear, noise, 0), np.zeros(n), np.zeros(WIDTH)
+    P, rows, Ph = start(linear, noise, 0), np.ones((6, n)), np.zeros(WIDTH)
     square = P[:, :n]
-    for channel in range(6):
-        sight(linear.H[0], linear.origin[0], noise.as_array(), channel, h)
+    measurement_rows(linear.H[0], linear.origin[0], noise.as_array(), rows)
+    for channel, h in enumerate(rows):
         np.testing.assert_allclose(h, C[channel], atol=1e-8)
-        assert seen_through(P, h, Ph) == pytest.approx(float(h @ square @ h), rel=1e-12)
+        assert projected_variance(P, h, Ph) == pytest.approx(float(h @ square @ h), rel=1e-12)
         np.testing.assert_allclose(Ph[:n], square @ h, rtol=1e-12, atol=1e-15)
