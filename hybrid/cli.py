@@ -128,7 +128,7 @@ def train(
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.artefact import save
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.dataset import gather
+    from hybrid.prediction.dataset import load_dataset
     from hybrid.vessel.files import DEFAULT, load_vessel, located
     from hybrid.workflows.train import train as run
 
@@ -137,12 +137,12 @@ def train(
     plant = vessel_plant(load_vessel(name))
     make_folder(output)
     with bar("reading") as progress:
-        gathered = gather(
+        dataset = load_dataset(
             files, horizon, stride, percent_of(part), progress, shorter=True,
             repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip
     with bar("training") as progress:
-        trained = run(gathered, name, plant, method, seed, progress)
+        trained = run(dataset, name, plant, method, seed, progress)
     path = save(trained, output)
     if as_json:
         typer.echo(json.dumps({"calibrator": str(path.parent), **trained.metrics}))
@@ -178,22 +178,22 @@ def validate(
     from analysis.tables.table import percent_of
     from hybrid.calibrators.artefact import load, plant_for
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.dataset import gather
+    from hybrid.prediction.dataset import load_dataset
     from hybrid.vessel.files import DEFAULT, load_vessel
-    from hybrid.workflows.validate import refuse_seen
+    from hybrid.workflows.validate import refuse_training_data
     from hybrid.workflows.validate import validate as run
 
     trained = load(calibrator) if calibrator else None
     plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
     seconds = horizon or (trained.horizon_s if trained else HORIZON_S)
     with bar("reading") as progress:
-        gathered = gather(
+        dataset = load_dataset(
             files, seconds, stride, percent_of(part), progress,
             repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip
     if trained is not None and not allow_seen:
-        refuse_seen(gathered.sources, trained)
-    validation = run(gathered, plant, trained)
+        refuse_training_data(dataset.sources, trained)
+    validation = run(dataset, plant, trained)
     typer.echo(f"reference: the model {trained.vessel if trained else vessel or DEFAULT}", err=True)
     if as_json:
         typer.echo(json.dumps(validation.as_dict()))

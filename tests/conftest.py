@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import Trained
-    from hybrid.calibrators.network import NetworkCalibrator
+    from hybrid.calibrators.artefact import TrainedCalibrator
+    from hybrid.calibrators.networks import NetworkCalibrator
     from hybrid.vessel.plant import Plant
 
 # How long an example takes is the machine's affair, and no finding.
@@ -67,7 +67,7 @@ def unseen(simulated: Simulated) -> Path:
 def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: int = 120) -> NetworkCalibrator:
     """An untrained calibrator that takes seconds to train, not minutes."""
     from hybrid.calibrators import make_calibrator
-    from hybrid.calibrators.network import NetworkCalibrator
+    from hybrid.calibrators.networks import NetworkCalibrator
 
     calibrator = make_calibrator(method, seed, plant)
     assert isinstance(calibrator, NetworkCalibrator)
@@ -76,21 +76,21 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 
 
 @pytest.fixture(scope="session")
-def small(earlier: list[Path]) -> Trained:
+def small(earlier: list[Path]) -> TrainedCalibrator:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.dataset import gather
+    from hybrid.prediction.dataset import load_dataset
     from hybrid.vessel.files import load_vessel
     from hybrid.workflows.train import train
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hybrid.workflows.train.make_calibrator", few_epochs)
-        gathered = gather(earlier, SMALL_HORIZON_S, 5)
-        return train(gathered, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
+        dataset = load_dataset(earlier, SMALL_HORIZON_S, 5)
+        return train(dataset, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 
 
 @pytest.fixture(scope="session")
-def small_folder(small: Trained, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def small_folder(small: TrainedCalibrator, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small calibrator on disk."""
     from hybrid.calibrators.artefact import save
 

@@ -1,4 +1,4 @@
-"""Learned predictors behind one interface: one file a method, one dict that says which."""
+"""Calibrators behind one interface: the methods by name, each imported when it is first used."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 
 # Imported when first used: torch takes more than a second.
 _METHODS = {
-    "paper": ("hybrid.calibrators.paper", "PaperCalibrator"),
-    "data_driven": ("hybrid.calibrators.data_driven", "DataDriven"),
-    "additive": ("hybrid.calibrators.additive", "AdditiveCalibrator"),
-    "adaptive": ("hybrid.calibrators.adaptive.calibrator", "Adaptive"),
+    "paper": ("hybrid.calibrators.networks", "PaperCalibrator"),
+    "data_driven": ("hybrid.calibrators.networks", "DataDrivenCalibrator"),
+    "additive": ("hybrid.calibrators.networks", "AdditiveCalibrator"),
+    "adaptive": ("hybrid.calibrators.adaptive.calibrator", "AdaptiveCalibrator"),
 }
 METHODS: tuple[str, ...] = tuple(_METHODS)
 

@@ -25,7 +25,7 @@ from hybrid.calibrators.sidecar import (
     SIDECAR,
     Model,
     Sidecar,
-    StoredReserve,
+    StoredFallback,
     damaged,
     model_of,
     read_bytes,
@@ -36,30 +36,25 @@ from hybrid.calibrators.sidecar import (
 )
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.dataset import Source
-from hybrid.prediction.prediction_windows import PAST_S, Horizons
-from hybrid.prediction.regions import Predicted, Reserve, guarded
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from hybrid.prediction.regions import Fallback, PredictedTracks, predict_with_fallback
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.fingerprint import plant_hash
 from hybrid.vessel.plant import Plant
 
 Tensors = dict[str, Tensor]
 PARTS = ("calibrator", "data_driven")
-"""The tensors of an artefact, a file each."""
-
-
-def now() -> datetime:
-    """The present second, UTC."""
-    return datetime.now(UTC).replace(microsecond=0)
+"""The tensors of an artefact, one file each."""
 
 
 @dataclass(frozen=True, slots=True)
-class Trained:
-    """What ``train`` makes and ``validate`` and ``predict`` use.
+class TrainedCalibrator:
+    """A calibrator as it is trained, saved and used for predictions.
 
-    ``calibrator`` corrects the reference; ``data_driven`` is its twin without a model; ``vessel`` names the
-    reference model and ``plant`` is it; ``band_m`` [H] is the radius that held 95 % of the positions on legs
-    kept out of the training, second by second, for a spread of one; ``reserve`` is what is known of those
-    that speak where the calibrator has no ground.
+    ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was
+    trained on the same windows without a model. ``band_m`` [H] is the radius of the 95 % region by second for a
+    relative uncertainty of one, from legs kept out of the training; ``fallback`` predicts outside the domain of
+    applicability.
     """
 
     calibrator: Calibrator
@@ -68,36 +63,41 @@ class Trained:
     vessel: str
     plant: Plant
     band_m: Floats
-    reserve: Reserve
+    fallback: Fallback
     sources: tuple[Source, ...]
     metrics: dict[str, Any]
-    trained_at: datetime = field(default_factory=now)
+    trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
     versions: dict[str, str] = field(default_factory=versions)
 
 
-def speak(trained: Trained, horizons: Horizons, reference: Floats) -> Predicted:
-    """What a trained calibrator predicts for windows, or the fallback (:mod:`hybrid.prediction.regions`)."""
-    return guarded(trained.calibrator, trained.plant, trained.band_m, trained.reserve, horizons, reference)
+def predict_tracks(trained: TrainedCalibrator, windows: PredictionWindows, reference: Floats) -> PredictedTracks:
+    """Tracks and regions by a trained calibrator, by the fallback outside its domain of applicability.
+
+    ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
+    """
+    return predict_with_fallback(
+        trained.calibrator, trained.plant, trained.band_m, trained.fallback, windows, reference
+    )
 
 
-def save(trained: Trained, folder: Path) -> Path:
+def save(trained: TrainedCalibrator, folder: Path) -> Path:
     """Write the artefact into ``folder`` and return the sidecar's path.
 
     All files are written in full before the first takes its place, the sidecar last and the old one out of
     the way: whatever happens, the folder holds the old artefact, the new one or none. Raises
     :class:`StorageError`, and :class:`InputError` for weights that are no numbers.
     """
-    tensors = {name: _on_disk(getattr(trained, name).state()) for name in PARTS}
+    tensors = {name: _on_disk(getattr(trained, name).state_dict()) for name in PARTS}
     for name in PARTS:
         _refuse_not_numbers(tensors[name], folder / _file(name))
     contents = {_file(name): safetensors.torch.save(each) for name, each in tensors.items()}
     sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
     make_folder(folder)
-    _put(folder, contents | {SIDECAR: text_of(sidecar).encode()})
+    _write_together(folder, contents | {SIDECAR: text_of(sidecar).encode()})
     return folder / SIDECAR
 
 
-def _put(folder: Path, contents: dict[str, bytes]) -> None:
+def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
     """Write files that go together, the sidecar the last of them. Raises :class:`StorageError`."""
     partial = {name: folder / f".{name}.part" for name in contents}
     try:
@@ -114,7 +114,7 @@ def _put(folder: Path, contents: dict[str, bytes]) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
+def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: dict[str, str]) -> Sidecar:
     return Sidecar(
         format=FORMAT,
         trained_at=trained.trained_at,
@@ -127,24 +127,24 @@ def _sidecar(trained: Trained, tensors: dict[str, Tensors], digests: dict[str, s
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),
         files=digests,
         band_m=tuple(map(float, trained.band_m)),
-        reserve=_stored_reserve(trained.reserve),
+        reserve=_stored_fallback(trained.fallback),
         data=trained.sources,
         metrics=trained.metrics,
     )
 
 
-def load(folder: Path) -> Trained:
+def load(folder: Path) -> TrainedCalibrator:
     """Read an artefact. Raises :class:`InputError` naming what is missing or not what it should be."""
     sidecar, plant = read_sidecar(folder)
     tensors = {name: _tensors(folder / _file(name), sidecar.files) for name in PARTS}
-    return Trained(
+    return TrainedCalibrator(
         calibrator=_restored(sidecar.calibrator, plant, tensors["calibrator"], folder),
         data_driven=_restored(sidecar.data_driven, plant, tensors["data_driven"], folder),
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
         band_m=np.array(sidecar.band_m),
-        reserve=_reserve_from(sidecar.reserve),
+        fallback=_fallback_from(sidecar.reserve),
         sources=sidecar.data,
         metrics=sidecar.metrics,
         trained_at=sidecar.trained_at,
@@ -152,18 +152,16 @@ def load(folder: Path) -> Trained:
     )
 
 
-def _stored_reserve(reserve: Reserve) -> StoredReserve:
-    usual_m, before_m = reserve.usual_m.tolist(), reserve.before_m.tolist()
-    return StoredReserve(
-        reference_m=(usual_m[0], before_m[0]),
-        constant_velocity_m=(usual_m[1], before_m[1]),
-        band=tuple(map(float, reserve.band)),
+def _stored_fallback(fallback: Fallback) -> StoredFallback:
+    (reference, constant_velocity) = zip(
+        fallback.training_error_m.tolist(), fallback.hindcast_error_m.tolist(), strict=True
     )
+    return StoredFallback(reference, constant_velocity, tuple(map(float, fallback.radius)))
 
 
-def _reserve_from(stored: StoredReserve) -> Reserve:
-    usual_m, before_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
-    return Reserve(usual_m, before_m, np.array(stored.band))
+def _fallback_from(stored: StoredFallback) -> Fallback:
+    training_m, hindcast_m = np.array([stored.reference_m, stored.constant_velocity_m]).T
+    return Fallback(training_m, hindcast_m, np.array(stored.band))
 
 
 def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Calibrator:
@@ -175,7 +173,7 @@ def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Cal
         raise InputError(f"was trained on other inputs than this version gives to {model.method}",
                          where=str(folder / SIDECAR), why=", ".join(differing)[:120], fix="train anew")  # fmt: skip
     try:
-        calibrator.restore(tensors)
+        calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
     except (SeatrialError, KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
         raise damaged(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
@@ -233,7 +231,7 @@ def _reason(error: Exception) -> str:
     return " ".join(text.splitlines()[:2])[:160]
 
 
-def refuse_horizon(horizon_s: int, trained: Trained) -> None:
+def refuse_horizon(horizon_s: int, trained: TrainedCalibrator) -> None:
     """Raise :class:`InputError` when a calibrator was trained for another horizon."""
     if trained.horizon_s != horizon_s:
         raise InputError(
@@ -242,7 +240,7 @@ def refuse_horizon(horizon_s: int, trained: Trained) -> None:
         )
 
 
-def plant_for(trained: Trained, vessel: str | None) -> Plant:
+def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
     """The reference model that a calibrator was trained on; ``vessel`` may name it but not another.
 
     Raises :class:`ConfigurationError` when the named model differs in any number from that of the training.

@@ -1,4 +1,4 @@
-"""What every calibrator can do: learn from windows, predict tracks, say how sure it is, be saved."""
+"""The interface of all calibrators: fit to windows, predict tracks with their uncertainty, be saved."""
 
 from __future__ import annotations
 
@@ -10,23 +10,24 @@ import numpy as np
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.prediction.prediction_windows import Horizons
-from hybrid.prediction.regions import band_radius
+from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.regions import conformal_radius
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from hybrid.vessel.plant import Plant
 
-Examples = tuple[Horizons, Floats]
-"""Windows and the reference's tracks on them [N, H+1, 3]."""
+Examples = tuple[PredictionWindows, Floats]
+"""Windows and the reference model's tracks on them [N, H+1, 3]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
-    """What decides whether a method has ground: quantities by their ``names`` [C], what N windows have of each
-    ``values`` [N, K, C] (K seconds, or one), the range of the training ``low`` to ``high`` [C] and how far past it
-    still counts as inside, ``margin`` [C].
+class DomainOfApplicability:
+    """The values of N windows beside the range of the training, quantity by quantity.
+
+    ``names`` [C] of the quantities, ``values`` [N, K, C] of the windows (K seconds, or one), range of the training
+    ``low`` to ``high`` [C], and ``margin`` [C] by which a value may leave that range inside the domain.
     """
 
     names: tuple[str, ...]
@@ -36,25 +37,25 @@ class Ground:
     margin: Floats
 
     @property
-    def past(self) -> Bools:
-        """Which windows leave the range of the training itself in which quantity [N, C], by a thousandth of it."""
-        little = 1e-3 * (self.high - self.low) + 1e-9
-        outside: Bools = np.any((self.values < self.low - little) | (self.values > self.high + little), axis=1)
-        return outside
+    def outside_range(self) -> Bools:
+        """Which windows leave the range of the training by a thousandth of it or more, by quantity [N, C]."""
+        return self._beyond(1e-3 * (self.high - self.low) + 1e-9)
 
     @property
-    def beyond(self) -> Bools:
-        """Which windows lie beyond the training in which quantity [N, C]."""
-        outside = (self.values < self.low - self.margin) | (self.values > self.high + self.margin)
-        beyond: Bools = np.any(outside, axis=1)
-        return beyond
+    def outside(self) -> Bools:
+        """Which windows leave the domain, by quantity [N, C]."""
+        return self._beyond(self.margin)
+
+    def _beyond(self, margin: Floats) -> Bools:
+        outside = (self.values < self.low - margin) | (self.values > self.high + margin)
+        return np.asarray(outside.any(axis=1))
 
 
 class Calibrator(ABC):
     """A learned map from what is known of a window at its start, and the reference's track, to the ship's track.
 
-    Learned values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
-    that look inside it.
+    Fitted values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
+    that adapt it.
     """
 
     method: ClassVar[str]
@@ -66,40 +67,40 @@ class Calibrator(ABC):
 
     @abstractmethod
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
-        """Learn from windows; ``stopping`` are windows of other legs, to stop or choose by."""
+        """Fit to windows; ``stopping`` are windows of other legs, for early stopping or selection."""
 
     @abstractmethod
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted tracks [N, H+1, 3]: north, east [m], heading [rad]."""
 
     @abstractmethod
-    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
-        """What windows have of what it was trained on, beside the range of the training."""
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+        """The windows' values of what the domain of applicability is made of, beside the range of the training."""
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Bools:
-        """Which windows [N] lie beyond what it was trained on, where it has no ground."""
-        return np.asarray(self.ground(horizons, reference).beyond.any(axis=1))
+    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
+        """Which windows [N] lie outside the domain of applicability."""
+        return np.asarray(self.domain(windows, reference).outside.any(axis=1))
 
-    def spread(self, horizons: Horizons, reference: Floats) -> Floats:
-        """How uncertain each prediction is [N, H], one for a usual one; the same for all here."""
-        return np.ones((len(horizons), horizons.horizon_s))
+    def uncertainty(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The relative uncertainty of each prediction [N, H], one on average; the same for all here."""
+        return np.ones((len(windows), windows.horizon_s))
 
-    def predict_with_spread(self, horizons: Horizons, reference: Floats) -> tuple[Floats, Floats]:
-        """Both in one, where one costs as much as both."""
-        return self.predict(horizons, reference), self.spread(horizons, reference)
+    def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
+        """:meth:`predict` and :meth:`uncertainty` in one call, where one costs as much as both."""
+        return self.predict(windows, reference), self.uncertainty(windows, reference)
 
-    def unseen(self, stopping: Examples) -> Floats:
-        """The tracks of the windows that ``fit`` was given to stop by, from what was not trained on them."""
+    def out_of_sample_tracks(self, stopping: Examples) -> Floats:
+        """The tracks [N, H+1, 3] of the ``stopping`` windows of :meth:`fit` by a model not fitted to them."""
         return self.predict(*stopping)
 
-    def region(self, stopping: Examples) -> Floats:
-        """The radius of the 95 % region by second [H], for a spread of one; here from windows of other legs."""
-        return band_radius(self.unseen(stopping), stopping[0].track, self.spread(*stopping))
+    def conformal_radius(self, stopping: Examples) -> Floats:
+        """The radius [H] of the 95 % region by second, in metres, for an uncertainty of one."""
+        return conformal_radius(self.out_of_sample_tracks(stopping), stopping[0].track, self.uncertainty(*stopping))
 
     @abstractmethod
-    def state(self) -> dict[str, Tensor]:
-        """Everything learned, by name."""
+    def state_dict(self) -> dict[str, Tensor]:
+        """Everything that was fitted, by name."""
 
     @abstractmethod
-    def restore(self, tensors: dict[str, Tensor]) -> Self:
-        """The inverse of :meth:`state`."""
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+        """Take over what :meth:`state_dict` of a fitted calibrator returned, and return itself."""

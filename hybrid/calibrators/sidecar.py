@@ -1,4 +1,4 @@
-"""The JSON beside a calibrator's weights: all that people, and the checks on loading, want to know of it.
+"""The JSON beside a calibrator's weights: inputs, scaling, reference model, regions, data and metrics.
 
 Types are checked by pydantic, in strict mode; what types cannot say is checked here, value by value. What has
 to agree with the weights is checked in ``artefact.py``, which has them.
@@ -75,9 +75,9 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True)
-class StoredReserve:
-    """What speaks where the calibrator has no ground: mean errors in the training, over the horizon and over the
-    seconds before [m], and the radius of its 95 % region by second, per metre of spread.
+class StoredFallback:
+    """The fallback: mean errors in the training of its baselines over the horizon and over the hindcast [m], and
+    the radius of its 95 % region by second, per metre of expected error.
     """
 
     reference_m: tuple[Error, Error]
@@ -100,7 +100,7 @@ class Sidecar:
     data_driven: Model
     files: dict[str, Digest]
     band_m: tuple[Radius, ...]
-    reserve: StoredReserve
+    reserve: StoredFallback
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
 

@@ -24,11 +24,11 @@ from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.result import Ladder
 from hybrid.diagnosis.select_effects import Coordinates
 from hybrid.evaluation.splits import Draw, with_stopping
-from hybrid.evaluation.study import Errors, judged, pooled
+from hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.bootstrap import LegBootstrap
-from hybrid.prediction.dataset import gather
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.scores import LegBootstrap
 from hybrid.vessel.plant import Plant
 from hybrid.workflows.train import METHOD
 
@@ -52,19 +52,19 @@ def calibrated(
     """
     evidence = normal_equations.naming.evidence
     try:
-        gathered = gather(
+        gathered = load_dataset(
             files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
             rebuild_positions=rebuild_positions, shorter=True,
         )  # fmt: skip
-        seconds = seconds_in_folds(gathered.horizons, evidence.equations.log, trial_names(files))
+        seconds = seconds_in_folds(gathered.windows, evidence.equations.log, trial_names(files))
         named = normal_equations.gap.without if normal_equations.naming.names else None
-        found = ladder(gathered.horizons, seconds, evidence.equations.model, named, seed=seed, progress=progress)
+        found = ladder(gathered.windows, seconds, evidence.equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
         found = Ladder(HORIZON_S, METHOD, why_not=error.what)
     return replace(normal_equations, extras=replace(normal_equations.extras, ladder=found))
 
 
-def seconds_in_folds(horizons: Horizons, log: Log, trials: Sequence[str]) -> Ints:
+def seconds_in_folds(horizons: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
     """How many seconds of each window are in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
     first, last = horizons.known_seconds()
     fold, counts = fold_of(log), np.zeros((len(horizons), FOLDS), dtype=np.int64)
@@ -76,7 +76,7 @@ def seconds_in_folds(horizons: Horizons, log: Log, trials: Sequence[str]) -> Int
     return counts
 
 
-def draws_of_folds(horizons: Horizons, seconds: Ints, seed: int) -> dict[int, Draw]:
+def draws_of_folds(horizons: PredictionWindows, seconds: Ints, seed: int) -> dict[int, Draw]:
     """By fold the windows judged, all in its legs, and those learned from, which share no second with them.
 
     Raises :class:`DataShortageError` where there are too few legs to judge by, or to learn from.
@@ -94,7 +94,7 @@ def draws_of_folds(horizons: Horizons, seconds: Ints, seed: int) -> dict[int, Dr
 
 
 def ladder(
-    horizons: Horizons,
+    horizons: PredictionWindows,
     seconds: Ints,
     model: Model,
     named: Mapping[int, Coordinates] | None,
@@ -125,23 +125,27 @@ def ladder(
 
 
 def _rungs(
-    draw: Draw, horizons: Horizons, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
+    draw: Draw, horizons: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
 ) -> dict[str, Errors]:
     """The errors of each model and of a calibrator on top of it, on the windows that ``draw`` holds out."""
     models, calibrated = dict[str, Errors](), dict[str, Errors]()
     for number, (name, plant) in enumerate(bases.items()):
         examples = horizons, reference(horizons, plant)
-        errors = judged(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
+        errors = evaluate_draw(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
         models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
         calibrated[f"{name}_calibrated"] = errors[method]
     return models | calibrated
 
 
 def _together(
-    horizons: Horizons, draws: Sequence[Draw], rungs: Sequence[Mapping[str, Errors]], method: str, seed: int
+    horizons: PredictionWindows,
+    draws: Sequence[Draw],
+    rungs: Sequence[Mapping[str, Errors]],
+    method: str,
+    seed: int,
 ) -> Ladder:
     """The means over all windows judged, and the ratios that the ladder is made for, with intervals by legs."""
-    result = pooled("leg", horizons, draws, rungs)
+    result = pool_draws("leg", horizons, draws, rungs)
     legs = LegBootstrap.of(horizons.leg[result.held_out], seed)
     mean_m = {name: each.distance_m.mean(axis=1) for name, each in result.errors.items()}
     pairs = [("named", "reference"), *((f"{name}_calibrated", name) for name in ("reference", "named"))]

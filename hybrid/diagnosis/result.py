@@ -9,7 +9,7 @@ from typing import Any, Literal, cast
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.entangled import entangled_pairs
-from hybrid.prediction.bootstrap import Interval
+from hybrid.prediction.scores import Interval
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 

@@ -34,7 +34,7 @@ from hybrid.diagnosis.result import (
     Unexplained,
 )
 from hybrid.diagnosis.sensor_consistency import Consistency
-from hybrid.prediction.bootstrap import Interval
+from hybrid.prediction.scores import Interval
 from hybrid.report.diagnosis_page import Extras
 
 DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"

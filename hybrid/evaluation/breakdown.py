@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
-from hybrid.prediction.prediction_windows import Horizons, in_ship_axes
+from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
 
 GRAVITY_MPS2 = 9.81
 SLOW_FROUDE = 0.06
@@ -26,12 +26,12 @@ BEAUFORT_MPS = (3.4, 8.0, 13.9)
 WINDS = ("0-2 Bft", "3-4 Bft", "5-6 Bft", "7 Bft and more")
 
 
-def classes_of(horizons: Horizons, length_m: float) -> dict[str, dict[str, Bools]]:
+def classes_of(windows: PredictionWindows, length_m: float) -> dict[str, dict[str, Bools]]:
     """Masks [N] by kind of class and class, without the empty ones, those of a kind holding all windows."""
     named = {
-        "manoeuvre": (manoeuvres(horizons, length_m), MANOEUVRES),
-        "wind": (winds(horizons), WINDS),
-        "recording": (horizons.trial, tuple(np.unique(horizons.trial))),
+        "manoeuvre": (manoeuvres(windows, length_m), MANOEUVRES),
+        "wind": (winds(windows), WINDS),
+        "recording": (windows.trial, tuple(np.unique(windows.trial))),
     }
     return {
         kind: {str(name): mask for name in names if (mask := np.asarray(given == name)).any()}
@@ -39,35 +39,35 @@ def classes_of(horizons: Horizons, length_m: float) -> dict[str, dict[str, Bools
     }
 
 
-def manoeuvres(horizons: Horizons, length_m: float) -> NDArray[np.str_]:
+def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
     """What the measured track of each window says she did [N], one of :data:`MANOEUVRES`.
 
     The first that applies of: slow; other, sideways or astern; turning; accelerating; straight.
     """
-    seconds = horizons.horizon_s
-    steps = np.diff(horizons.track[..., :2], axis=1)
+    seconds = windows.horizon_s
+    steps = np.diff(windows.track[..., :2], axis=1)
     way_m = np.hypot(steps[..., 0], steps[..., 1]).sum(axis=1)
     lengths = np.maximum(way_m / length_m, 1e-9)
-    turned_deg = np.rad2deg(np.abs(horizons.track[:, -1, 2] - horizons.track[:, 0, 2]))
+    turned_deg = np.rad2deg(np.abs(windows.track[:, -1, 2] - windows.track[:, 0, 2]))
     slow = way_m / seconds < SLOW_FROUDE * np.sqrt(GRAVITY_MPS2 * length_m)
     rules = {
         "slow": slow,
-        "other": _drift_deg(horizons, steps) > SIDEWAYS_DEG,
+        "other": _drift_deg(windows, steps) > SIDEWAYS_DEG,
         "turning": turned_deg / lengths > TURNING_DEG_PER_LENGTH,
         "accelerating": _speed_change(steps) / lengths > ACCELERATING_PER_LENGTH,
     }
     return np.asarray(np.select(list(rules.values()), list(rules), "straight"))
 
 
-def winds(horizons: Horizons) -> NDArray[np.str_]:
+def winds(windows: PredictionWindows) -> NDArray[np.str_]:
     """The wind of the minute before each window by its Beaufort number [N], of :data:`WINDS`."""
-    speed_mps = np.nanmean(np.column_stack([horizons.wind[:, 1], horizons.past[..., 7]]), axis=1)
+    speed_mps = np.nanmean(np.column_stack([windows.wind[:, 1], windows.past[..., 7]]), axis=1)
     return np.asarray(np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, speed_mps, side="right")])
 
 
-def _drift_deg(horizons: Horizons, steps: Floats) -> Floats:
+def _drift_deg(windows: PredictionWindows, steps: Floats) -> Floats:
     """The mean angle between course and heading over each window [N]."""
-    heading = 0.5 * (horizons.track[:, 1:, 2] + horizons.track[:, :-1, 2])
+    heading = 0.5 * (windows.track[:, 1:, 2] + windows.track[:, :-1, 2])
     ahead, starboard = in_ship_axes(steps[..., 0], steps[..., 1], heading)
     return np.asarray(np.rad2deg(np.abs(np.arctan2(starboard.sum(axis=1), ahead.sum(axis=1)))))
 

@@ -52,7 +52,7 @@ def evaluate(
     from hybrid.evaluation.splits import refuse_unknown
     from hybrid.evaluation.study import study
     from hybrid.evaluation.summary import evaluation_of
-    from hybrid.prediction.dataset import gather
+    from hybrid.prediction.dataset import load_dataset
     from hybrid.report.evaluation_page import write_evaluation
     from hybrid.report.evaluation_tables import evaluation_tables
     from hybrid.vessel.files import DEFAULT, load_vessel
@@ -66,12 +66,12 @@ def evaluate(
     if output is not None:
         make_folder(output)
     with bar("reading") as progress:
-        gathered = gather(
+        dataset = load_dataset(
             files, horizon, stride, progress=progress, shorter=True,
             repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip
     with bar("fitting") as progress:
-        judged = study(gathered.horizons, plant, methods, splits, draws, seed, progress)
+        judged = study(dataset.windows, plant, methods, splits, draws, seed, progress)
     evaluation = evaluation_of(judged, plant.length_overall_m, seed)
     about = {
         "files": [str(each) for each in files],

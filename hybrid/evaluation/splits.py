@@ -15,7 +15,7 @@ import numpy as np
 
 from acquisition.core.arrays import Bools
 from acquisition.core.errors import ConfigurationError, DataShortageError
-from hybrid.prediction.prediction_windows import Horizons, drawn_legs
+from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
 from hybrid.workflows.train import HELD_OUT_SHARE
 
 TEST_SHARE = 0.3
@@ -36,12 +36,12 @@ class Draw:
     held_out: Bools
 
 
-def draws_of(kind: str, horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+def draws_of(kind: str, windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """The draws of a kind of split: ``draws`` of them where chance plays, otherwise as many as there are.
 
     Raises :class:`DataShortageError` where windows cannot be parted in that way.
     """
-    return SPLITS[kind](horizons, draws, seed)
+    return SPLITS[kind](windows, draws, seed)
 
 
 def refuse_unknown(kinds: Sequence[str]) -> None:
@@ -51,46 +51,46 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
             raise ConfigurationError(f"no split is called {kind!r}", fix=f"use one of {', '.join(SPLITS)}")
 
 
-def by_leg(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
-    parts = [drawn_legs(horizons, TEST_SHARE, seed + draw) for draw in range(draws)]
-    return [with_stopping(horizons, ~unseen, unseen, seed + draw) for draw, unseen in enumerate(parts)]
+    parts = [draw_legs(windows, TEST_SHARE, seed + draw) for draw in range(draws)]
+    return [with_stopping(windows, ~unseen, unseen, seed + draw) for draw, unseen in enumerate(parts)]
 
 
-def by_time(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """The last 30 % of each recording's time kept back; windows that meet the border are dropped."""
-    first, last = horizons.known_seconds()
-    known, unseen = np.zeros(len(horizons), dtype=bool), np.zeros(len(horizons), dtype=bool)
-    for trial in np.unique(horizons.trial):
-        mine = horizons.trial == trial
+    first, last = windows.known_seconds()
+    known, unseen = np.zeros(len(windows), dtype=bool), np.zeros(len(windows), dtype=bool)
+    for trial in np.unique(windows.trial):
+        mine = windows.trial == trial
         border = first[mine].min() + (1.0 - TEST_SHARE) * (last[mine].max() - first[mine].min())
         known |= mine & (last < border)
         unseen |= mine & (first > border)
     if not known.any() or not unseen.any():
         raise DataShortageError("no held window on one side of 70 % of the time", fix="give longer recordings")
-    return [with_stopping(horizons, known, unseen, seed)]
+    return [with_stopping(windows, known, unseen, seed)]
 
 
-def by_recording(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+def by_recording(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Each recording in turn kept back from all others."""
-    trials = np.unique(horizons.trial)
+    trials = np.unique(windows.trial)
     if len(trials) < 2:
         raise DataShortageError("one recording cannot be kept back from others", fix="give two or more")
-    return [with_stopping(horizons, horizons.trial != each, horizons.trial == each, seed) for each in trials]
+    return [with_stopping(windows, windows.trial != each, windows.trial == each, seed) for each in trials]
 
 
-def at_random(horizons: Horizons, draws: int, seed: int) -> list[Draw]:
+def at_random(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Single windows kept back, whatever leg they are of, and others of them to stop by: this leaks."""
     result = []
     for draw in range(draws):
-        rank = np.random.default_rng(seed + draw).permutation(len(horizons)) / len(horizons)
+        rank = np.random.default_rng(seed + draw).permutation(len(windows)) / len(windows)
         stopping = (rank >= TEST_SHARE) & (rank < TEST_SHARE + HELD_OUT_SHARE * (1.0 - TEST_SHARE))
         held_out = rank < TEST_SHARE
-        result.append(Draw(~held_out & ~stopping, stopping, held_out & horizons.whole))
+        result.append(Draw(~held_out & ~stopping, stopping, held_out & windows.whole))
     return result
 
 
-SPLITS: dict[str, Callable[[Horizons, int, int], list[Draw]]] = {
+SPLITS: dict[str, Callable[[PredictionWindows, int, int], list[Draw]]] = {
     "leg": by_leg,
     "time": by_time,
     "recording": by_recording,
@@ -99,24 +99,24 @@ SPLITS: dict[str, Callable[[Horizons, int, int], list[Draw]]] = {
 """The kinds of split by name."""
 
 
-def shared_seconds(horizons: Horizons, known: Bools, unseen: Bools) -> int:
+def shared_seconds(windows: PredictionWindows, known: Bools, unseen: Bools) -> int:
     """How many seconds of the windows ``unseen`` are also in windows that are ``known``, trial by trial."""
-    first, _ = horizons.known_seconds()
-    seconds = first[:, None] + np.arange(horizons.horizon_s + 1)
-    there = np.isfinite(horizons.track[..., 0])
-    mine = [horizons.trial == trial for trial in np.unique(horizons.trial)]
+    first, _ = windows.known_seconds()
+    seconds = first[:, None] + np.arange(windows.horizon_s + 1)
+    there = np.isfinite(windows.track[..., 0])
+    mine = [windows.trial == trial for trial in np.unique(windows.trial)]
     sides = [[seconds[some & each][there[some & each]] for some in (known, unseen)] for each in mine]
     return sum(np.intersect1d(*both).size for both in sides)
 
 
-def leaked_share(horizons: Horizons, draw: Draw) -> float:
+def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
     """The share of the seconds that are judged which were learned from too."""
-    judged = shared_seconds(horizons, draw.held_out, draw.held_out)
-    return shared_seconds(horizons, draw.fitting | draw.stopping, draw.held_out) / judged
+    judged = shared_seconds(windows, draw.held_out, draw.held_out)
+    return shared_seconds(windows, draw.fitting | draw.stopping, draw.held_out) / judged
 
 
-def with_stopping(horizons: Horizons, known: Bools, unseen: Bools, seed: int) -> Draw:
+def with_stopping(windows: PredictionWindows, known: Bools, unseen: Bools, seed: int) -> Draw:
     """The draw in which whole legs of what is known are left out of the fit, to stop by."""
-    stopping = np.zeros(len(horizons), dtype=bool)
-    stopping[known] = drawn_legs(horizons.subset(known), HELD_OUT_SHARE, seed)
-    return Draw(known & ~stopping, stopping, unseen & horizons.whole)
+    stopping = np.zeros(len(windows), dtype=bool)
+    stopping[known] = draw_legs(windows.subset(known), HELD_OUT_SHARE, seed)
+    return Draw(known & ~stopping, stopping, unseen & windows.whole)

@@ -13,19 +13,19 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.prediction_windows import Horizons, difference_rad
-from hybrid.prediction.regions import band_radius, guarded, reserve_of
+from hybrid.prediction.dataset import within_model_range
+from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
+from hybrid.prediction.regions import Fallback, conformal_radius, predict_with_fallback
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.train import inside_range
 
-Examples = tuple[Horizons, Floats]
+Examples = tuple[PredictionWindows, Floats]
 
-Predict = Callable[[Horizons, Floats], Floats]
+Predict = Callable[[PredictionWindows, Floats], Floats]
 
 BASELINES: dict[str, Predict] = {
-    "constant_velocity": lambda horizons, reference: constant_velocity(horizons),
-    "reference": lambda horizons, reference: reference,
+    "constant_velocity": lambda windows, reference: constant_velocity(windows),
+    "reference": lambda windows, reference: reference,
 }
 """What needs no training: the methods that every other has to beat."""
 
@@ -36,8 +36,8 @@ class Errors:
 
     ``distance_m`` [N, H] to the measured position, ``north_m``, ``east_m`` and ``heading_deg`` [N] absolute means
     over the seconds; ``inside`` [N, H] whether the 95 % region of ``radius_m`` [N, H] holds the measured position;
-    ``untrained`` [N] whether a baseline spoke, the start lying beyond what was trained on. Pooled over draws, these
-    are shares.
+    ``outside_domain`` [N] whether the start lies outside the domain of applicability, so that the fallback
+    predicted. After pooling draws, ``inside`` and ``outside_domain`` are shares.
     """
 
     distance_m: Floats
@@ -46,7 +46,7 @@ class Errors:
     heading_deg: Floats
     inside: Floats
     radius_m: Floats
-    untrained: Floats
+    outside_domain: Floats
 
     def subset(self, chosen: Bools) -> Errors:
         """The errors on the windows that a mask chooses."""
@@ -71,15 +71,15 @@ class SplitResult:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """The results by split, on ``horizons``, less ``outside`` windows in which the reference leaves its range."""
+    """The results by split, on ``windows``, less ``outside`` windows in which the reference leaves its range."""
 
-    horizons: Horizons
+    windows: PredictionWindows
     outside: int
     results: tuple[SplitResult, ...]
 
 
 def study(
-    horizons: Horizons,
+    windows: PredictionWindows,
     plant: Plant,
     methods: Sequence[str],
     splits: Sequence[str] = ("leg", "time"),
@@ -91,7 +91,7 @@ def study(
 
     Raises :class:`DataShortageError` where there are too few legs, recordings or windows for a split.
     """
-    inside, tracks = inside_range(horizons, plant)
+    inside, tracks = within_model_range(windows, plant)
     planned = {kind: draws_of(kind, inside, draws, seed) for kind in splits}
     total = sum(map(len, planned.values())) * max(len(methods), 1)
     results: list[SplitResult] = []
@@ -100,14 +100,14 @@ def study(
         parts = []
         for number, draw in enumerate(kind_draws):
             parts.append(
-                judged(draw, (inside, tracks), methods, plant, seed + number, part_of(progress, done, total))
+                evaluate_draw(draw, (inside, tracks), methods, plant, seed + number, part_of(progress, done, total))
             )
             done += len(methods)
-        results.append(pooled(kind, inside, kind_draws, parts))
-    return Study(inside, len(horizons) - len(inside), tuple(results))
+        results.append(pool_draws(kind, inside, kind_draws, parts))
+    return Study(inside, len(windows) - len(inside), tuple(results))
 
 
-def judged(
+def evaluate_draw(
     draw: Draw, examples: Examples, methods: Sequence[str], plant: Plant, seed: int, progress: Progress
 ) -> dict[str, Errors]:
     """Every method's errors on the windows that ``draw`` holds out."""
@@ -115,26 +115,27 @@ def judged(
         (examples[0].subset(mask), examples[1][mask]) for mask in (draw.fitting, draw.stopping, draw.held_out)
     )
     errors = {name: _errors(predict, stopping, held_out) for name, predict in BASELINES.items()}
-    reserve = reserve_of(*fitting, plant)
+    fallback = Fallback.fit(*fitting, plant)
     for number, method in enumerate(methods):
         calibrator = make_calibrator(method, seed, plant).fit(fitting, stopping, part_of(progress, number, 1))
-        spoken = guarded(calibrator, plant, calibrator.region(stopping), reserve, *held_out)
-        errors[method] = errors_of(spoken.tracks, held_out[0], spoken.radius_m, spoken.untrained)
+        radius_m = calibrator.conformal_radius(stopping)
+        predicted = predict_with_fallback(calibrator, plant, radius_m, fallback, *held_out)
+        errors[method] = errors_of(predicted.tracks, held_out[0], predicted.radius_m, predicted.outside_domain)
         progress(number + 1.0)
     return errors
 
 
 def _errors(predict: Predict, stopping: Examples, held_out: Examples) -> Errors:
     """The errors of what a baseline says of the windows held out, its regions sized on those stopped by."""
-    radius_m = band_radius(predict(*stopping), stopping[0].track)
+    radius_m = conformal_radius(predict(*stopping), stopping[0].track)
     return errors_of(predict(*held_out), held_out[0], radius_m, np.zeros(len(held_out[0]), dtype=bool))
 
 
-def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained: Bools) -> Errors:
+def errors_of(predicted: Floats, windows: PredictionWindows, radius_m: Floats, outside_domain: Bools) -> Errors:
     """Errors of tracks [N, H+1, 3] whose 95 % regions have ``radius_m`` [H] or [N, H]."""
-    gap = predicted[:, 1:] - horizons.track[:, 1:]
-    distance = distances(predicted, horizons.track)
-    turn = difference_rad(predicted[:, 1:, 2], horizons.track[:, 1:, 2])
+    gap = predicted[:, 1:] - windows.track[:, 1:]
+    distance = distances(predicted, windows.track)
+    turn = difference_rad(predicted[:, 1:, 2], windows.track[:, 1:, 2])
     return Errors(
         distance_m=distance,
         north_m=np.abs(gap[..., 0]).mean(axis=1),
@@ -142,12 +143,12 @@ def errors_of(predicted: Floats, horizons: Horizons, radius_m: Floats, untrained
         heading_deg=np.rad2deg(np.abs(turn)).mean(axis=1),
         inside=(distance <= radius_m).astype(float),
         radius_m=np.broadcast_to(radius_m, distance.shape),
-        untrained=untrained.astype(float),
+        outside_domain=outside_domain.astype(float),
     )
 
 
-def pooled(
-    kind: str, horizons: Horizons, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]
+def pool_draws(
+    kind: str, windows: PredictionWindows, draws: Sequence[Draw], parts: Sequence[Mapping[str, Errors]]
 ) -> SplitResult:
     """One result from all draws, each window's errors averaged over the draws that held it out."""
     times = np.sum([draw.held_out for draw in draws], axis=0)
@@ -161,7 +162,7 @@ def pooled(
         for method in parts[0]
     }
     fitted = tuple(int(draw.fitting.sum()) for draw in draws)
-    leaked = float(np.mean([leaked_share(horizons, draw) for draw in draws]))
+    leaked = float(np.mean([leaked_share(windows, draw) for draw in draws]))
     return SplitResult(kind, times > 0, errors, fitted, leaked)
 
 
@@ -170,5 +171,5 @@ def _mean_over_draws(draws: Sequence[Draw], values: Sequence[Floats], times: NDA
     total = np.zeros((len(times), *values[0].shape[1:]))
     for draw, each in zip(draws, values, strict=True):
         total[draw.held_out] += each
-    seen = times > 0
-    return np.asarray(total[seen] / times[seen].reshape(-1, *[1] * (total.ndim - 1)))
+    held_out = times > 0
+    return np.asarray(total[held_out] / times[held_out].reshape(-1, *[1] * (total.ndim - 1)))

@@ -11,16 +11,16 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from hybrid.evaluation.breakdown import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
-from hybrid.prediction.bootstrap import Interval, LegBootstrap
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.scores import Interval, LegBootstrap
 
 
 @dataclass(frozen=True, slots=True)
 class MethodFigures:
     """One method on one set of windows.
 
-    ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the
-    95 % region, ``untrained`` the share of windows that start beyond what it was trained on. At seconds 1 to H:
+    ``ratio`` is its mean distance over that of the best baseline, ``coverage`` the share of positions inside the 95
+    % region, ``outside_domain`` the share of windows that start beyond what it was trained on. At seconds 1 to H:
     ``by_second`` the mean distance [m], ``coverage_by_second``, and the mean radius of the region.
     """
 
@@ -34,7 +34,7 @@ class MethodFigures:
     by_second: tuple[Interval, ...]
     coverage_by_second: tuple[Interval, ...]
     radius_by_second_m: tuple[float, ...]
-    untrained: float
+    outside_domain: float
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -47,7 +47,7 @@ class MethodFigures:
                 zip(self.by_second, self.coverage_by_second, self.radius_by_second_m, strict=True)
             )
         ]
-        return {**known, "outside_training_range": self.untrained, "by_second": by_second}
+        return {**known, "outside_training_range": self.outside_domain, "by_second": by_second}
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +110,12 @@ class Evaluation:
 def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
     """The figures of a study on a ship of ``length_m``; ``seed`` draws the legs for the intervals."""
     return Evaluation(
-        horizon_s=study.horizons.horizon_s,
-        windows=int(study.horizons.whole.sum()),
-        legs=len(set(study.horizons.leg[study.horizons.whole])),
+        horizon_s=study.windows.horizon_s,
+        windows=int(study.windows.whole.sum()),
+        legs=len(set(study.windows.leg[study.windows.whole])),
         outside=study.outside,
         splits={
-            each.kind: _split_summary(each, study.horizons.subset(each.held_out), length_m, seed)
+            each.kind: _split_summary(each, study.windows.subset(each.held_out), length_m, seed)
             for each in study.results
         },
         leak=leak_of(study, seed),
@@ -143,7 +143,7 @@ def leak_of(study: Study, seed: int) -> dict[str, Interval]:
     both = honest.held_out & leaky.held_out
     if not both.any():
         return {}
-    legs = LegBootstrap.of(study.horizons.leg[both], seed)
+    legs = LegBootstrap.of(study.windows.leg[both], seed)
     return {
         name: legs.ratio(
             honest.errors[name].distance_m[both[honest.held_out]].mean(axis=1),
@@ -153,13 +153,13 @@ def leak_of(study: Study, seed: int) -> dict[str, Interval]:
     }
 
 
-def summarise(errors: Mapping[str, Errors], horizons: Horizons, seed: int) -> Summary:
+def summarise(errors: Mapping[str, Errors], windows: PredictionWindows, seed: int) -> Summary:
     """The figures of every method on the same windows; the baselines are among ``errors``."""
-    legs = LegBootstrap.of(horizons.leg, seed)
+    legs = LegBootstrap.of(windows.leg, seed)
     best = min(BASELINES, key=lambda name: float(errors[name].distance_m.mean()))
     baseline = errors[best].distance_m.mean(axis=1)
     methods = {name: _figures(each, baseline, legs) for name, each in errors.items()}
-    return Summary(len(horizons), legs.legs, best, methods)
+    return Summary(len(windows), legs.legs, best, methods)
 
 
 def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFigures:
@@ -180,19 +180,19 @@ def _figures(errors: Errors, baseline_m: Floats, legs: LegBootstrap) -> MethodFi
         by_second=by_second,
         coverage_by_second=legs.mean_of_each(errors.inside),
         radius_by_second_m=tuple(float(each) for each in errors.radius_m.mean(axis=0)),
-        untrained=float(errors.untrained.mean()),
+        outside_domain=float(errors.outside_domain.mean()),
     )
 
 
-def _split_summary(result: SplitResult, horizons: Horizons, length_m: float, seed: int) -> SplitSummary:
+def _split_summary(result: SplitResult, windows: PredictionWindows, length_m: float, seed: int) -> SplitSummary:
     breakdown: dict[str, dict[str, Summary]] = {}
-    for kind, classes in classes_of(horizons, length_m).items():
+    for kind, classes in classes_of(windows, length_m).items():
         breakdown[kind] = {}
         for name, mask in classes.items():
             errors = {method: each.subset(mask) for method, each in result.errors.items()}
-            breakdown[kind][name] = summarise(errors, horizons.subset(mask), seed)
+            breakdown[kind][name] = summarise(errors, windows.subset(mask), seed)
     return SplitSummary(
-        result.kind, result.fitted, result.leaked, summarise(result.errors, horizons, seed), breakdown
+        result.kind, result.fitted, result.leaked, summarise(result.errors, windows, seed), breakdown
     )
 
 

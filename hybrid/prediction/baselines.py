@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 
 
-def constant_velocity(horizons: Horizons) -> Floats:
+def constant_velocity(windows: PredictionWindows) -> Floats:
     """The present surge, sway and yaw rate of the windows' starts held."""
-    return present_motion_held(horizons.start, horizons.horizon_s)
+    return present_motion_held(windows.start, windows.horizon_s)
 
 
 def present_motion_held(states: Floats, horizon_s: int) -> Floats:
@@ -41,16 +41,16 @@ def present_motion_held(states: Floats, horizon_s: int) -> Floats:
     )
 
 
-def reference(horizons: Horizons, plant: Plant) -> Floats:
+def reference(windows: PredictionWindows, plant: Plant) -> Floats:
     """The simulation model from the measured start, thrusters and wind held as they are at second 0.
 
     Windows in which the model leaves its range are NaN from there on.
     """
-    held = np.repeat(horizons.control[:, None, :], horizons.horizon_s, axis=1)
-    return modelled(plant, horizons.start, held, horizons.wind)
+    held = np.repeat(windows.control[:, None, :], windows.horizon_s, axis=1)
+    return simulate_tracks(plant, windows.start, held, windows.wind)
 
 
-def modelled(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
+def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
     """The simulation model from states [N, 6] under controls [N, H, 5] and a wind [N, 2] that holds [N, H+1, 3]."""
     blowing = np.repeat(wind[:, None, :], control.shape[1], axis=1)
     return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]

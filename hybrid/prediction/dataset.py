@@ -1,4 +1,4 @@
-"""Recordings to windows as arrays: the one way in which train, validate and predict come to their data."""
+"""The data set of training and validation: the held windows of recordings as arrays, and where they come from."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress
 from analysis.estimation.local_polynomial import smooth_motion
 from analysis.tables.provenance import refuse_duplicates
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
-from hybrid.prediction.prediction_windows import Horizons, from_rows, joined_horizons
+from hybrid.prediction.baselines import reference
+from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows, windows_from_rows
+from hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
 """Thrusters held for less teach nothing about a prediction but its start."""
@@ -42,16 +46,16 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class Gathered:
+class Dataset:
     """The windows of all recordings, where they came from, and what was dropped by reason."""
 
-    horizons: Horizons
+    windows: PredictionWindows
     sources: tuple[Source, ...]
     candidates: int
     dropped: dict[str, int] = field(default_factory=dict)
 
 
-def gather(
+def load_dataset(
     paths: Sequence[Path],
     horizon_s: int,
     stride_s: int,
@@ -61,7 +65,7 @@ def gather(
     repair: bool = False,
     rebuild_positions: bool = False,
     shorter: bool = False,
-) -> Gathered:
+) -> Dataset:
     """The held windows of recordings, or of ``part`` of each one's time in percent.
 
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
@@ -73,28 +77,28 @@ def gather(
     """
     hashes = refuse_duplicates(paths)
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
-    windows = windows_of_tables(tables, horizon_s, stride_s)
+    held = windows_of_tables(tables, horizon_s, stride_s)
     smooth = {trial: smooth_motion(table) for trial, table in tables.items()}
-    horizons = _as_arrays(windows, tables, smooth)
+    windows = _as_arrays(held, tables, smooth)
     if shorter and horizon_s // 2 >= SHORTEST_S:
         short = windows_of_tables(tables, horizon_s // 2, stride_s)
-        horizons = _with_shorter(horizons, _as_arrays(short, tables, smooth))
+        windows = _with_shorter(windows, _as_arrays(short, tables, smooth))
     sources = tuple(
-        Source(path, digest, part, *_counted(horizons, trial))
+        Source(path, digest, part, *_counts(windows, trial))
         for path, digest, trial in zip(paths, hashes, tables, strict=True)
     )
-    return Gathered(horizons, sources, windows.candidates, windows.dropped)
+    return Dataset(windows, sources, held.candidates, held.dropped)
 
 
 def _as_arrays(
-    windows: HeldWindows, tables: Mapping[str, pd.DataFrame], smooth: Mapping[str, pd.DataFrame]
-) -> Horizons:
+    held: HeldWindows, tables: Mapping[str, pd.DataFrame], smooth: Mapping[str, pd.DataFrame]
+) -> PredictionWindows:
     """The windows of 1 Hz tables by trial, with the ``smooth`` motion they start from and what came before."""
-    motion = [_at_starts(windows.rows[windows.rows["trial"] == trial], each) for trial, each in smooth.items()]
-    return from_rows(windows.rows, pd.concat(motion), tables)
+    motion = [_at_starts(held.rows[held.rows["trial"] == trial], each) for trial, each in smooth.items()]
+    return windows_from_rows(held.rows, pd.concat(motion), tables)
 
 
-def _with_shorter(whole: Horizons, short: Horizons) -> Horizons:
+def _with_shorter(whole: PredictionWindows, short: PredictionWindows) -> PredictionWindows:
     """``whole``, and behind it those of ``short`` that are not the beginning of one of them, NaN to that length.
 
     Legs are joined where windows of either share a second, so that a split by leg parts none of them.
@@ -102,33 +106,33 @@ def _with_shorter(whole: Horizons, short: Horizons) -> Horizons:
     known = set(zip(whole.trial, whole.start_time, strict=True))
     more = [each not in known for each in zip(short.trial, short.start_time, strict=True)]
     added = short.subset(np.array(more, dtype=bool))
-    lacking = np.full((len(added), whole.horizon_s - short.horizon_s, 3), np.nan)
-    longer = replace(added, track=np.concatenate([added.track, lacking], axis=1))
-    both = joined_horizons([whole, longer])
+    unknown = np.full((len(added), whole.horizon_s - short.horizon_s, 3), np.nan)
+    longer = replace(added, track=np.concatenate([added.track, unknown], axis=1))
+    both = concatenate_windows([whole, longer])
     return replace(both, leg=_legs_of_both(both))
 
 
-def _legs_of_both(horizons: Horizons) -> NDArray[np.str_]:
+def _legs_of_both(windows: PredictionWindows) -> NDArray[np.str_]:
     """The leg of each window [N] of whole and shorter ones: a new one where a window shares no second with those
     before, and is of another leg than the one before by windows of its own kind.
     """
-    first, last = horizons.known_seconds()
-    legs = np.empty(len(horizons), dtype="<U200")
-    for trial in np.unique(horizons.trial):
-        mine = np.flatnonzero(horizons.trial == trial)
+    first, last = windows.known_seconds()
+    legs = np.empty(len(windows), dtype="<U200")
+    for trial in np.unique(windows.trial):
+        mine = np.flatnonzero(windows.trial == trial)
         mine = mine[np.argsort(first[mine], kind="stable")]
-        seen_until = np.maximum.accumulate(last[mine])
-        apart = first[mine][1:] > seen_until[:-1]
-        other = horizons.leg[mine][1:] != horizons.leg[mine][:-1]
-        other |= horizons.whole[mine][1:] != horizons.whole[mine][:-1]
+        known_until = np.maximum.accumulate(last[mine])
+        apart = first[mine][1:] > known_until[:-1]
+        other = windows.leg[mine][1:] != windows.leg[mine][:-1]
+        other |= windows.whole[mine][1:] != windows.whole[mine][:-1]
         number = np.concatenate([[0], np.cumsum(apart & other)])
         legs[mine] = [f"{trial}/{each + 1:03d}" for each in number]
     return legs
 
 
-def _counted(horizons: Horizons, trial: str) -> tuple[int, int, tuple[datetime, datetime] | None]:
+def _counts(windows: PredictionWindows, trial: str) -> tuple[int, int, tuple[datetime, datetime] | None]:
     """How many whole windows and their legs a recording gave, and the time they start in."""
-    own = horizons.subset((horizons.trial == trial) & horizons.whole)
+    own = windows.subset((windows.trial == trial) & windows.whole)
     if not len(own):
         return 0, 0, None
     first, last = (each.floor("us").to_pydatetime() for each in (own.start_time.min(), own.start_time.max()))
@@ -142,3 +146,19 @@ def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
 
 def _at_starts(rows: pd.DataFrame, smooth: pd.DataFrame) -> pd.DataFrame:
     return smooth.loc[pd.DatetimeIndex(rows.loc[rows["second"] == 0, "start"])]
+
+
+def within_model_range(windows: PredictionWindows, plant: Plant) -> tuple[PredictionWindows, Floats]:
+    """The windows in which the reference model stays in its range, and its tracks [N, H+1, 3] on them.
+
+    Raises :class:`DataShortageError` when there are none.
+    """
+    tracks = reference(windows, plant)
+    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
+    if not inside.any():
+        raise DataShortageError(
+            "the reference model leaves its range in every window",
+            why="speeds or thrusts are not those of this vessel",
+            fix="check --vessel and the units of the recording",
+        )
+    return windows.subset(inside), tracks[inside]

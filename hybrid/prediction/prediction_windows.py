@@ -7,7 +7,7 @@ the minute before it. What follows is the measured track that its prediction is 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ PAST_S = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Horizons:
+class PredictionWindows:
     """N windows of H seconds, arrays with N first.
 
     ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, of recordings
@@ -69,9 +69,9 @@ class Horizons:
         first = self.start_time.as_unit("ns").asi8 // NANO
         return first, first + np.isfinite(self.track[:, 1:, 0]).sum(axis=1)
 
-    def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> Horizons:
+    def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
         """The windows that a mask or index chooses."""
-        return Horizons(
+        return PredictionWindows(
             self.start[chosen],
             self.track[chosen],
             self.wind[chosen],
@@ -83,17 +83,17 @@ class Horizons:
         )
 
 
-def joined_horizons(parts: Sequence[Horizons]) -> Horizons:
+def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
     """The windows of all parts, one after the other."""
-    names = [field.name for field in fields(Horizons) if field.name != "start_time"]
+    names = [field.name for field in fields(PredictionWindows) if field.name != "start_time"]
     arrays: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names}
     times = np.concatenate([each.start_time.to_numpy() for each in parts])
-    return Horizons(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"))
+    return PredictionWindows(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"))
 
 
-def from_rows(
+def windows_from_rows(
     rows: pd.DataFrame, motion: pd.DataFrame | None = None, tables: Mapping[str, pd.DataFrame] | None = None
-) -> Horizons:
+) -> PredictionWindows:
     """Arrays from the long table of held windows: one row a window and second, second 0 first.
 
     ``motion`` has the state that each window starts from, in the order of the windows' numbers; without it
@@ -114,7 +114,7 @@ def from_rows(
     now = _si(cube[:, 0])
     past = _past(now, first, tables or {})
     past[..., 2] += np.round((track[:, :1, 2] - past[:, :1, 2]) / (2.0 * np.pi)) * 2.0 * np.pi
-    return Horizons(
+    return PredictionWindows(
         start=_start(value, motion),
         track=track,
         wind=now[:, 6:8],
@@ -127,7 +127,7 @@ def from_rows(
 
 
 def _si(channels: Floats) -> Floats:
-    """The 13 channels [..., 13] in SI units and radians, as :class:`Horizons` orders them: the same order."""
+    """The 13 channels [..., 13] in SI units and radians, in the order of :class:`PredictionWindows`."""
     unit = {"deg": np.pi / 180.0, "dps": np.pi / 180.0, "rpm": 1.0 / 60.0}
     factor = [unit.get(name.rsplit("_", 1)[-1], 1.0) for name in NAMES]
     factor[NAMES.index("tunnel_rpm")] = 1.0
@@ -149,6 +149,28 @@ def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame]) 
     turn = difference_rad(past[:, :-1, 2], past[:, 1:, 2])
     past[:, 1:, 2] = past[:, :1, 2] - np.cumsum(turn, axis=1)
     return past
+
+
+def hindcast_windows(windows: PredictionWindows, seconds: int) -> tuple[PredictionWindows, Floats]:
+    """The windows that start so many ``seconds`` earlier and end at second 0, and the controls during them.
+
+    Returns N windows of ``seconds`` seconds, and the recorded controls [N, seconds, 5], the mean of each second;
+    NaN where the past was not recorded.
+    """
+    past = np.full_like(windows.past, np.nan)
+    past[:, : past.shape[1] - seconds] = windows.past[:, seconds:]
+    recorded = windows.past[:, seconds::-1]
+    change = np.diff(recorded[..., 8:], axis=1)
+    change[..., [1, 3]] = difference_rad(recorded[:, 1:, [9, 11]], recorded[:, :-1, [9, 11]])
+    earlier = replace(
+        windows,
+        start=recorded[:, 0, :6],
+        track=recorded[..., :3],
+        wind=recorded[:, 0, 6:8],
+        control=recorded[:, 0, 8:],
+        past=past,
+    )
+    return earlier, recorded[:, :-1, 8:] + 0.5 * change
 
 
 def difference_rad(angle: Floats, other: Floats) -> Floats:
@@ -198,8 +220,8 @@ def split_by_group(
     return ~second, second
 
 
-def drawn_legs(horizons: Horizons, share: float, seed: int) -> NDArray[np.bool_]:
+def draw_legs(windows: PredictionWindows, share: float, seed: int) -> NDArray[np.bool_]:
     """The windows [N] of legs drawn by :func:`split_by_group` until they hold that share of the whole ones."""
-    whole = horizons.whole
-    chosen = split_by_group(horizons.leg[whole], share, seed)[1]
-    return np.isin(horizons.leg, horizons.leg[whole][chosen])
+    whole = windows.whole
+    chosen = split_by_group(windows.leg[whole], share, seed)[1]
+    return np.isin(windows.leg, windows.leg[whole][chosen])

@@ -1,10 +1,10 @@
-"""How sure a prediction is, and what to say where it has no ground.
+"""95 % prediction regions, and the fallback outside a calibrator's domain of applicability.
 
-A 95 % region is a circle about each predicted position. Its radius is a quantile of errors on legs that took no
-part in the training (split conformal prediction, Lei et al. 2018), relative to how uncertain the method says that
-each window is. Where a method has no ground, reference and constant velocity speak instead, the better of them the
-louder: by how far off each was in the training, and by how much better or worse than that it would have predicted
-the last seconds, which needs nothing but what was measured by then.
+A region is a circle about each predicted position. Its radius is a quantile of the errors on legs that took no part
+in the training (split conformal prediction, Lei et al. 2018), normalised by the relative uncertainty that a method
+gives each window. Outside its domain of applicability a calibrator is replaced by a weighted mean of the two
+baselines, the reference model and constant velocity: each is weighted by the fourth power of the inverse of its
+expected error, which follows from its errors in the training and from a hindcast of the last seconds.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
-from hybrid.prediction.baselines import constant_velocity, modelled
-from hybrid.prediction.prediction_windows import Horizons, difference_rad
-from hybrid.prediction.scores import distances
+from hybrid.prediction.baselines import constant_velocity, simulate_tracks
+from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
+from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -27,167 +27,146 @@ if TYPE_CHECKING:
 
 COVERAGE = 0.95
 HINDCAST_S = 15
-_UNSURE_M = 0.5  # no hindcast is believed to better than this
-_UNKNOWN_M = 2.0  # where there is none; the same whatever other windows are asked about
-_BELIEVED = 0.5  # an error over the last seconds four times the usual one announces one of twice the usual size
-_LEAST_M = 0.001  # no method is better than that, not even the truth on itself
-_PERFECT = 0.01  # of the usual error: nothing is believed to be perfect
-_LOUDNESS = 4.0  # nearly the better one alone, unless they are as good as each other
-FALLBACKS = ("reference", "constant_velocity")
+BASELINES = ("reference", "constant_velocity")
+_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error that a region's radius is proportional to
+_UNKNOWN_ERROR_M = 2.0  # of a hindcast for which nothing was recorded; the same whatever other windows there are
+_HINDCAST_POWER = 0.5  # a hindcast four times as wrong as in the training doubles the error that is expected
+_LEAST_ERROR_M = 0.001  # a mean error in the training is no less, even of the model that made the tracks
+_LEAST_RATIO = 0.01  # of a hindcast's error to that of the training, which is divided by
+_WEIGHT_POWER = 4.0  # nearly the better baseline alone, unless both expect about the same error
 
 
-@dataclass(frozen=True, slots=True)
-class Reserve:
-    """What the training says of those who speak where a calibrator has no ground.
+def conformal_radius(predicted: Floats, measured: Floats, uncertainty: Floats | None = None) -> Floats:
+    """The radius [H] of the region that holds 95 % of the measured positions by second, in metres.
 
-    By :data:`FALLBACKS`: mean errors over the horizon ``usual_m`` [2] and over the seconds before ``before_m`` [2].
-    ``band`` [H] is the radius that holds 95 % of the positions about what they say together, per metre of spread.
-    """
-
-    usual_m: Floats
-    before_m: Floats
-    band: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Fallback:
-    """What speaks where a calibrator has no ground: ``tracks`` [N, H+1, 3], ``chosen`` [N] of :data:`FALLBACKS`,
-    the louder one, and ``spread_m`` [N], which its region grows with: the error over the last seconds, and no less
-    than the usual one.
-    """
-
-    tracks: Floats
-    chosen: NDArray[np.str_]
-    spread_m: Floats
-
-
-def band_radius(predicted: Floats, measured: Floats, spread: Floats | None = None) -> Floats:
-    """The radius, in units of ``spread`` [N, H], that holds 95 % of the measured positions, by second [H].
-
-    The quantile is that of split conformal prediction, ceil((n + 1) 0.95) of n, so it does not shrink with few
-    windows; it never falls from one second to the next. Seconds that were not measured or not predicted (NaN) do
-    not count.
+    ``predicted`` and ``measured`` are tracks [N, H+1, 2 or 3]. With the relative ``uncertainty`` [N, H] of each
+    prediction the radius is that for an uncertainty of one. The quantile is that of split conformal prediction, the
+    ceil((n + 1) 0.95)-th of n errors, so it does not shrink with few windows; it never falls from one second to the
+    next. Seconds that were not measured or not predicted (NaN) do not count.
     """
     distance = distances(predicted, measured)
-    relative = distance if spread is None else distance / spread
+    relative = distance if uncertainty is None else distance / uncertainty
     count = np.isfinite(relative).sum(axis=0)
     rank = np.minimum(np.ceil((count + 1) * COVERAGE), count).astype(np.int64) - 1
     return np.maximum.accumulate(np.take_along_axis(np.sort(relative, axis=0), rank[None], axis=0)[0])
 
 
 @dataclass(frozen=True, slots=True)
-class Predicted:
-    """What a trained calibrator says of N windows: ``tracks`` [N, H+1, 3] and the radius of their 95 % regions
-    ``radius_m`` [N, H]; ``untrained`` [N] where it has no ground, and who speaks there instead: ``method`` [N].
+class FallbackPrediction:
+    """The baselines' weighted mean for N windows.
+
+    ``tracks`` [N, H+1, 3]; ``source`` [N] names the baseline with the larger weight, one of :data:`BASELINES`;
+    ``expected_error_m`` [N] is what the radius of the region is proportional to.
+    """
+
+    tracks: Floats
+    source: NDArray[np.str_]
+    expected_error_m: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Fallback:
+    """Weighted mean of the :data:`BASELINES`, fitted to the windows of a training.
+
+    ``training_error_m`` [2] and ``hindcast_error_m`` [2] are each baseline's mean error over the horizon and over
+    the :data:`HINDCAST_S` seconds before the start; ``radius`` [H] is that of the 95 % region per metre of expected
+    error.
+    """
+
+    training_error_m: Floats
+    hindcast_error_m: Floats
+    radius: Floats
+
+    @classmethod
+    def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
+        """From windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
+        tracks, hindcast_m = _baselines(windows, reference, plant)
+        training_m = [_mean_known(mean_distances(track, windows.track)) for track in tracks]
+        unscaled = cls(
+            np.array(training_m), np.array([_mean_known(each) for each in hindcast_m]), np.ones(windows.horizon_s)
+        )
+        found = unscaled._average(tracks, hindcast_m)
+        radius = conformal_radius(found.tracks, windows.track, found.expected_error_m[:, None])
+        return replace(unscaled, radius=radius)
+
+    def predict(self, windows: PredictionWindows, reference: Floats, plant: Plant) -> FallbackPrediction:
+        """The weighted mean for windows of which ``reference`` [N, H+1, 3] are the model's tracks."""
+        return self._average(*_baselines(windows, reference, plant))
+
+    def _average(self, tracks: Floats, hindcast_m: Floats) -> FallbackPrediction:
+        """The baselines' ``tracks`` [2, N, H+1, 3] weighted by the errors [2, N] of their hindcasts.
+
+        A baseline whose hindcast is not known has no weight beside one whose hindcast is; neither has one that left
+        its range.
+        """
+        known = np.isfinite(hindcast_m)
+        with np.errstate(invalid="ignore"):
+            ratio = (hindcast_m / self.hindcast_error_m[:, None] + _LEAST_RATIO) ** _HINDCAST_POWER
+        ratio = np.where(known, ratio, np.where(known.any(axis=0), np.inf, 1.0))
+        expected_m = self.training_error_m[:, None] * ratio
+        expected_m[~np.isfinite(tracks).all(axis=(2, 3))] = np.inf
+        weight = expected_m**-_WEIGHT_POWER / (expected_m**-_WEIGHT_POWER).sum(axis=0)
+        hindcast_m = np.maximum(np.where(known, hindcast_m, _UNKNOWN_ERROR_M), self.hindcast_error_m[:, None])
+        return FallbackPrediction(
+            tracks=average_tracks(weight, tracks),
+            source=np.array(BASELINES)[weight.argmax(axis=0)],
+            expected_error_m=_LEAST_UNCERTAINTY_M + (weight * hindcast_m).sum(axis=0),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedTracks:
+    """Predictions of N windows with their 95 % regions.
+
+    ``tracks`` [N, H+1, 3], ``radius_m`` [N, H]; ``outside_domain`` [N] marks the windows outside the calibrator's
+    domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of :data:`BASELINES`.
     """
 
     tracks: Floats
     radius_m: Floats
-    untrained: Bools
-    method: NDArray[np.str_]
+    outside_domain: Bools
+    source: NDArray[np.str_]
 
 
-def guarded(
+def predict_with_fallback(
     calibrator: Calibrator,
     plant: Plant,
-    band_m: Floats,
-    reserve: Reserve,
-    horizons: Horizons,
+    radius_m: Floats,
+    fallback: Fallback,
+    windows: PredictionWindows,
     reference: Floats,
-) -> Predicted:
-    """The calibrator where it has ground, reference and constant velocity where not.
+) -> PredictedTracks:
+    """The calibrator's tracks and regions, and the fallback's outside its domain or where it gives no number.
 
-    ``band_m`` [H] is :meth:`Calibrator.region`, ``reserve`` is :func:`reserve_of` the training.
+    ``radius_m`` [H] is the calibrator's :meth:`~hybrid.calibrators.calibrator.Calibrator.conformal_radius`,
+    ``reference`` [N, H+1, 3] the model's tracks.
     """
-    untrained = calibrator.outside(horizons, reference)
-    tracks, spread = calibrator.predict_with_spread(horizons, reference)
-    radius_m = spread * band_m
-    lost = untrained | ~np.isfinite(tracks).all(axis=(1, 2))
-    method = np.where(lost, "", "hybrid").astype("<U20")
-    if lost.any():
-        instead = fallback(horizons.subset(lost), reference[lost], plant, reserve)
-        tracks[lost], method[lost] = instead.tracks, instead.chosen
-        radius_m[lost] = instead.spread_m[:, None] * reserve.band
-    return Predicted(tracks, radius_m, lost, method)
+    tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
+    radii_m = uncertainty * radius_m
+    outside = calibrator.outside_domain(windows, reference) | ~np.isfinite(tracks).all(axis=(1, 2))
+    source = np.where(outside, "", "hybrid").astype("<U20")
+    if outside.any():
+        instead = fallback.predict(windows.subset(outside), reference[outside], plant)
+        tracks[outside], source[outside] = instead.tracks, instead.source
+        radii_m[outside] = instead.expected_error_m[:, None] * fallback.radius
+    return PredictedTracks(tracks, radii_m, outside, source)
 
 
-def reserve_of(horizons: Horizons, reference: Floats, plant: Plant) -> Reserve:
-    """What windows of the training, of which ``reference`` are the model's tracks, say of reference and constant
-    velocity.
-    """
-    both, before_m = _baselines(horizons, reference, plant)
-    usual_m = [_mean_known(off_m(track, horizons.track)) for track in both]
-    usual_before_m = [_mean_known(each) for each in before_m]
-    alone = Reserve(np.array(usual_m), np.array(usual_before_m), np.ones(horizons.horizon_s))
-    said = _together(both, before_m, alone)
-    return replace(alone, band=band_radius(said.tracks, horizons.track, said.spread_m[:, None]))
+def average_tracks(weight: Floats, tracks: Floats) -> Floats:
+    """The mean [N, H+1, 3] of tracks [K, N, H+1, 3] with weights [K, N]; those of weight 0 may be NaN."""
+    counted = np.where(weight[..., None, None] > 0.0, tracks, 0.0)
+    return np.asarray(np.einsum("wn,wnhc->nhc", weight, counted))
+
+
+def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
+    """The tracks [2, N, H+1, 3] of the :data:`BASELINES`, and the errors [2, N] of their hindcasts in metres."""
+    before, control = hindcast_windows(windows, HINDCAST_S)
+    model = simulate_tracks(plant, before.start, control, before.wind)
+    hindcast_m = [mean_distances(each, before.track) for each in (model, constant_velocity(before))]
+    return np.stack([reference, constant_velocity(windows)]), np.stack(hindcast_m)
 
 
 def _mean_known(errors_m: Floats) -> float:
-    """The mean of those that are known; :data:`_UNKNOWN_M` where none is, as where nothing was recorded before."""
+    """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` without any, as where nothing was recorded before."""
     known = errors_m[np.isfinite(errors_m)]
-    return max(float(known.mean()), _LEAST_M) if known.size else _UNKNOWN_M
-
-
-def earlier(horizons: Horizons, seconds: int) -> tuple[Horizons, Floats]:
-    """The windows as they stood so many seconds before: ``seconds`` long, up to second 0, and what acted in them.
-
-    Returns the windows [N] and the recorded controls [N, seconds, 5]; NaN where the past is not known.
-    """
-    past = np.full_like(horizons.past, np.nan)
-    past[:, : past.shape[1] - seconds] = horizons.past[:, seconds:]
-    recorded = horizons.past[:, seconds::-1]
-    turn = np.diff(recorded[..., 8:], axis=1)
-    turn[..., [1, 3]] = difference_rad(recorded[:, 1:, [9, 11]], recorded[:, :-1, [9, 11]])
-    moved = replace(
-        horizons,
-        start=recorded[:, 0, :6],
-        track=recorded[..., :3],
-        wind=recorded[:, 0, 6:8],
-        control=recorded[:, 0, 8:],
-        past=past,
-    )
-    return moved, recorded[:, :-1, 8:] + 0.5 * turn
-
-
-def off_m(predicted: Floats, measured: Floats) -> Floats:
-    """The mean distance of each window [N]; NaN where either is not known."""
-    return np.asarray(distances(predicted, measured).mean(axis=1))
-
-
-def fallback(horizons: Horizons, reference: Floats, plant: Plant, reserve: Reserve) -> Fallback:
-    """What reference and constant velocity say together of windows, each with the fourth power of how small an
-    error is expected of it: that of the training, and more or less as it was off over the last
-    :data:`HINDCAST_S` seconds, where these are known.
-    """
-    return _together(*_baselines(horizons, reference, plant), reserve)
-
-
-def _together(both: Floats, before_m: Floats, reserve: Reserve) -> Fallback:
-    """What the tracks of :data:`FALLBACKS` [2, N, H+1, 3] say together, by their errors of before [2, N]."""
-    known = np.isfinite(before_m)
-    with np.errstate(invalid="ignore"):
-        surprise = (before_m / reserve.before_m[:, None] + _PERFECT) ** _BELIEVED
-    expected_m = reserve.usual_m[:, None] * np.where(known, surprise, np.where(known.any(axis=0), np.inf, 1.0))
-    expected_m[~np.isfinite(both).all(axis=(2, 3))] = np.inf
-    weight = expected_m**-_LOUDNESS / (expected_m**-_LOUDNESS).sum(axis=0)
-    seen_m = np.where(known, before_m, _UNKNOWN_M)
-    return Fallback(
-        tracks=blended(weight, both),
-        chosen=np.array(FALLBACKS)[weight.argmax(axis=0)],
-        spread_m=_UNSURE_M + (weight * np.maximum(seen_m, reserve.before_m[:, None])).sum(axis=0),
-    )
-
-
-def blended(weight: Floats, tracks: Floats) -> Floats:
-    """Tracks [ways, N, H+1, 3] averaged by weights [ways, N]; one of no weight may be no number [N, H+1, 3]."""
-    heard = np.where(weight[..., None, None] > 0.0, tracks, 0.0)
-    return np.asarray(np.einsum("wn,wnhc->nhc", weight, heard))
-
-
-def _baselines(horizons: Horizons, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
-    """The tracks [2, N, H+1, 3] of :data:`FALLBACKS`, and how far off they were over the seconds before [2, N]."""
-    before, acted = earlier(horizons, HINDCAST_S)
-    model = modelled(plant, before.start, acted, before.wind)
-    errors_m = np.stack([off_m(model, before.track), off_m(constant_velocity(before), before.track)])
-    return np.stack([reference, constant_velocity(horizons)]), errors_m
+    return max(float(known.mean()), _LEAST_ERROR_M) if known.size else _UNKNOWN_ERROR_M

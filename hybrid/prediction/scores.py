@@ -1,4 +1,9 @@
-"""How far predictions are off: the contract's figures, over windows and second by second."""
+"""Errors of predicted tracks against measured ones, and intervals of their means.
+
+Intervals come from the cluster bootstrap (Davison and Hinkley 1997, section 3.8): as many legs as there are, drawn
+with replacement, each with all of its windows, since the errors of one leg's windows are strongly correlated.
+Ratios are paired: both means come from the same legs. The sequences of a campaign are legs of their own.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +11,16 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from hybrid.prediction.prediction_windows import difference_rad
+
+DRAWS = 2000
+FEW_LEGS = 10
+"""With fewer legs than this a bootstrap's intervals are too narrow."""
+
+COVERAGE_PERCENT = (2.5, 97.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +45,11 @@ def distances(predicted: Floats, measured: Floats) -> Floats:
     return np.asarray(np.hypot(gap[..., 0], gap[..., 1]))
 
 
+def mean_distances(predicted: Floats, measured: Floats) -> Floats:
+    """The mean distance of two tracks [N, H+1, 2 or 3] over seconds 1 to H [N] in metres; NaN where any is."""
+    return np.asarray(distances(predicted, measured).mean(axis=1))
+
+
 def score(predicted: Floats, measured: Floats) -> Score:
     """Compare tracks [N, H+1, 3] of north, east [m] and heading [rad]."""
     gap = predicted[:, 1:] - measured[:, 1:]
@@ -46,3 +63,77 @@ def score(predicted: Floats, measured: Floats) -> Score:
         heading_error_deg=float(np.rad2deg(np.abs(turn)).mean()),
         by_second=tuple(float(each) for each in distance.mean(axis=0)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A figure and the 95 % interval about it; NaN bounds where one leg alone cannot say."""
+
+    value: float
+    low: float
+    high: float
+
+    def as_dict(self) -> dict[str, float | None]:
+        """For JSON, which knows no NaN."""
+        figures = {"value": self.value, "low": self.low, "high": self.high}
+        return {name: each if np.isfinite(each) else None for name, each in figures.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class LegBootstrap:
+    """Draws of legs with replacement, the same for all that is asked of them.
+
+    ``leg`` [N] is the number of each window's leg, ``times`` [draws, legs] how often each leg was drawn.
+    """
+
+    leg: NDArray[np.int64]
+    times: Floats
+
+    @classmethod
+    def of(cls, legs: NDArray[np.str_] | NDArray[np.int64], seed: int, draws: int = DRAWS) -> LegBootstrap:
+        """For windows of the legs [N] that are named, or numbered; as many legs and one seed give equal draws."""
+        names, number = np.unique(legs, return_inverse=True)
+        share = np.full(len(names), 1.0 / len(names))
+        times = np.random.default_rng(seed).multinomial(len(names), share, size=draws)
+        return cls(number.astype(np.int64), times.astype(float))
+
+    @property
+    def legs(self) -> int:
+        """The number of legs."""
+        return int(self.times.shape[1])
+
+    def means(self, values: Floats) -> Floats:
+        """The means over windows of ``values`` [N, K] in each draw [draws, K]."""
+        sums = np.zeros((self.legs, values.shape[1]))
+        np.add.at(sums, self.leg, values)
+        counts = np.bincount(self.leg, minlength=self.legs)
+        return np.asarray((self.times @ sums) / (self.times @ counts)[:, None])
+
+    def mean(self, values: Floats) -> Interval:
+        """The mean of ``values`` [N] over windows."""
+        return self.mean_of_each(values[:, None])[0]
+
+    def mean_of_each(self, values: Floats) -> tuple[Interval, ...]:
+        """The means of the columns of ``values`` [N, K] over windows."""
+        return self._intervals(values.mean(axis=0), self.means(values))
+
+    def ratio(self, values: Floats, others: Floats) -> Interval:
+        """The mean of ``values`` [N] over that of ``others`` [N], paired; 1 where both are nothing."""
+        means = np.vstack([self.means(np.column_stack([values, others])), [values.mean(), others.mean()]])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            quotients = means[:, 0] / means[:, 1]
+        quotients[np.isnan(quotients)] = 1.0
+        return self._intervals(quotients[-1:], quotients[:-1, None])[0]
+
+    def _intervals(self, values: Floats, drawn: Floats) -> tuple[Interval, ...]:
+        """Intervals about ``values`` [K] from draws [draws, K]."""
+        if self.legs < 2:
+            return tuple(Interval(float(each), np.nan, np.nan) for each in values)
+        return tuple(interval_about(float(value), draws) for value, draws in zip(values, drawn.T, strict=True))
+
+
+def interval_about(value: float, drawn: Floats) -> Interval:
+    """``value`` with the middle 95 % of what was drawn [draws]."""
+    # without interpolation: between two infinite draws there is no number
+    low, high = np.percentile(drawn, COVERAGE_PERCENT, method="nearest")
+    return Interval(value, float(low), float(high))

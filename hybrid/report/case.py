@@ -22,19 +22,19 @@ from analysis.report.run_sheet import Ship
 from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import percent_of
 from analysis.windows.recordings import trial_names
-from hybrid.calibrators.adaptive.calibrator import Adaptive
+from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
-from hybrid.calibrators.artefact import Trained, load, plant_for, refuse_horizon
-from hybrid.calibrators.calibrator import Ground
+from hybrid.calibrators.artefact import TrainedCalibrator, load, plant_for, refuse_horizon
+from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.dataset import Gathered, gather
+from hybrid.prediction.dataset import Dataset, load_dataset
 from hybrid.report.errors import Calibration, Errors, calibration_of, errors_of
 from hybrid.report.motion import one_after_another, predicted_motion
 from hybrid.report.residuals import Residuals, residuals_of
 from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.validate import Validation, refuse_seen, validate
+from hybrid.workflows.validate import Validation, refuse_training_data, validate
 
 SHOWN = ("reference", "hybrid")
 """The methods that are drawn beside what was measured; tables have all."""
@@ -47,7 +47,7 @@ class Case:
 
     paths: tuple[Path, ...]
     vessel: Vessel | None
-    trained: Trained | None = None
+    trained: TrainedCalibrator | None = None
     horizon_s: int = HORIZON_S
     part_percent: tuple[float, float] = (0.0, 100.0)
     stride_s: int = 5
@@ -107,12 +107,12 @@ class Case:
         return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
 
     @cached_property
-    def gathered(self) -> Gathered:
+    def gathered(self) -> Dataset:
         """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
         none."""
         held = [name for name, each in self.products.items() if each.windows is not None and each.windows.kept]
         paths = [self.named_paths[name] for name in held or self.products]
-        gathered = gather(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
+        gathered = load_dataset(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
         return _renamed(gathered, dict(zip(trial_names(paths), held or self.products, strict=True)))
 
     @property
@@ -129,7 +129,7 @@ class Case:
     def validation(self) -> Validation:
         """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
         if self.trained is not None and not self.allow_seen:
-            refuse_seen(self.gathered.sources, self.trained)
+            refuse_training_data(self.gathered.sources, self.trained)
         return validate(self.gathered, self.plant, self.trained)
 
     @cached_property
@@ -149,7 +149,7 @@ class Case:
     @cached_property
     def errors(self) -> dict[str, Errors]:
         """The errors of every method."""
-        return {name: errors_of(track, self.validation.horizons) for name, track in self.validation.tracks.items()}
+        return {name: errors_of(track, self.validation.windows) for name, track in self.validation.tracks.items()}
 
     @cached_property
     def calibration(self) -> Calibration | None:
@@ -157,7 +157,7 @@ class Case:
         judged = self.validation
         if judged.radius_m is None:
             return None
-        return calibration_of(self.errors["hybrid"].distance, judged.radius_m, judged.horizons)
+        return calibration_of(self.errors["hybrid"].distance, judged.radius_m, judged.windows)
 
     def figure_name(self, what: str, trial: str) -> str:
         """What a recording's figure is called: by its trial where there are several."""
@@ -165,7 +165,7 @@ class Case:
 
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
-        horizons, tracks = self.validation.horizons, self.validation.tracks
+        horizons, tracks = self.validation.windows, self.validation.tracks
         chosen = one_after_another(horizons)
         chosen = chosen[horizons.trial[chosen] == name]
         if not len(chosen):
@@ -181,18 +181,18 @@ class Case:
         }  # fmt: skip
 
     @cached_property
-    def ground(self) -> Ground | None:
+    def domain(self) -> DomainOfApplicability | None:
         """What the trial has of what the calibrator was trained on."""
         if self.trained is None:
             return None
         judged = self.validation
-        return self.trained.calibrator.ground(judged.horizons, judged.tracks["reference"])
+        return self.trained.calibrator.domain(judged.windows, judged.tracks["reference"])
 
     @cached_property
     def parameters(self) -> Parameters | None:
         """What an adaptive calibrator has learned; networks have no parameters that mean anything."""
         calibrator = None if self.trained is None else self.trained.calibrator
-        return parameters_of(calibrator) if isinstance(calibrator, Adaptive) else None
+        return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
 
 
 def ship_of(name: str) -> Ship | None:
@@ -207,13 +207,13 @@ def ship_of(name: str) -> Ship | None:
     )  # fmt: skip
 
 
-def _renamed(gathered: Gathered, names: dict[str, str]) -> Gathered:
+def _renamed(gathered: Dataset, names: dict[str, str]) -> Dataset:
     """Trials and their legs under other names."""
-    horizons = gathered.horizons
+    horizons = gathered.windows
     trial = np.array([names[each] for each in horizons.trial.tolist()])
     leg = np.array([f"{new}{one.removeprefix(old)}" for one, old, new in zip(
         horizons.leg.tolist(), horizons.trial.tolist(), trial.tolist(), strict=True)])  # fmt: skip
-    return replace(gathered, horizons=replace(horizons, trial=trial, leg=leg))
+    return replace(gathered, windows=replace(horizons, trial=trial, leg=leg))
 
 
 def load_case(
@@ -244,7 +244,7 @@ def load_case(
     )
 
 
-def _vessel(name: str | None, trained: Trained | None) -> Vessel | None:
+def _vessel(name: str | None, trained: TrainedCalibrator | None) -> Vessel | None:
     """The vessel that is named, or the calibrator's, whose file may have gone: it holds all numbers itself."""
     if name is not None or trained is None:
         return load_vessel(name or DEFAULT)

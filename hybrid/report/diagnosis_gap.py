@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from analysis.report.page import Page
 from hybrid.diagnosis.result import Diagnosis, Ladder, NamedEffect
 from hybrid.diagnosis.words import number, percent
-from hybrid.prediction.bootstrap import FEW_LEGS, Interval
+from hybrid.prediction.scores import FEW_LEGS, Interval
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,8 +17,7 @@ from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Sus
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
-from hybrid.prediction.bootstrap import Interval
-from hybrid.prediction.scores import distances
+from hybrid.prediction.scores import Interval, distances
 from hybrid.report.style import interval_bar, logarithmic, plain_numbers, start_frame
 from hybrid.report.words import plain
 

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from hybrid.prediction.bootstrap import LegBootstrap
-from hybrid.prediction.prediction_windows import Horizons, difference_rad, in_ship_axes
-from hybrid.prediction.scores import distances
+from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, in_ship_axes
+from hybrid.prediction.scores import LegBootstrap, distances
 from hybrid.report.motion import speeds_of
 from hybrid.report.words import plain
 
@@ -55,7 +54,7 @@ class Errors:
         return {str(name): mean[trial == name] for name in dict.fromkeys(trial.tolist())}
 
 
-def errors_of(predicted: Floats, horizons: Horizons) -> Errors:
+def errors_of(predicted: Floats, horizons: PredictionWindows) -> Errors:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
@@ -87,7 +86,7 @@ class Calibration:
     legs: int
 
 
-def calibration_of(distance: Floats, radius_m: Floats, horizons: Horizons) -> Calibration:
+def calibration_of(distance: Floats, radius_m: Floats, horizons: PredictionWindows) -> Calibration:
     """How regions of ``radius_m`` [N, H] about predicted positions that are off by ``distance`` [N, H] stand up."""
     inside = (distance <= radius_m).astype(float)
     way = np.hypot(*(horizons.track[:, 1:, :2] - horizons.track[:, :1, :2]).transpose(2, 0, 1)).mean(axis=0)

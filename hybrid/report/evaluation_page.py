@@ -10,7 +10,7 @@ from acquisition.core.errors import storage_error
 from analysis.report.page import Page
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
-from hybrid.prediction.bootstrap import Interval
+from hybrid.prediction.scores import Interval
 from hybrid.report import evaluation_plots as plots
 from hybrid.report.evaluation_tables import MEANING, caption_of, spread
 from hybrid.report.words import plain, unbroken

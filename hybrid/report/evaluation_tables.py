@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rich.table import Table
 
 from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
-from hybrid.prediction.bootstrap import FEW_LEGS, Interval
+from hybrid.prediction.scores import FEW_LEGS, Interval
 
 MEANING = {
     "leg": "whole legs never seen",
@@ -67,7 +67,9 @@ def caption_of(split: SplitSummary) -> str:
     if split.leaked:
         parts.append(f"{split.leaked:.0%} of the seconds judged were learned from")
     beyond = [
-        f"{name} {each.untrained:.0%}" for name, each in split.whole.methods.items() if each.untrained >= _FEW
+        f"{name} {each.outside_domain:.0%}"
+        for name, each in split.whole.methods.items()
+        if each.outside_domain >= _FEW
     ]
     if beyond:
         parts.append(f"windows that start beyond what was trained on: {', '.join(beyond)}")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.calibrators.adaptive.parameters import Parameters
-from hybrid.calibrators.calibrator import Ground
+from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.report.residuals import ACCELERATIONS, PLANES, Cells, Residuals, cells_of
 from hybrid.report.words import quantity_title
 
@@ -65,7 +65,7 @@ def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> Artist:
     return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
 
 
-def training_range(axes: Axes, ground: Ground) -> list[Artist]:
+def training_range(axes: Axes, ground: DomainOfApplicability) -> list[Artist]:
     """Each quantity of a trial against the range of the training, which is the grey bar from 0 to 1.
 
     The thick line holds the middle 90 % of the trial, the thin one all; dashes are what still counts as inside. A
@@ -79,7 +79,7 @@ def training_range(axes: Axes, ground: Ground) -> list[Artist]:
     )
     rows = np.arange(len(ground.names))
     margin = ground.margin / width
-    beyond = [bool(column.any()) for column in ground.beyond.T]
+    beyond = [bool(column.any()) for column in ground.outside.T]
     colours = [PALETTE[4] if each else PALETTE[0] for each in beyond]
     artists: list[Artist] = [
         *axes.barh(rows, 1.0, color="#E3E8EC", height=0.7, label="range of the training"),

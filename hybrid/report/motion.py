@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from analysis.tables.time_index import NANO, index_of
-from hybrid.prediction.prediction_windows import Horizons, in_ship_axes
+from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
 
 COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 
@@ -26,7 +26,7 @@ def speeds_of(track: Floats) -> Floats:
     return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
-def one_after_another(horizons: Horizons) -> NDArray[np.int64]:
+def one_after_another(horizons: PredictionWindows) -> NDArray[np.int64]:
     """Windows that follow each other without an overlap, as many as fit, in the order of time."""
     start_ns = horizons.start_time.as_unit("ns").asi8
     chosen, until_ns, trial = [], -1, ""
@@ -39,7 +39,7 @@ def one_after_another(horizons: Horizons) -> NDArray[np.int64]:
     return np.array(chosen, dtype=np.int64)
 
 
-def predicted_motion(horizons: Horizons, tracks: Floats, chosen: NDArray[np.int64]) -> pd.DataFrame:
+def predicted_motion(horizons: PredictionWindows, tracks: Floats, chosen: NDArray[np.int64]) -> pd.DataFrame:
     """The motion that tracks [N, H+1, 3] predict in the ``chosen`` windows, a row a window and second.
 
     Columns :data:`COLUMNS` in the units of the channels and ``window``; the index is UTC.

@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from analysis.report.plots import INK, held_shade, label, lifted
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.report.errors import QUANTITIES, Calibration, Errors
 from hybrid.report.style import COLOUR, plain_numbers
 from hybrid.report.words import plain
@@ -59,7 +59,12 @@ def compared(
 
 
 def fans_on_track(
-    axes: Axes, table: pd.DataFrame, horizons: Horizons, tracks: Floats, radius_m: Floats | None, method: str
+    axes: Axes,
+    table: pd.DataFrame,
+    horizons: PredictionWindows,
+    tracks: Floats,
+    radius_m: Floats | None,
+    method: str,
 ) -> list[Artist]:
     """Predicted tracks [N, H+1, 3] of windows over the measured track, north up and to scale.
 

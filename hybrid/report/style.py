@@ -13,8 +13,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from acquisition.core.arrays import Floats
 from analysis.report.plots import INK, PALETTE
-from hybrid.prediction.bootstrap import Interval
 from hybrid.prediction.prediction_windows import in_ship_axes
+from hybrid.prediction.scores import Interval
 
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))

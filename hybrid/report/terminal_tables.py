@@ -16,8 +16,8 @@ _COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg
 
 def validation_table(validation: Validation) -> Table:
     """One row a method, the best mean distance in bold."""
-    horizon_s = validation.horizons.horizon_s
-    table = Table(title=f"{len(validation.horizons)} held windows of {horizon_s} s", title_justify="left",
+    horizon_s = validation.windows.horizon_s
+    table = Table(title=f"{len(validation.windows)} held windows of {horizon_s} s", title_justify="left",
                   box=None, header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
     table.add_column("method")
     for title in _COLUMNS:
@@ -37,9 +37,9 @@ def _caption(validation: Validation) -> str:
         more = f"{1 - validation.reduction:.1f} times the reference's"
         parts.append(f"hybrid's mean distance is {less if validation.reduction >= 0 else more}")
         parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
-    if validation.untrained is not None and validation.untrained.any():
+    if validation.outside_domain is not None and validation.outside_domain.any():
         parts.append(
-            f"{validation.untrained.sum()} windows start beyond what the calibrator was trained on: there the "
+            f"{validation.outside_domain.sum()} windows start beyond what the calibrator was trained on: there the "
             "better of reference and constant velocity speaks in its place, or both"
         )
     if validation.outside:
@@ -52,7 +52,7 @@ def prediction_table(prediction: Prediction) -> Table:
     rows = prediction.as_dict()["track"]
     step = max(1, (len(rows) - 1) // 10)
     table = Table(title=f"{prediction.method} from {prediction.at.isoformat()}", title_justify="left", box=None,
-                  header_style="dim", caption=_UNTRAINED if prediction.untrained else None)  # fmt: skip
+                  header_style="dim", caption=_UNTRAINED if prediction.outside_domain else None)  # fmt: skip
     for title in (
         "second",
         "north m",

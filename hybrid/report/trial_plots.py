@@ -59,8 +59,8 @@ def all_errors_by_second(figure: Figure, case: Case) -> None:
 def prediction_fans(figure: Figure, case: Case, name: str) -> None:
     """The whole track, and three stretches of it large: a usual one, a hard one and the hardest."""
     judged, table = case.validation, case.products[name].one_hz
-    chosen = one_after_another(judged.horizons)
-    chosen = chosen[judged.horizons.trial[chosen] == name]
+    chosen = one_after_another(judged.windows)
+    chosen = chosen[judged.windows.trial[chosen] == name]
     whole, *close = figure.subplot_mosaic(
         [["whole", "0"], ["whole", "1"], ["whole", "2"]], width_ratios=(1.35, 1.0)
     ).values()
@@ -68,10 +68,10 @@ def prediction_fans(figure: Figure, case: Case, name: str) -> None:
     def draw(axes: Axes, some: Ints) -> None:
         radius_m = None if judged.radius_m is None else judged.radius_m[some]
         tracks = judged.tracks[case.best][some]
-        plots.fans_on_track(axes, table, judged.horizons.subset(some), tracks, radius_m, case.best)
+        plots.fans_on_track(axes, table, judged.windows.subset(some), tracks, radius_m, case.best)
 
     draw(whole, chosen[np.unique(np.linspace(0, len(chosen) - 1, min(_FANS, len(chosen))).astype(int))])
-    error = distances(judged.tracks["reference"], judged.horizons.track).mean(axis=1)
+    error = distances(judged.tracks["reference"], judged.windows.track).mean(axis=1)
     ranked = chosen[np.argsort(error[chosen], kind="stable")]
     for axes, (words, share) in zip(close, _CLOSE.items(), strict=True):
         number = int(ranked[int(share * (len(ranked) - 1))])
@@ -79,8 +79,8 @@ def prediction_fans(figure: Figure, case: Case, name: str) -> None:
         draw(axes, near)
         if case.best != "reference":
             plots.tracks_beside(axes, judged.tracks["reference"][near], "reference")
-        plots.look_at(axes, judged.horizons.track[number], judged.tracks[case.best][number])
-        axes.set_title(f"{words}, {judged.horizons.start_time[number]:%H:%M:%S} UTC", loc="left", fontsize=8.5)
+        plots.look_at(axes, judged.windows.track[number], judged.tracks[case.best][number])
+        axes.set_title(f"{words}, {judged.windows.start_time[number]:%H:%M:%S} UTC", loc="left", fontsize=8.5)
     handles, labels = close[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6)
 
@@ -103,7 +103,7 @@ def error_distributions(figure: Figure, case: Case) -> None:
     for axes, quantity in zip(above.subplots(1, 4), ("along", "across", "heading", "speed"), strict=True):
         plots.error_histogram(axes, case.errors, quantity)
     above.legend(*above.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    trial = case.validation.horizons.trial
+    trial = case.validation.windows.trial
     split = {name: each.by_trial(trial) for name, each in case.errors.items()}
     names = list(dict.fromkeys(trial.tolist()))
     plots.error_spread(

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.batch.products import Products
 from analysis.report.run_sheet import events_of, run_sheet
-from hybrid.prediction.bootstrap import FEW_LEGS
+from hybrid.prediction.scores import FEW_LEGS
 from hybrid.report.case import Case
 from hybrid.report.errors import QUANTITIES, Calibration, error_rows
 from hybrid.report.residuals import ENOUGH_S
@@ -45,7 +45,7 @@ def headline(case: Case) -> dict[str, str]:
     """The mean distance of each method, and what the calibrator gains."""
     judged = case.validation
     figures = {
-        f"{plain(name)}, mean distance over {judged.horizons.horizon_s} s": f"{score.mean_distance_m:.2f} m"
+        f"{plain(name)}, mean distance over {judged.windows.horizon_s} s": f"{score.mean_distance_m:.2f} m"
         for name, score in judged.scores.items()
         if name in ("constant_velocity", "reference", "hybrid")
     }
@@ -127,10 +127,10 @@ def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
 def baseline_words(case: Case) -> str:
     """On what the table of methods rests."""
     judged = case.validation
-    legs = len(np.unique(judged.horizons.leg))
+    legs = len(np.unique(judged.windows.leg))
     return (
-        f"Means over {len(judged.horizons)} held windows of {judged.horizons.horizon_s} s in {legs} legs, one "
-        f"every {case.stride_s} s; seconds 1 to {judged.horizons.horizon_s}. Constant velocity is dead reckoning, "
+        f"Means over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} legs, one "
+        f"every {case.stride_s} s; seconds 1 to {judged.windows.horizon_s}. Constant velocity is dead reckoning, "
         "data driven the network without a model. Networks learn no heading: it is the reference's, for data "
         f"driven the present turn held. {_SEEN[case.seen]} {_dropped(case)}"
     )
@@ -167,22 +167,22 @@ def _share(value: float) -> str:
 
 def fallback_words(judged: Validation, training: Ground) -> str:
     """How many windows start beyond the training, in what, and which baseline speaks there."""
-    names = [name for name, column in zip(training.names, training.beyond.T, strict=True) if column.any()]
+    names = [name for name, column in zip(training.names, training.outside.T, strict=True) if column.any()]
     spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
     where = f", in {listed([quantity_title(name) for name in names])}" if names else ""
-    beyond = 0 if judged.untrained is None else int(judged.untrained.sum())
+    beyond = 0 if judged.outside_domain is None else int(judged.outside_domain.sum())
     return (
-        f"{beyond} of {len(judged.horizons)} windows start too far beyond what the calibrator was trained "
+        f"{beyond} of {len(judged.windows)} windows start too far beyond what the calibrator was trained "
         f"on{where}; there a baseline speaks: {spoke}."
     )
 
 
 def outside_words(judged: Validation, training: Ground) -> str:
     """How many windows lie outside the range of the training itself, and in what."""
-    past = [name for name, column in zip(training.names, training.past.T, strict=True) if column.any()]
-    count = int(training.past.any(axis=1).sum())
+    past = [name for name, column in zip(training.names, training.outside_range.T, strict=True) if column.any()]
+    count = int(training.outside_range.any(axis=1).sum())
     return (
-        f"{count} of {len(judged.horizons)} windows lie outside the range of the training itself"
+        f"{count} of {len(judged.windows)} windows lie outside the range of the training itself"
         + (f", in {listed([quantity_title(name) for name in past])}" if past else "")
         + "; up to the dashes that is allowed, for a model goes on where a table ends."
     )

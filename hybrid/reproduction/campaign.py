@@ -19,7 +19,7 @@ from acquisition.core.errors import DataShortageError
 from analysis.tables.resample import resample
 from analysis.windows.held import held_windows
 from hybrid.prediction.dataset import start_motion
-from hybrid.prediction.prediction_windows import PAST_S, Horizons, from_rows
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, windows_from_rows
 from hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.plant import Plant
@@ -44,7 +44,7 @@ class Campaign:
     ``ship_track`` [N, H+1, 3] where she went, without the first-order motion in waves and without sensors.
     """
 
-    horizons: Horizons
+    windows: PredictionWindows
     azimuth_deg: Floats
     ship_start: Floats
     ship_track: Floats
@@ -53,13 +53,13 @@ class Campaign:
     seed: int
 
     def __len__(self) -> int:
-        return len(self.horizons)
+        return len(self.windows)
 
     def subset(self, chosen: NDArray[np.bool_]) -> Campaign:
         """The sequences that a mask chooses."""
         return replace(
             self,
-            horizons=self.horizons.subset(chosen),
+            windows=self.windows.subset(chosen),
             azimuth_deg=self.azimuth_deg[chosen],
             ship_start=self.ship_start[chosen],
             ship_track=self.ship_track[chosen],
@@ -85,13 +85,13 @@ def paper_campaign(
         table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration_s, RATE_HZ, seed)
         one_hz = resample(table)
         rows = held_windows(one_hz, horizon_s, 1, trial=f"{sea_state}-{seed}").rows
-        windows, azimuth_deg = _drawn(rows, sequences, horizon_s, seed)
-        if len(windows) == sequences:
-            chosen = rows[rows["window"].isin(windows)]
-            horizons = from_rows(chosen, start_motion(chosen, one_hz), {f"{sea_state}-{seed}": one_hz})
-            ship = _ship_states(horizons, table.index[0], truth["states"])
-            return Campaign(horizons, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"], sea_state, seed)
-        duration_s, found = 1.5 * duration_s, len(windows)
+        numbers, azimuth_deg = _drawn(rows, sequences, horizon_s, seed)
+        if len(numbers) == sequences:
+            chosen = rows[rows["window"].isin(numbers)]
+            windows = windows_from_rows(chosen, start_motion(chosen, one_hz), {f"{sea_state}-{seed}": one_hz})
+            ship = _ship_states(windows, table.index[0], truth["states"])
+            return Campaign(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"], sea_state, seed)
+        duration_s, found = 1.5 * duration_s, len(numbers)
     raise DataShortageError(
         f"{found} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
         fix="ask for fewer sequences or a shorter horizon",
@@ -109,10 +109,10 @@ def _held_for(manoeuvre: Manoeuvre, horizon_s: int) -> Manoeuvre:
     )
 
 
-def _ship_states(horizons: Horizons, began: pd.Timestamp, states: Floats) -> Floats:
+def _ship_states(windows: PredictionWindows, began: pd.Timestamp, states: Floats) -> Floats:
     """The ship's state at the seconds of each window [N, H+1, 6], from her ``states`` [rows, 6] at RATE_HZ."""
-    first = np.round((horizons.start_time - began).total_seconds().to_numpy() * RATE_HZ).astype(np.int64)
-    rows = first[:, None] + np.round(np.arange(horizons.horizon_s + 1) * RATE_HZ).astype(np.int64)
+    first = np.round((windows.start_time - began).total_seconds().to_numpy() * RATE_HZ).astype(np.int64)
+    rows = first[:, None] + np.round(np.arange(windows.horizon_s + 1) * RATE_HZ).astype(np.int64)
     return np.asarray(states[rows])
 
 

@@ -15,7 +15,7 @@ from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.prediction_windows import Horizons, split_by_group
+from hybrid.prediction.prediction_windows import PredictionWindows, split_by_group
 from hybrid.reproduction.campaign import HORIZON_S, MODEL, SEQUENCES, TRUTH, Campaign, paper_campaign
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
@@ -65,7 +65,7 @@ class Errors:
 def judged_by(job: Job) -> tuple[Campaign, Floats]:
     """The campaign of a job and the reference's tracks on it, without windows in which it leaves its range."""
     campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
-    tracks = reference(campaign.horizons, vessel_plant(load_vessel(job.model)))
+    tracks = reference(campaign.windows, vessel_plant(load_vessel(job.model)))
     inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
     return campaign.subset(inside), tracks[inside]
 
@@ -76,21 +76,21 @@ def compared(job: Job, campaign: Campaign, tracks: Floats) -> list[Errors]:
     return [
         error
         for split in SPLITS
-        for error in _compared(job, campaign, tracks, plant, split, parts_of(campaign.horizons, split, job.seed))
+        for error in _compared(job, campaign, tracks, plant, split, parts_of(campaign.windows, split, job.seed))
     ]
 
 
-def parts_of(horizons: Horizons, split: str, seed: int) -> Parts:
+def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
     """The parts of a split: whole sequences, or seconds drawn at random from all sequences."""
-    shape = (len(horizons), horizons.horizon_s)
+    shape = (len(windows), windows.horizon_s)
     if split == "random":
         drawn = np.random.default_rng(seed).random(shape)
         test = drawn < TEST_SHARE
         stopping = ~test & (drawn < TEST_SHARE + STOPPING_SHARE * (1.0 - TEST_SHARE))
         return Parts(~test & ~stopping, stopping, test)
-    learned, held_out = split_by_group(horizons.leg, TEST_SHARE, seed)
-    _, stops = split_by_group(horizons.leg[learned], STOPPING_SHARE, seed)
-    stopping = np.zeros(len(horizons), dtype=bool)
+    learned, held_out = split_by_group(windows.leg, TEST_SHARE, seed)
+    _, stops = split_by_group(windows.leg[learned], STOPPING_SHARE, seed)
+    stopping = np.zeros(len(windows), dtype=bool)
     stopping[np.flatnonzero(learned)[stops]] = True
     rows = (np.broadcast_to(each[:, None], shape) for each in (learned & ~stopping, stopping, held_out))
     return Parts(*rows)
@@ -98,9 +98,9 @@ def parts_of(horizons: Horizons, split: str, seed: int) -> Parts:
 
 def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: str, parts: Parts) -> list[Errors]:
     """The errors on the test rows, baselines and floor first."""
-    horizons = campaign.horizons
+    windows = campaign.windows
     tested = np.asarray(parts.test.any(axis=1))
-    judged = horizons.subset(tested)
+    judged = windows.subset(tested)
     predicted = {
         "constant_velocity": constant_velocity(judged),
         "reference": tracks[tested],
@@ -108,13 +108,13 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
         "perfect_start": reference(replace(judged, start=campaign.ship_start[tested]), campaign.truth),
         "waves_only": campaign.ship_track[tested],
     }
-    training = _examples(horizons, tracks, parts.training)
-    stopping = _examples(horizons, tracks, parts.stopping)
+    training = _examples(windows, tracks, parts.training)
+    stopping = _examples(windows, tracks, parts.stopping)
     radius_m = {method: np.full((len(judged), judged.horizon_s), np.nan) for method in predicted}
     for method, calibrator in LEARNED.items():
         learned = make_calibrator(calibrator, job.seed, plant).fit(training, stopping)
-        predicted[method], spread = learned.predict_with_spread(judged, tracks[tested])
-        radius_m[method] = spread * learned.region(stopping)
+        predicted[method], uncertainty = learned.predict_with_uncertainty(judged, tracks[tested])
+        radius_m[method] = uncertainty * learned.conformal_radius(stopping)
     measured = _masked(judged.track, parts.test[tested])
     return [
         Errors(job, method, split, (track[..., :2] - measured[..., :2])[:, 1:], radius_m[method])
@@ -122,11 +122,11 @@ def _compared(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split:
     ]
 
 
-def _examples(horizons: Horizons, tracks: Floats, rows: Bools) -> Examples:
+def _examples(windows: PredictionWindows, tracks: Floats, rows: Bools) -> Examples:
     """The windows with any of ``rows`` [N, H], with a measured track at these seconds only."""
     some = np.asarray(rows.any(axis=1))
-    windows = horizons.subset(some)
-    return replace(windows, track=_masked(windows.track, rows[some])), tracks[some]
+    chosen = windows.subset(some)
+    return replace(chosen, track=_masked(chosen.track, rows[some])), tracks[some]
 
 
 def _masked(track: Floats, rows: Bools) -> Floats:

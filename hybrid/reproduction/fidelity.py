@@ -20,7 +20,7 @@ from acquisition.core.progress import Progress
 from hybrid.calibrators import make_calibrator
 from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.prediction_windows import Horizons, joined_horizons
+from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows
 from hybrid.prediction.scores import distances
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.reproduction.degradation import Degradation, degradations, single_degradations
@@ -38,8 +38,8 @@ STOPPING_SHARE = 0.2
 class Sequences:
     """Windows to learn from and windows to be judged by, of one ship in one sea."""
 
-    pool: Horizons
-    unseen: Horizons
+    pool: PredictionWindows
+    unseen: PredictionWindows
 
 
 def papers_map(
@@ -77,7 +77,7 @@ def campaign_sequences(
         sizes.append(pool % LARGEST_CAMPAIGN)
     asked = [(paper_campaign, sea_state, 1000 * seed + number, TRUTH, size) for number, size in enumerate(sizes)]
     judged, *learned = in_order(asked, workers, progress)
-    return Sequences(joined_horizons([each.horizons for each in learned]), judged.horizons), judged.truth
+    return Sequences(concatenate_windows([each.windows for each in learned]), judged.windows), judged.truth
 
 
 def fidelity_map(
@@ -124,8 +124,8 @@ def fidelity_map(
 def within_range(sequences: Sequences, plants: Sequence[Plant]) -> Sequences:
     """The windows in which every one of ``plants`` stays in the range of its model."""
 
-    def inside(horizons: Horizons) -> NDArray[np.bool_]:
-        finite = [np.isfinite(reference(horizons, plant)).all(axis=(1, 2)) for plant in plants]
+    def inside(windows: PredictionWindows) -> NDArray[np.bool_]:
+        finite = [np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants]
         return np.asarray(np.all(finite, axis=0))
 
     pool, unseen = sequences.pool, sequences.unseen
@@ -157,5 +157,5 @@ def learned_errors_m(
     return np.array(errors)
 
 
-def _mean_m(predicted: Floats, horizons: Horizons) -> float:
-    return float(distances(predicted, horizons.track).mean())
+def _mean_m(predicted: Floats, windows: PredictionWindows) -> float:
+    return float(distances(predicted, windows.track).mean())

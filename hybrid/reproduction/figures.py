@@ -82,7 +82,7 @@ def draw_tracks(figure: Figure, shown: Shown) -> None:
     panels = _row(figure, len(shown.seas))
     for axes, sea in zip(panels, shown.seas, strict=True):
         first = np.arange(min(TRACKS, len(sea.campaign)))
-        plots.campaign_tracks(axes, sea.campaign.horizons.subset(first), sea.campaign.azimuth_deg[first])
+        plots.campaign_tracks(axes, sea.campaign.windows.subset(first), sea.campaign.azimuth_deg[first])
         text = f"{sea.campaign.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
         axes.set_title(text, loc="left")
     before = Line2D([], [], color=FAINT, label=f"{PAST_S} s before")
@@ -126,7 +126,7 @@ def draw_fans(figure: Figure, shown: Shown) -> None:
     panels = _row(figure, len(shown.seas), sharex=True, sharey=True)
     for axes, sea in zip(panels, shown.seas, strict=True):
         chosen = _of_every_azimuth(sea.campaign.azimuth_deg, FAN)
-        plots.fans(axes, sea.campaign.horizons.subset(chosen), sea.reference[chosen], "reference")
+        plots.fans(axes, sea.campaign.windows.subset(chosen), sea.reference[chosen], "reference")
         error_m = float(np.hypot(*(sea.gap_m("reference").transpose(2, 0, 1))).mean())
         axes.set_title(f"{sea.campaign.sea_state}: {error_m:.2f} m on average", loc="left")
     _only_outer_labels(panels)

@@ -12,21 +12,21 @@ from matplotlib.patches import Circle
 
 from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.report.style import COLOUR, plain_numbers, start_frame
 from hybrid.report.words import plain
 
 AZIMUTH_COLOUR = {10.0: PALETTE[0], 20.0: PALETTE[2], 30.0: PALETTE[4]}
 
 
-def campaign_tracks(axes: Axes, horizons: Horizons, azimuth_deg: Floats) -> list[Artist]:
+def campaign_tracks(axes: Axes, windows: PredictionWindows, azimuth_deg: Floats) -> list[Artist]:
     """Where the sequences lie, one colour an azimuth, with the minute before each in grey; north up."""
     artists: list[Artist] = []
-    for past in horizons.past:
+    for past in windows.past:
         artists += axes.plot(past[:, 1] / 1e3, past[:, 0] / 1e3, color=FAINT, linewidth=0.8)
     for angle, colour in AZIMUTH_COLOUR.items():
         for place, number in enumerate(np.flatnonzero(np.abs(azimuth_deg) == angle)):
-            track, label = horizons.track[number] / 1e3, None if place else f"{angle:g}°"
+            track, label = windows.track[number] / 1e3, None if place else f"{angle:g}°"
             artists += axes.plot(track[:, 1], track[:, 0], color=colour, linewidth=2.0, label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east [km]")
@@ -47,10 +47,10 @@ def channel(axes: Axes, seconds: Floats, values: Mapping[str, Floats], label: st
     return artists
 
 
-def fans(axes: Axes, horizons: Horizons, predicted: Floats, method: str) -> list[Artist]:
+def fans(axes: Axes, windows: PredictionWindows, predicted: Floats, method: str) -> list[Artist]:
     """Measured and predicted tracks [N, H+1, 3] of several sequences from one start, bow up and to scale."""
     artists: list[Artist] = []
-    measured, tracks = (start_frame(each, horizons.start) for each in (horizons.track, predicted))
+    measured, tracks = (start_frame(each, windows.start) for each in (windows.track, predicted))
     for number, (ours, theirs) in enumerate(zip(measured, tracks, strict=True)):
         first = number == 0
         artists += axes.plot(ours[:, 0], ours[:, 1], color=INK, label="measured" if first else None)

@@ -14,7 +14,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from analysis.tables.resample import resample
 from analysis.windows.held import held_windows
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.reproduction.campaign import HORIZON_S, RATE_HZ, Campaign
 from hybrid.reproduction.comparison import Errors, Job, compared, judged_by, parts_of
 from hybrid.reproduction.processes import in_order
@@ -38,9 +38,9 @@ class Sea:
     errors: tuple[Errors, ...]
 
     @property
-    def judged(self) -> Horizons:
+    def judged(self) -> PredictionWindows:
         """The windows that no method has seen."""
-        return self.campaign.horizons.subset(self.unseen)
+        return self.campaign.windows.subset(self.unseen)
 
     def gap_m(self, method: str, split: str = "sequence") -> Floats:
         """Predicted minus measured north and east [n, H, 2]."""
@@ -59,7 +59,7 @@ class Sea:
 def sea_of(job: Job) -> Sea:
     """Simulate the campaign of ``job``, train every method on it and judge them."""
     campaign, tracks = judged_by(job)
-    unseen = np.flatnonzero(parts_of(campaign.horizons, "sequence", job.seed).test.any(axis=1))
+    unseen = np.flatnonzero(parts_of(campaign.windows, "sequence", job.seed).test.any(axis=1))
     return Sea(job, campaign, tracks, unseen, tuple(compared(job, campaign, tracks)))
 
 

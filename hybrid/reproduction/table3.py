@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.prediction.bootstrap import DRAWS, Interval, LegBootstrap, interval_about
+from hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
 from hybrid.reproduction.campaign import SEA_STATES
 from hybrid.reproduction.comparison import SPLITS, Errors, Job
 from hybrid.reproduction.published import PUBLISHED, published_hybrid
@@ -172,7 +172,7 @@ def bootstrap_means(figures: Sequence[Floats], draws: int = DRAWS) -> Floats:
     """Means of the ``figures`` of each seed [n, H, K], over the seconds at which the first is known [1 + draws, K].
 
     Row 0 is the mean over seeds as measured; each row after it of a draw of whole sequences, with replacement
-    and within each seed: :class:`~hybrid.prediction.bootstrap.LegBootstrap`, stratified.
+    and within each seed: :class:`~hybrid.prediction.scores.LegBootstrap`, stratified.
     """
     by_seed = [_means(each, draws, seed) for seed, each in enumerate(figures)]
     return np.asarray(np.mean(by_seed, axis=0))

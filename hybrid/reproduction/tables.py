@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.table import Table
 
 from analysis.tables.files import in_place_of
-from hybrid.prediction.bootstrap import Interval
+from hybrid.prediction.scores import Interval
 from hybrid.report.evaluation_tables import spread
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Row, Table3

@@ -34,7 +34,9 @@ class Picture:
         part = "waiting" if path is None else path.name
         yield _one_line(("● TWIN ", "bold cyan"), f"{twin.account.made:,} predictions  {part}")
         if twin.last is not None:
-            yield _one_line((spoken(twin.last.prediction), "yellow" if twin.last.prediction.untrained else "green"))
+            yield _one_line(
+                (spoken(twin.last.prediction), "yellow" if twin.last.prediction.outside_domain else "green")
+            )
             yield track_table(twin.last.prediction)
         yield _one_line(latency(twin))
         yield _one_line(earlier(twin.last_error))
@@ -50,7 +52,7 @@ def _one_line(*parts: str | tuple[str, str]) -> Text:
 
 def spoken(prediction: Prediction) -> str:
     """Who speaks, and from when on."""
-    beyond = ", beyond what the calibrator was trained on" if prediction.untrained else ""
+    beyond = ", beyond what the calibrator was trained on" if prediction.outside_domain else ""
     return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}"
 
 

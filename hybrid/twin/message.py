@@ -46,7 +46,7 @@ def body_of(
         "method": prediction.method,
         "vessel": model[0][-200:],
         "calibrator": model[1][-200:],
-        "outside_training_range": prediction.untrained,
+        "outside_training_range": prediction.outside_domain,
         "held_channels": list(held),
         "track": track_of(prediction, origin),
         "running": {"over_s": over_s, **_known(asdict(mean))},

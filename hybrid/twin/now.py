@@ -23,7 +23,7 @@ from hybrid.vessel.plant import Plant
 from hybrid.workflows.predict import Prediction, predict
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import Trained
+    from hybrid.calibrators.artefact import TrainedCalibrator
 
 MOTION = (*POSE, *VELOCITY)
 """What must have been measured up to the start; wind and thrusters are held anyhow, and may be older."""
@@ -62,7 +62,11 @@ def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
 
 
 def predict_now(
-    recording: Recording, horizon_s: int, plant: Plant, trained: Trained | None = None, at_ns: int | None = None
+    recording: Recording,
+    horizon_s: int,
+    plant: Plant,
+    trained: TrainedCalibrator | None = None,
+    at_ns: int | None = None,
 ) -> Foretold:
     """Predict from the newest whole second of the last minute or so, or from the second ``at_ns``.
 

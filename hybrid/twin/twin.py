@@ -28,7 +28,7 @@ from hybrid.twin.running_error import Judged, RunningError
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import Trained
+    from hybrid.calibrators.artefact import TrainedCalibrator
 
 _MARGIN_S = 15.0  # more than the filters look back, and than judging waits
 _LEAST_APART_S = 0.55  # what the recorder takes is two a second
@@ -45,7 +45,7 @@ class Model:
     vessel: str
     plant: Plant
     horizon_s: int
-    trained: Trained | None = None
+    trained: TrainedCalibrator | None = None
     calibrator: str = ""
 
     @property

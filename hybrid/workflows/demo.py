@@ -29,19 +29,19 @@ from acquisition.recording.trial import Trial
 from analysis.quality.check import DataQuality, check_recording
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
-from hybrid.calibrators.artefact import Trained, save
+from hybrid.calibrators.artefact import TrainedCalibrator, save
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.dataset import gather
+from hybrid.prediction.dataset import load_dataset
 from hybrid.report.folder import Choices, folder_report
 from hybrid.report.words import plain
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 from hybrid.workflows.train import train
-from hybrid.workflows.validate import Validation, refuse_seen, validate
+from hybrid.workflows.validate import Validation, refuse_training_data, validate
 
 Say = Callable[[str], None]
 
@@ -86,9 +86,9 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     say(f"5  train a calibrator on {TRAINING_VOYAGES} earlier voyages, on top of the model of the ship before")
     trained = train_on_earlier(folder, seed, progress("training"))
     say("6  validate it on the recorded voyage, which it has not seen")
-    gathered = gather([recording_path], HORIZON_S, STRIDE_S)
-    refuse_seen(gathered.sources, trained)
-    validation = validate(gathered, vessel_plant(load_vessel(MODEL)), trained)
+    dataset = load_dataset([recording_path], HORIZON_S, STRIDE_S)
+    refuse_training_data(dataset.sources, trained)
+    validation = validate(dataset, vessel_plant(load_vessel(MODEL)), trained)
     say("7  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_recording(recording_path, folder, progress("diagnosing"))
     for effect in diagnosis.effects:
@@ -193,13 +193,15 @@ def lost_samples(played: Playback, recording: Recording) -> dict[str, int]:
     }
 
 
-def train_on_earlier(folder: Path, seed: int, progress: Progress) -> Trained:
+def train_on_earlier(folder: Path, seed: int, progress: Progress) -> TrainedCalibrator:
     """Train on voyages of other days, on top of the model of the ship before she was lengthened."""
     paths = [
         simulate_to(folder / "training" / f"voyage_{number + 1}.mcap", "voyage", TRAINING_S, seed + 100 + number)
         for number in range(TRAINING_VOYAGES)
     ]
     plant = vessel_plant(load_vessel(MODEL))
-    trained = train(gather(paths, HORIZON_S, STRIDE_S, shorter=True), MODEL, plant, seed=seed, progress=progress)
+    trained = train(
+        load_dataset(paths, HORIZON_S, STRIDE_S, shorter=True), MODEL, plant, seed=seed, progress=progress
+    )
     save(trained, folder / "calibrator")
     return trained

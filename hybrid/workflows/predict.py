@@ -15,18 +15,20 @@ from acquisition.core.errors import InputError, ModelRangeError
 from analysis.estimation.local_polynomial import motion_known_after, one_sided_motion
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.dataset import start_motion
-from hybrid.prediction.prediction_windows import Horizons, from_rows
+from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import Trained
+    from hybrid.calibrators.artefact import TrainedCalibrator
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A predicted track [H+1, 3] of north, east [m], heading [rad], its 95 % radius [H+1] if it has one, and
-    the measured track where the recording goes on long enough. ``untrained`` says that the start lies beyond
-    what the calibrator was trained on: then ``method`` names the baseline that speaks instead.
+    """One predicted track.
+
+    ``track`` [H+1, 3]: north, east [m], heading [rad]; ``band_m`` [H+1]: the radius of its 95 % region, if the
+    method has one; ``measured`` [H+1, 3] where the recording goes on long enough. ``outside_domain`` says that the
+    start lies outside the calibrator's domain of applicability: then ``method`` names the fallback's main baseline.
     """
 
     at: pd.Timestamp
@@ -34,7 +36,7 @@ class Prediction:
     track: Floats
     band_m: Floats | None
     measured: Floats | None
-    untrained: bool = False
+    outside_domain: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """One object a second, for JSON."""
@@ -50,7 +52,7 @@ class Prediction:
             "at": self.at.isoformat(),
             "horizon_s": len(self.track) - 1,
             "method": self.method,
-            "outside_training_range": self.untrained,
+            "outside_training_range": self.outside_domain,
             "track": rows,
         }
 
@@ -77,7 +79,7 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     return at.tz_convert("UTC")
 
 
-def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Horizons, bool]:
+def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[PredictionWindows, bool]:
     """The window that starts at ``at`` in a 1 Hz table, and whether the recording covers all of it.
 
     Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`one_sided_motion`).
@@ -100,13 +102,13 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Ho
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
     motion = start_motion(labelled, table) if motion_known_after(table, start) else one_sided_motion(table, start)
-    return from_rows(labelled, motion, {"prediction": table}), bool(
+    return windows_from_rows(labelled, motion, {"prediction": table}), bool(
         rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
     )
 
 
 def predict(
-    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: Trained | None = None
+    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, plant: Plant, trained: TrainedCalibrator | None = None
 ) -> Prediction:
     """Predict from ``at`` with thrusters and wind held: the reference, or the calibrator on it.
 
@@ -114,27 +116,31 @@ def predict(
     table, :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:
-        from hybrid.calibrators.artefact import refuse_horizon, speak  # torch comes with it: hundreds of megabytes
+        from hybrid.calibrators.artefact import (  # torch comes with it: hundreds of megabytes
+            predict_tracks,
+            refuse_horizon,
+        )
 
         refuse_horizon(horizon_s, trained)
-    horizons, covered = window_at(table, at, horizon_s)
-    track = reference(horizons, plant)
+    windows, covered = window_at(table, at, horizon_s)
+    track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(
             f"from {at.isoformat()} the reference model leaves its range",
             why="speeds or thrusts are not those of this vessel",
             fix="choose another time, or check --vessel and the units of the recording",
         )
-    band, untrained, method = None, False, "reference"
+    band, outside_domain, source = None, False, "reference"
     if trained is not None:
-        spoken = speak(trained, horizons, track)
-        track, untrained, method = spoken.tracks, bool(spoken.untrained[0]), str(spoken.method[0])
-        band = np.concatenate([[0.0], spoken.radius_m[0]])
+        predicted = predict_tracks(trained, windows, track)
+        track, source = predicted.tracks, str(predicted.source[0])
+        outside_domain = bool(predicted.outside_domain[0])
+        band = np.concatenate([[0.0], predicted.radius_m[0]])
     return Prediction(
-        at=pd.Timestamp(horizons.start_time[0]),
-        method=method,
+        at=pd.Timestamp(windows.start_time[0]),
+        method=source,
         track=track[0],
         band_m=band,
-        measured=horizons.track[0] if covered else None,
-        untrained=untrained,
+        measured=windows.track[0] if covered else None,
+        outside_domain=outside_domain,
     )

@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.artefact import Trained
-from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import Gathered
-from hybrid.prediction.prediction_windows import Horizons, drawn_legs
-from hybrid.prediction.regions import reserve_of
+from hybrid.calibrators.artefact import TrainedCalibrator
+from hybrid.prediction.dataset import Dataset, within_model_range
+from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
+from hybrid.prediction.regions import Fallback
 from hybrid.prediction.scores import score
 from hybrid.vessel.plant import Plant
 
@@ -24,63 +22,51 @@ METHOD = "adaptive"
 """The kind of calibrator that is trained unless another is asked for."""
 
 
-def inside_range(horizons: Horizons, plant: Plant) -> tuple[Horizons, Floats]:
-    """The windows in which the reference model stays in its range, and its tracks.
-
-    Raises :class:`DataShortageError` when there are none.
-    """
-    tracks = reference(horizons, plant)
-    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
-    if not inside.any():
-        raise DataShortageError(
-            "the reference model leaves its range in every window",
-            why="speeds or thrusts are not those of this vessel",
-            fix="check --vessel and the units of the recording",
-        )
-    return horizons.subset(inside), tracks[inside]
-
-
 def train(
-    gathered: Gathered,
+    dataset: Dataset,
     vessel: str,
     plant: Plant,
     method: str = METHOD,
     seed: int = 0,
     progress: Progress = lambda share: None,
-) -> Trained:
-    """Fit the calibrator and its twin without a model; legs kept out stop networks and size their regions."""
-    horizons, tracks = inside_range(gathered.horizons, plant)
-    held_out = drawn_legs(horizons, HELD_OUT_SHARE, seed)
+) -> TrainedCalibrator:
+    """Train a calibrator of ``method`` and the network without a model on a data set.
+
+    A share :data:`HELD_OUT_SHARE` of the legs is kept out for early stopping and for the radii of the regions.
+    Raises :class:`DataShortageError` without windows in the range of the model, or with one leg only.
+    """
+    windows, tracks = within_model_range(dataset.windows, plant)
+    held_out = draw_legs(windows, HELD_OUT_SHARE, seed)
     fitting = ~held_out
-    training = (horizons.subset(fitting), tracks[fitting])
-    stopping = (horizons.subset(held_out), tracks[held_out])
+    training = (windows.subset(fitting), tracks[fitting])
+    stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))
     data_driven = make_calibrator("data_driven", seed, plant).fit(training, stopping, part_of(progress, 1, 2))
-    return Trained(
+    return TrainedCalibrator(
         calibrator=calibrator,
         data_driven=data_driven,
-        horizon_s=horizons.horizon_s,
+        horizon_s=windows.horizon_s,
         vessel=vessel,
         plant=plant,
-        band_m=calibrator.region(stopping),
-        reserve=reserve_of(horizons, tracks, plant),
-        sources=tuple(replace(each, path=each.path.resolve()) for each in gathered.sources),
-        metrics=_metrics(horizons, training, stopping, calibrator.unseen(stopping)),
+        band_m=calibrator.conformal_radius(stopping),
+        fallback=Fallback.fit(windows, tracks, plant),
+        sources=tuple(replace(each, path=each.path.resolve()) for each in dataset.sources),
+        metrics=_metrics(windows, training, stopping, calibrator.out_of_sample_tracks(stopping)),
     )
 
 
 def _metrics(
-    horizons: Horizons,
-    training: tuple[Horizons, Floats],
-    stopping: tuple[Horizons, Floats],
+    windows: PredictionWindows,
+    training: tuple[PredictionWindows, Floats],
+    stopping: tuple[PredictionWindows, Floats],
     predicted: Floats,
 ) -> dict[str, Any]:
     judged = stopping[0].whole
     measured = stopping[0].track[judged]
     return {
-        "windows": int(horizons.whole.sum()),
-        "shorter_windows": int((~horizons.whole).sum()),
-        "legs": int(np.unique(horizons.leg).size),
+        "windows": int(windows.whole.sum()),
+        "shorter_windows": int((~windows.whole).sum()),
+        "legs": int(np.unique(windows.leg).size),
         "training_windows": int(training[0].whole.sum()),
         "held_out_windows": int(judged.sum()),
         "held_out_reference_m": score(stopping[1][judged], measured).mean_distance_m,

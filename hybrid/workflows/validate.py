@@ -10,35 +10,34 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
-from hybrid.calibrators.artefact import Trained, refuse_horizon, speak
+from hybrid.calibrators.artefact import TrainedCalibrator, predict_tracks, refuse_horizon
 from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.dataset import Gathered, Source
-from hybrid.prediction.prediction_windows import Horizons
-from hybrid.prediction.regions import Predicted
+from hybrid.prediction.dataset import Dataset, Source, within_model_range
+from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.regions import PredictedTracks
 from hybrid.prediction.scores import Score, distances, score
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.train import inside_range
 
 
 @dataclass(frozen=True, slots=True)
 class Validation:
     """Scores and tracks by method, on the same windows for all.
 
-    ``outside`` counts the windows left out because the reference model left its range in them;
-    ``untrained`` [N] marks those whose start lies beyond what the calibrator was trained on: there the hybrid
-    is reference and constant velocity, the better of them the louder, as ``spoken_by`` [N] says. ``radius_m``
-    [N, H] are its 95 % regions, ``band_m`` [H] their median.
+    ``outside`` counts the windows left out because the reference model left its range in them. With a calibrator,
+    ``outside_domain`` [N] marks the windows outside its domain of applicability, where the fallback predicts;
+    ``source`` [N] names who predicted; ``radius_m`` [N, H] are the radii of its 95 % regions, ``band_m`` [H] their
+    medians.
     """
 
-    horizons: Horizons
+    windows: PredictionWindows
     tracks: dict[str, Floats]
     scores: dict[str, Score]
     outside: int
     coverage_95: float | None
     band_m: Floats | None
-    untrained: NDArray[np.bool_] | None = None
+    outside_domain: NDArray[np.bool_] | None = None
     radius_m: Floats | None = None
-    spoken_by: NDArray[np.str_] | None = None
+    source: NDArray[np.str_] | None = None
 
     @property
     def reduction(self) -> float | None:
@@ -49,19 +48,19 @@ class Validation:
 
     @property
     def fallback(self) -> dict[str, int] | None:
-        """In how many windows a baseline spoke for the calibrator, by its name; None without a calibrator."""
-        if self.spoken_by is None:
+        """In how many windows the fallback predicted, by its main baseline; None without a calibrator."""
+        if self.source is None:
             return None
-        names, times = np.unique(self.spoken_by[self.spoken_by != "hybrid"], return_counts=True)
+        names, times = np.unique(self.source[self.source != "hybrid"], return_counts=True)
         return dict(zip(map(str, names), map(int, times), strict=True))
 
     def as_dict(self) -> dict[str, Any]:
-        """The contract's JSON object, and what Seatrial says beside."""
+        """The JSON object of ``seatrial validate --json``."""
         return {
-            "horizon_s": self.horizons.horizon_s,
-            "windows": len(self.horizons),
+            "horizon_s": self.windows.horizon_s,
+            "windows": len(self.windows),
             "outside_model_range": self.outside,
-            "outside_training_range": None if self.untrained is None else int(self.untrained.sum()),
+            "outside_training_range": None if self.outside_domain is None else int(self.outside_domain.sum()),
             "methods": {name: each.as_dict() for name, each in self.scores.items()},
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
@@ -70,44 +69,44 @@ class Validation:
         }
 
 
-def refuse_seen(sources: tuple[Source, ...], trained: Trained) -> None:
+def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator) -> None:
     """Raise :class:`InputError` when a recording took part in the training."""
-    seen = [each for each in sources if any(each.overlaps(other) for other in trained.sources)]
-    if seen:
+    known = [each for each in sources if any(each.overlaps(other) for other in trained.sources)]
+    if known:
         raise InputError(
             "took part in the training of this calibrator",
-            where=", ".join(str(each.path) for each in seen),
+            where=", ".join(str(each.path) for each in known),
             fix="validate on other recordings or another --part, or say --allow-seen",
         )
 
 
-def validate(gathered: Gathered, plant: Plant, trained: Trained | None = None) -> Validation:
-    """Score every baseline, and the calibrator if there is one, on the windows of ``gathered``.
+def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
+    """Score every baseline, and the calibrator if there is one, on the windows of ``dataset``.
 
     Raises :class:`InputError` when the calibrator was trained for another horizon.
     """
     if trained is not None:
-        refuse_horizon(gathered.horizons.horizon_s, trained)
-    horizons, reference_tracks = inside_range(gathered.horizons, plant)
-    tracks = {"constant_velocity": constant_velocity(horizons), "reference": reference_tracks}
-    spoken = None
+        refuse_horizon(dataset.windows.horizon_s, trained)
+    windows, reference_tracks = within_model_range(dataset.windows, plant)
+    tracks = {"constant_velocity": constant_velocity(windows), "reference": reference_tracks}
+    hybrid = None
     if trained is not None:
-        tracks["data_driven"] = trained.data_driven.predict(horizons, reference_tracks)
-        spoken = speak(trained, horizons, reference_tracks)
-        tracks["hybrid"] = spoken.tracks
+        tracks["data_driven"] = trained.data_driven.predict(windows, reference_tracks)
+        hybrid = predict_tracks(trained, windows, reference_tracks)
+        tracks["hybrid"] = hybrid.tracks
     return Validation(
-        horizons=horizons,
+        windows=windows,
         tracks=tracks,
-        scores={name: score(track, horizons.track) for name, track in tracks.items()},
-        outside=len(gathered.horizons) - len(horizons),
-        coverage_95=None if spoken is None else _coverage(spoken, horizons),
-        band_m=None if spoken is None else np.median(spoken.radius_m, axis=0),
-        untrained=None if spoken is None else spoken.untrained,
-        radius_m=None if spoken is None else spoken.radius_m,
-        spoken_by=None if spoken is None else spoken.method,
+        scores={name: score(track, windows.track) for name, track in tracks.items()},
+        outside=len(dataset.windows) - len(windows),
+        coverage_95=None if hybrid is None else _coverage(hybrid, windows),
+        band_m=None if hybrid is None else np.median(hybrid.radius_m, axis=0),
+        outside_domain=None if hybrid is None else hybrid.outside_domain,
+        radius_m=None if hybrid is None else hybrid.radius_m,
+        source=None if hybrid is None else hybrid.source,
     )
 
 
-def _coverage(spoken: Predicted, horizons: Horizons) -> float:
+def _coverage(predicted: PredictedTracks, windows: PredictionWindows) -> float:
     """The share of measured positions inside their regions, over windows and seconds."""
-    return float((distances(spoken.tracks, horizons.track) <= spoken.radius_m).mean())
+    return float((distances(predicted.tracks, windows.track) <= predicted.radius_m).mean())

@@ -21,7 +21,7 @@ from hybrid.calibrators.artefact import load, plant_for
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
@@ -41,13 +41,13 @@ def measured_ms(action: Callable[[], object]) -> tuple[float, float]:
     return float(np.median(taken)), float(np.quantile(taken, 0.99))
 
 
-def prediction(window: Horizons, plant: Plant, calibrator: Calibrator) -> tuple[object, ...]:
+def prediction(window: PredictionWindows, plant: Plant, calibrator: Calibrator) -> tuple[object, ...]:
     """Track, whether it is a guess, and the spread that the band is scaled by."""
     track = reference(window, plant)
-    return calibrator.predict_with_spread(window, track), calibrator.outside(window, track)
+    return calibrator.predict_with_uncertainty(window, track), calibrator.outside_domain(window, track)
 
 
-def report(name: str, window: Horizons, plant: Plant, calibrator: Calibrator) -> None:
+def report(name: str, window: PredictionWindows, plant: Plant, calibrator: Calibrator) -> None:
     """Measure and print one calibrator."""
     median, late = measured_ms(lambda: prediction(window, plant, calibrator))
     print(f"{name:16s} median {median:6.2f} ms, 99 % within {late:6.2f} ms")

@@ -18,23 +18,23 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.adaptation import (
-    FOLLOWED,
-    KEPT,
+    FORCE_DECAY,
     NAMES,
+    NOISE_LEVELS,
     POSITIVE,
     SIGNED,
-    adapted,
-    followed,
+    adapt_plant,
+    observations_of,
     observer_gains,
-    seen,
+    run_observer,
 )
-from hybrid.calibrators.adaptive.calibrator import Adaptive, _folds
+from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.adaptive.gains import WAVE_DAMPING, kalman_gains, wave_step
-from hybrid.calibrators.artefact import Trained, load, save
+from hybrid.calibrators.artefact import TrainedCalibrator, load, save
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import PAST_S, Horizons
-from hybrid.prediction.regions import reserve_of
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
+from hybrid.prediction.regions import Fallback
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant, pack
 from tests.hybrid.windows_by_hand import moved, turned, voyages
@@ -45,18 +45,18 @@ NUMBERS = ("start", "track", "wind", "control", "past")
 power = st.floats(-3.0, 2.0)
 
 
-def off_m(predicted: Floats, windows: Horizons) -> float:
+def off_m(predicted: Floats, windows: PredictionWindows) -> float:
     """The mean distance [m]."""
     return float(distances(predicted, windows.track).mean())
 
 
-def tracks(vector: Floats, plant: Plant, windows: Horizons) -> Floats:
+def tracks(vector: Floats, plant: Plant, windows: PredictionWindows) -> Floats:
     """What the adapted model says of windows [N, H+1, 3]."""
-    states, waves = followed(vector, plant, seen(windows))
+    states, waves = run_observer(vector, plant, observations_of(windows))
     return states[..., :3] + waves
 
 
-def noisy(windows: Horizons, seed: int = 0) -> Horizons:
+def noisy(windows: PredictionWindows, seed: int = 0) -> PredictionWindows:
     """The windows as real sensors see them: a few centimetres, tenths of a degree, centimetres a second."""
     random = np.random.default_rng(seed)
     deviation = np.array([0.05, 0.05, 0.003, 0.02, 0.02, 0.001])
@@ -72,24 +72,24 @@ def truth(plant: Plant) -> Plant:
 
 
 @pytest.fixture(scope="module")
-def training(truth: Plant) -> Horizons:
+def training(truth: Plant) -> PredictionWindows:
     """Her windows, of two legs: so two members are adapted, which is soon done."""
     return noisy(voyages(truth, 24, SECONDS, legs=2))
 
 
-def fit(plant: Plant, windows: Horizons, seed: int = 0) -> Adaptive:
+def fit(plant: Plant, windows: PredictionWindows, seed: int = 0) -> AdaptiveCalibrator:
     """A calibrator on the windows, the last six of them to stop by, adapted in a few steps."""
     alone, last = reference(windows, plant), np.arange(len(windows)) >= len(windows) - 6
     training, stopping = ((windows.subset(mask), alone[mask]) for mask in (~last, last))
     calibrator = make_calibrator("adaptive", seed, plant)
-    assert isinstance(calibrator, Adaptive)
+    assert isinstance(calibrator, AdaptiveCalibrator)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=2))
         return calibrator.fit(training, stopping)
 
 
 @pytest.fixture(scope="module")
-def learned(plant: Plant, training: Horizons) -> Adaptive:
+def learned(plant: Plant, training: PredictionWindows) -> AdaptiveCalibrator:
     return fit(plant, training)
 
 
@@ -146,12 +146,18 @@ def test_an_exact_position_is_believed(speed: float, force: float) -> None:
     assert gains[:, 0, 1] == pytest.approx(0.0, abs=1e-9)
 
 
-@given(st.lists(st.floats(-4.0, 4.0), min_size=len(FOLLOWED) + len(KEPT), max_size=len(FOLLOWED) + len(KEPT)))
+@given(
+    st.lists(
+        st.floats(-4.0, 4.0),
+        min_size=len(NOISE_LEVELS) + len(FORCE_DECAY),
+        max_size=len(NOISE_LEVELS) + len(FORCE_DECAY),
+    )
+)
 @settings(max_examples=30, deadline=None)
 def test_gains_stay_finite_and_stable(numbers: list[float]) -> None:
     """Whatever the vector says, errors of position and speed are corrected and never overcorrected twofold."""
     vector = UNADAPTED.copy()
-    vector[[NAMES.index(name) for name in (*FOLLOWED, *KEPT)]] = numbers
+    vector[[NAMES.index(name) for name in (*NOISE_LEVELS, *FORCE_DECAY)]] = numbers
     gains, kept, _ = observer_gains(vector)
     assert np.isfinite(gains).all()
     assert ((kept > 0.0) & (kept < 1.0)).all()
@@ -169,7 +175,7 @@ def test_headings_are_believed_less_in_a_turn() -> None:
 
 def test_no_departure_is_the_reference(plant: Plant) -> None:
     """A vector of nothing leaves every number of the plant as it was, to the bit."""
-    assert adapted(UNADAPTED, plant).tobytes() == pack(plant).tobytes()
+    assert adapt_plant(UNADAPTED, plant).tobytes() == pack(plant).tobytes()
 
 
 @given(st.lists(st.floats(-9.0, 9.0), min_size=len(NAMES), max_size=len(NAMES)))
@@ -178,7 +184,7 @@ def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float])
     """Masses, damping and thrust keep their sign whatever the vector says; all others change by shares; and what
     is not in the vector is the reference's still.
     """
-    then, now = pack(plant), adapted(np.array(numbers), plant)
+    then, now = pack(plant), adapt_plant(np.array(numbers), plant)
     for name, number in zip(NAMES, numbers, strict=True):
         if name in POSITIVE:
             assert now[name] == pytest.approx(then[name] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
@@ -209,7 +215,7 @@ def test_a_force_that_the_model_lacks_is_found(plant: Plant, name: str, size: fl
     alone = off_m(reference(windows, plant), windows)
     found = off_m(tracks(UNADAPTED, plant, windows), windows)
     lasting = UNADAPTED.copy()
-    lasting[[NAMES.index(each) for each in KEPT]] = 4.0
+    lasting[[NAMES.index(each) for each in FORCE_DECAY]] = 4.0
     assert alone > 0.1
     assert found < most * alone
     assert off_m(tracks(lasting, plant, windows), windows) < 0.8 * found
@@ -244,7 +250,7 @@ def test_hidden_numbers_are_recovered(plant: Plant) -> None:
     """
     ship = replace(plant, thrust_nn=0.8 * plant.thrust_nn, Xuu=1.5 * plant.Xuu)
     windows, unseen = (voyages(ship, 16, SECONDS, seed) for seed in (0, 1))
-    vector = adapt(plant, seen(windows), windows.track, 1.0, steps=3)
+    vector = adapt(plant, observations_of(windows), windows.track, 1.0, steps=3)
     assert off_m(reference(unseen, plant), unseen) > 0.5
     assert off_m(tracks(vector, plant, unseen), unseen) < 0.01
 
@@ -254,9 +260,9 @@ def test_no_departure_is_invented(plant: Plant) -> None:
     them does other windows little harm.
     """
     windows = voyages(plant, 16, SECONDS)
-    vector = adapt(plant, seen(windows), windows.track, 1.0, steps=2)
+    vector = adapt(plant, observations_of(windows), windows.track, 1.0, steps=2)
     assert np.abs(vector).max() < 0.05
-    misled = adapt(plant, seen(noisy(windows)), windows.track, 1.0, steps=2)
+    misled = adapt(plant, observations_of(noisy(windows)), windows.track, 1.0, steps=2)
     unseen = noisy(voyages(plant, 40, SECONDS, seed=1), seed=1)
     assert off_m(tracks(misled, plant, unseen), unseen) < 1.1 * off_m(tracks(UNADAPTED, plant, unseen), unseen)
 
@@ -268,10 +274,10 @@ def test_what_cannot_be_run_teaches_nothing(plant: Plant) -> None:
     past = windows.past.copy()
     past[lost, :, 3] = np.nan
     holed = replace(windows, past=past, start=np.where(lost[:, None], np.nan, windows.start))
-    assert np.isfinite(adapt(plant, seen(holed), holed.track, 1.0, steps=1)).all()
+    assert np.isfinite(adapt(plant, observations_of(holed), holed.track, 1.0, steps=1)).all()
 
 
-def test_it_learns_a_ship_from_her_legs(plant: Plant, truth: Plant, learned: Adaptive) -> None:
+def test_it_learns_a_ship_from_her_legs(plant: Plant, truth: Plant, learned: AdaptiveCalibrator) -> None:
     """On windows of the same ship that were not seen a fifth of the reference's error is left, noise and all."""
     unseen = noisy(voyages(truth, 40, SECONDS, seed=1), seed=1)
     alone = reference(unseen, plant)
@@ -281,9 +287,9 @@ def test_it_learns_a_ship_from_her_legs(plant: Plant, truth: Plant, learned: Ada
 def test_a_seed_is_one_calibrator(plant: Plant) -> None:
     """The same seed gives the same numbers to the last bit, whatever else is drawn between."""
     windows = noisy(voyages(plant, 10, 3, legs=2))
-    first = fit(plant, windows, 3).state()
+    first = fit(plant, windows, 3).state_dict()
     np.random.default_rng().normal(size=9)
-    again = fit(plant, windows, 3).state()
+    again = fit(plant, windows, 3).state_dict()
     assert all(np.array_equal(first[name], again[name]) for name in first)
 
 
@@ -319,7 +325,9 @@ def test_one_leg_is_too_few(plant: Plant) -> None:
 
 @settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 1000))
-def test_nothing_after_the_start_is_looked_at(plant: Plant, truth: Plant, learned: Adaptive, seed: int) -> None:
+def test_nothing_after_the_start_is_looked_at(
+    plant: Plant, truth: Plant, learned: AdaptiveCalibrator, seed: int
+) -> None:
     """Whatever the ship did after second 0, the prediction and its region are the same to the bit."""
     windows = noisy(voyages(truth, 6, SECONDS, seed))
     random = np.random.default_rng(seed)
@@ -361,21 +369,23 @@ def test_what_is_fixed_to_the_earth_does_not_turn_with_the_ship(plant: Plant, na
     assert np.hypot(gap[:, -1, 0], gap[:, -1, 1]).min() > 0.01
 
 
-def test_a_window_without_a_past_is_predicted(plant: Plant, truth: Plant, learned: Adaptive) -> None:
+def test_a_window_without_a_past_is_predicted(plant: Plant, truth: Plant, learned: AdaptiveCalibrator) -> None:
     """All of them, or some among others: finite tracks and regions, the others' untouched, these less sure."""
     windows = noisy(voyages(truth, 8, SECONDS, seed=2))
     alone = reference(windows, plant)
     for without in (np.arange(8) < 3, np.ones(8, dtype=bool)):
         past = np.where(without[:, None, None], np.nan, windows.past)
         blind = replace(windows, past=past)
-        found, spread = learned.predict(blind, alone), learned.spread(blind, alone)
+        found, uncertainty = learned.predict(blind, alone), learned.uncertainty(blind, alone)
         assert np.isfinite(found).all()
         assert np.array_equal(found[~without], learned.predict(windows, alone)[~without])
         assert found[without, 0, :2] == pytest.approx(windows.start[without, :2])
-        assert (spread[without] > np.median(learned.spread(windows, alone))).all()
+        assert (uncertainty[without] > np.median(learned.uncertainty(windows, alone))).all()
 
 
-def test_a_window_is_predicted_alone_as_among_others(plant: Plant, truth: Plant, learned: Adaptive) -> None:
+def test_a_window_is_predicted_alone_as_among_others(
+    plant: Plant, truth: Plant, learned: AdaptiveCalibrator
+) -> None:
     windows = noisy(voyages(truth, 6, SECONDS, seed=3))
     alone = reference(windows, plant)
     for say in (learned.predict, learned.spread, learned.outside):
@@ -383,9 +393,11 @@ def test_a_window_is_predicted_alone_as_among_others(plant: Plant, truth: Plant,
         assert np.stack(single) == pytest.approx(say(windows, alone), rel=1e-9)
 
 
-def test_what_the_training_hardly_varied_is_not_outside_at_once(learned: Adaptive, training: Horizons) -> None:
+def test_what_the_training_hardly_varied_is_not_outside_at_once(
+    learned: AdaptiveCalibrator, training: PredictionWindows
+) -> None:
     """A ship that never turned her pods knows of 5 degrees, and not of 80; in a calm she knows of a breeze."""
-    straight = Adaptive(learned.seed, learned.plant).restore(learned.state())
+    straight = AdaptiveCalibrator(learned.seed, learned.plant).load_state_dict(learned.state_dict())
     straight.range_ = learned.range_.copy()
     straight.range_[:, 7:] = np.array([1.0, 0.0, 1.0, 0.0])
     straight.range_[:, 3] = 0.0
@@ -393,20 +405,20 @@ def test_what_the_training_hardly_varied_is_not_outside_at_once(learned: Adaptiv
         past = training.past.copy()
         past[..., [9, 11]], past[..., 7] = np.deg2rad(pod_deg), wind_mps
         windows = replace(training, past=past)
-        assert (straight.outside(windows, windows.track) == beyond).all()
+        assert (straight.outside_domain(windows, windows.track) == beyond).all()
 
 
 @pytest.mark.parametrize(("column", "times"), [(3, 3.0), (5, 20.0)])
 def test_speeds_far_from_the_training_are_outside(
-    plant: Plant, truth: Plant, learned: Adaptive, column: int, times: float
+    plant: Plant, truth: Plant, learned: AdaptiveCalibrator, column: int, times: float
 ) -> None:
     """What was trained on is inside; three times the speed, twenty times the rate of turn is not."""
     windows = voyages(truth, 20, SECONDS)
     start, past = windows.start.copy(), windows.past.copy()
     fast = times * np.abs(windows.start[:, column]).max()
     start[:, column], past[..., column] = fast, fast
-    assert not learned.outside(windows, windows.track).any()
-    assert learned.outside(replace(windows, start=start, past=past), windows.track).all()
+    assert not learned.outside_domain(windows, windows.track).any()
+    assert learned.outside_domain(replace(windows, start=start, past=past), windows.track).all()
 
 
 @given(
@@ -426,7 +438,7 @@ def test_legs_go_whole_and_every_member_lacks_some(sizes: list[int], seed: int) 
 
 
 def test_it_comes_back_to_the_bit(
-    plant: Plant, truth: Plant, training: Horizons, learned: Adaptive, tmp_path: Path
+    plant: Plant, truth: Plant, training: PredictionWindows, learned: AdaptiveCalibrator, tmp_path: Path
 ) -> None:
     """Through its state, and through the files of an artefact: the same tracks, spread and flags."""
     windows = noisy(voyages(truth, 12, SECONDS, seed=4))
@@ -435,14 +447,14 @@ def test_it_comes_back_to_the_bit(
     twin = make_calibrator("data_driven", 0, plant)
     vars(twin).update(epochs=2, batch=32)
     twin.fit(examples, examples)
-    bands = learned.region(examples), reserve_of(*examples, plant)
-    trained = Trained(learned, twin, SECONDS, "gunnerus_short", plant, *bands, (), {})
+    bands = learned.conformal_radius(examples), Fallback.fit(*examples, plant)
+    trained = TrainedCalibrator(learned, twin, SECONDS, "gunnerus_short", plant, *bands, (), {})
     loaded = load(save(trained, tmp_path).parent)
     assert np.array_equal(loaded.band_m, trained.band_m)
-    for name in ("usual_m", "before_m", "band"):
-        assert np.array_equal(getattr(loaded.reserve, name), getattr(trained.reserve, name))
-    restored = Adaptive(learned.seed, plant).restore(learned.state())
+    for name in ("training_error_m", "hindcast_error_m", "radius"):
+        assert np.array_equal(getattr(loaded.fallback, name), getattr(trained.fallback, name))
+    restored = AdaptiveCalibrator(learned.seed, plant).load_state_dict(learned.state_dict())
     for other in (restored, loaded.calibrator):
-        for name in ("predict", "spread", "outside"):
+        for name in ("predict", "uncertainty", "outside_domain"):
             then, now = (getattr(each, name)(windows, alone) for each in (learned, other))
             assert np.array_equal(then, now)

@@ -10,37 +10,39 @@ import numpy as np
 import pytest
 
 from hybrid.calibrators.adaptive.adaptation import NAMES
-from hybrid.calibrators.adaptive.calibrator import START_NAMES, Adaptive
+from hybrid.calibrators.adaptive.calibrator import START_NAMES, AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.dataset import gather
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.files import load_vessel
 
 pytestmark = pytest.mark.pages  # training takes its time
 
 
 @pytest.fixture(scope="module")
-def windows(earlier: list[Path]) -> Horizons:
-    return gather(earlier[:2], 15, 15).horizons
+def windows(earlier: list[Path]) -> PredictionWindows:
+    return load_dataset(earlier[:2], 15, 15).windows
 
 
 @pytest.fixture(scope="module")
-def calibrator(windows: Horizons) -> Adaptive:
+def calibrator(windows: PredictionWindows) -> AdaptiveCalibrator:
     """On the model of the ship that sailed: what it lacks is current and drift, nothing of the ship."""
     plant = vessel_plant(load_vessel("gunnerus_long"))
     tracks = reference(windows, plant)
     half = np.arange(len(windows)) % 2 == 0
-    return Adaptive(0, plant).fit((windows.subset(half), tracks[half]), (windows.subset(~half), tracks[~half]))
+    return AdaptiveCalibrator(0, plant).fit(
+        (windows.subset(half), tracks[half]), (windows.subset(~half), tracks[~half])
+    )
 
 
 @pytest.fixture(scope="module")
-def learned(calibrator: Adaptive) -> Parameters:
+def learned(calibrator: AdaptiveCalibrator) -> Parameters:
     return parameters_of(calibrator)
 
 
-def test_the_covariance_is_one_and_no_wider_than_the_prior(calibrator: Adaptive) -> None:
+def test_the_covariance_is_one_and_no_wider_than_the_prior(calibrator: AdaptiveCalibrator) -> None:
     covariance = calibrator.covariance_
     assert covariance.shape == (len(NAMES), len(NAMES))
     np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12)
@@ -76,27 +78,29 @@ def test_the_best_known_come_first_and_the_unknown_say_so(learned: Parameters) -
     assert all(abs(value) > 0.95 for _, _, value in learned.entangled())
 
 
-def test_the_covariance_goes_to_disk_and_back(calibrator: Adaptive) -> None:
-    again = Adaptive(0, calibrator.plant).restore(calibrator.state())
+def test_the_covariance_goes_to_disk_and_back(calibrator: AdaptiveCalibrator) -> None:
+    again = AdaptiveCalibrator(0, calibrator.plant).load_state_dict(calibrator.state_dict())
     np.testing.assert_array_equal(again.covariance_, calibrator.covariance_)
 
 
-def test_the_ground_says_which_quantity_lies_beyond(calibrator: Adaptive, windows: Horizons) -> None:
+def test_the_domain_says_which_quantity_lies_outside(
+    calibrator: AdaptiveCalibrator, windows: PredictionWindows
+) -> None:
     """A start twice as fast as any of the training is beyond it in surge, and in nothing else; outside agrees."""
     fast = windows.subset(np.arange(3))
     fast.start[:, 3] *= 4.0
     fast.past[..., 3] *= 4.0
-    ground = calibrator.ground(fast, reference(fast, calibrator._model))
-    assert ground.names == START_NAMES
-    assert ground.beyond.all(axis=0).tolist() == [name == "surge_mps" for name in START_NAMES]
-    assert calibrator.outside(fast, fast.track).all()
-    assert not calibrator.outside(windows, windows.track).any()
+    domain = calibrator.domain(fast, reference(fast, calibrator._model))
+    assert domain.names == START_NAMES
+    assert domain.outside.all(axis=0).tolist() == [name == "surge_mps" for name in START_NAMES]
+    assert calibrator.outside_domain(fast, fast.track).all()
+    assert not calibrator.outside_domain(windows, windows.track).any()
 
 
-def test_values_are_the_models_own_and_what_was_learned(calibrator: Adaptive) -> None:
+def test_values_are_the_models_own_and_what_was_learned(calibrator: AdaptiveCalibrator) -> None:
     """A model that has a current of 0.3 m/s and learned nothing has it still; a lag below none is at its bound."""
     plant = replace(calibrator.plant, current_north_mps=0.3, thruster_lag_s=0.5)  # type: ignore[type-var]
-    told = Adaptive(0, plant)
+    told = AdaptiveCalibrator(0, plant)
     told.vectors_, told.covariance_ = np.zeros((2, len(NAMES))), np.eye(len(NAMES))
     every = {each.name: each for each in parameters_of(told).every}
     assert every["current north"].value == pytest.approx(0.3)

@@ -25,11 +25,10 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.artefact import Trained, load, plant_for, save
-from hybrid.calibrators.data_driven import DataDriven
-from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS
+from hybrid.calibrators.artefact import TrainedCalibrator, load, plant_for, save
+from hybrid.calibrators.networks import REFERENCE_INPUTS, START_INPUTS, DataDrivenCalibrator
 from hybrid.calibrators.sidecar import FORMAT, SIDECAR
-from hybrid.prediction.regions import Reserve
+from hybrid.prediction.regions import Fallback
 from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import NUMBERS, Plant, bare_plant
@@ -41,10 +40,10 @@ Json = dict[str, Any]
 
 
 @pytest.fixture(scope="module")
-def tiny(plant: Plant) -> Callable[..., Trained]:
+def tiny(plant: Plant) -> Callable[..., TrainedCalibrator]:
     """A calibrator of any method, hardly trained on a few windows; another seed, another one."""
 
-    def trained(method: str = "paper", seed: int = 0) -> Trained:
+    def trained(method: str = "paper", seed: int = 0) -> TrainedCalibrator:
         training, stopping = (random_windows(count, SECONDS, seed + count) for count in (12, 4))
         fitted = [make_calibrator(each, seed, plant) for each in (method, "data_driven")]
         for calibrator in fitted:
@@ -53,19 +52,21 @@ def tiny(plant: Plant) -> Callable[..., Trained]:
                 patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
                 calibrator.fit((training, training.track), (stopping, stopping.track))
         band_m = np.linspace(0.5, 3.0, SECONDS)
-        reserve = Reserve(np.array([1.5, 0.5]), np.array([1.0, 0.3]), band_m)
-        return Trained(fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, reserve, (), {"windows": 16})
+        fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), band_m)
+        return TrainedCalibrator(
+            fitted[0], fitted[1], SECONDS, "gunnerus_short", plant, band_m, fallback, (), {"windows": 16}
+        )
 
     return trained
 
 
 @pytest.fixture
-def sound(tiny: Callable[..., Trained], tmp_path: Path) -> Path:
+def sound(tiny: Callable[..., TrainedCalibrator], tmp_path: Path) -> Path:
     """A sound artefact to do harm to."""
     return save(tiny(), tmp_path / "calibrator").parent
 
 
-def loaded_or_error(folder: Path) -> tuple[Trained | None, str]:
+def loaded_or_error(folder: Path) -> tuple[TrainedCalibrator | None, str]:
     """What is loaded, or the text of the error; anything but an error of Seatrial's goes through."""
     try:
         return load(folder), ""
@@ -94,7 +95,9 @@ def with_weights(folder: Path, change: Callable[[dict[str, torch.Tensor]], objec
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_method_comes_back_to_the_bit(method: str, tiny: Callable[..., Trained], tmp_path: Path) -> None:
+def test_every_method_comes_back_to_the_bit(
+    method: str, tiny: Callable[..., TrainedCalibrator], tmp_path: Path
+) -> None:
     """Predictions, ignorance and spread of both calibrators, on windows like and unlike those of the training."""
     trained = tiny(method, seed=3)
     loaded = load(save(trained, tmp_path).parent)
@@ -103,12 +106,12 @@ def test_every_method_comes_back_to_the_bit(method: str, tiny: Callable[..., Tra
     for before, after in ((trained.calibrator, loaded.calibrator), (trained.data_driven, loaded.data_driven)):
         assert (after.method, after.seed, after.plant) == (before.method, before.seed, before.plant)
         for each in (windows, unlike):
-            for name in ("predict", "outside", "spread"):
+            for name in ("predict", "outside_domain", "uncertainty"):
                 then, now = (getattr(one, name)(each, each.track) for one in (before, after))
                 assert np.array_equal(then, now)
 
 
-def test_all_that_is_known_comes_back(small: Trained, small_folder: Path) -> None:
+def test_all_that_is_known_comes_back(small: TrainedCalibrator, small_folder: Path) -> None:
     """Band, sources with what each gave, metrics, vessel, date and versions come back as they were."""
     loaded = load(small_folder)
     assert np.array_equal(loaded.band_m, small.band_m)
@@ -119,7 +122,9 @@ def test_all_that_is_known_comes_back(small: Trained, small_folder: Path) -> Non
         assert (again / name).read_bytes() == (small_folder / name).read_bytes()
 
 
-def test_the_sidecar_is_for_people_and_says_where_it_comes_from(small: Trained, small_folder: Path) -> None:
+def test_the_sidecar_is_for_people_and_says_where_it_comes_from(
+    small: TrainedCalibrator, small_folder: Path
+) -> None:
     """Inputs with units and scaling, what each recording gave, the vessel in full, hashes, date and versions."""
     sidecar = sidecar_of(small_folder)
     inputs = {each["name"]: each for each in sidecar["calibrator"]["inputs"]}
@@ -330,7 +335,7 @@ def test_no_edit_of_the_sidecar_is_a_traceback(
 
 
 @pytest.fixture(scope="module")
-def original(tiny: Callable[..., Trained], tmp_path_factory: pytest.TempPathFactory) -> Json:
+def original(tiny: Callable[..., TrainedCalibrator], tmp_path_factory: pytest.TempPathFactory) -> Json:
     return sidecar_of(save(tiny(), tmp_path_factory.mktemp("original")).parent)
 
 
@@ -377,7 +382,7 @@ def stop_after(steps: int, patch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_crash_leaves_the_old_one_or_none(
-    tiny: Callable[..., Trained], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: Callable[..., TrainedCalibrator], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whichever step of the writing is the last one, the folder holds the old artefact, the new one, or none."""
     old, new = tiny(seed=1), tiny(seed=2)
@@ -396,7 +401,7 @@ def test_a_crash_leaves_the_old_one_or_none(
 
 
 def test_a_full_disk_leaves_the_old_one(
-    tiny: Callable[..., Trained], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: Callable[..., TrainedCalibrator], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The error is one of storage, and nothing half-written is left lying about."""
     folder = save(tiny(seed=1), tmp_path).parent
@@ -414,16 +419,16 @@ def test_a_full_disk_leaves_the_old_one(
     assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
 
 
-def test_a_failed_training_is_not_saved(tiny: Callable[..., Trained], tmp_path: Path) -> None:
+def test_a_failed_training_is_not_saved(tiny: Callable[..., TrainedCalibrator], tmp_path: Path) -> None:
     trained = tiny()
     with torch.no_grad():
-        trained.calibrator.state()["network.0.weight"][0, 0] = torch.nan
+        trained.calibrator.state_dict()["network.0.weight"][0, 0] = torch.nan
     with pytest.raises(InputError, match=r"is no number.*train anew"):
         save(trained, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_no_folder_and_no_place_to_write(tiny: Callable[..., Trained], tmp_path: Path) -> None:
+def test_no_folder_and_no_place_to_write(tiny: Callable[..., TrainedCalibrator], tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is no trained calibrator"):
         load(tmp_path / "nowhere")
     (tmp_path / "file").write_text("")
@@ -433,7 +438,7 @@ def test_no_folder_and_no_place_to_write(tiny: Callable[..., Trained], tmp_path:
         save(tiny(), tmp_path / "file" / "calibrator")
 
 
-def test_a_calibrator_goes_with_its_vessel_only(small: Trained, tmp_path: Path) -> None:
+def test_a_calibrator_goes_with_its_vessel_only(small: TrainedCalibrator, tmp_path: Path) -> None:
     """Another ship, and the same ship with one number changed, are refused; a copy under any name is not."""
     assert plant_for(small, None) == plant_for(small, "gunnerus_short") == small.plant
     with pytest.raises(ConfigurationError, match="not the model that the calibrator was trained on"):
@@ -450,7 +455,7 @@ def test_a_calibrator_goes_with_its_vessel_only(small: Trained, tmp_path: Path) 
 
 
 def test_a_vessel_file_that_is_gone_is_not_missed(
-    tiny: Callable[..., Trained], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tiny: Callable[..., TrainedCalibrator], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The artefact has the whole model: it works in another folder, and when the file is changed or deleted; but
     the changed file is another vessel."""
@@ -488,13 +493,17 @@ def test_numbers_are_the_whole_plant(plant: Plant, name: str, value: float) -> N
     assert plant_hash(with_number(plant, name, np.float64(value))) == plant_hash(changed)
 
 
-def test_forces_that_are_code_cannot_be_stored(tiny: Callable[..., Trained], plant: Plant, tmp_path: Path) -> None:
+def test_forces_that_are_code_cannot_be_stored(
+    tiny: Callable[..., TrainedCalibrator], plant: Plant, tmp_path: Path
+) -> None:
     trained = replace(tiny(), plant=plant.with_force(lambda *_: (0.0, 0.0, 0.0), 1.0))
     with pytest.raises(ConfigurationError, match="are code, not numbers"):
         save(trained, tmp_path)
 
 
-def test_a_twin_without_a_model_is_a_calibrator_like_any(tiny: Callable[..., Trained], tmp_path: Path) -> None:
+def test_a_twin_without_a_model_is_a_calibrator_like_any(
+    tiny: Callable[..., TrainedCalibrator], tmp_path: Path
+) -> None:
     """The method of either is that of the sidecar, not of its place."""
     trained = replace(tiny(), calibrator=tiny("data_driven").calibrator)
-    assert isinstance(load(save(trained, tmp_path).parent).calibrator, DataDriven)
+    assert isinstance(load(save(trained, tmp_path).parent).calibrator, DataDrivenCalibrator)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from hybrid.prediction.bootstrap import Interval, LegBootstrap
+from hybrid.prediction.scores import Interval, LegBootstrap
 
 
 def _width(interval: Interval) -> float:

@@ -13,17 +13,22 @@ from hypothesis import strategies as st
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.additive import AdditiveCalibrator
-from hybrid.calibrators.data_driven import DataDriven
-from hybrid.calibrators.features import REFERENCE_INPUTS, START_INPUTS, start_inputs
-from hybrid.calibrators.network import NetworkCalibrator, Scaling
-from hybrid.calibrators.paper import PaperCalibrator
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.calibrators.networks import (
+    REFERENCE_INPUTS,
+    START_INPUTS,
+    AdditiveCalibrator,
+    DataDrivenCalibrator,
+    NetworkCalibrator,
+    PaperCalibrator,
+    Scaling,
+    start_inputs,
+)
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import score
 from tests.hybrid.windows_by_hand import moved, random_windows, windows_at
 
 SECONDS = 8
-Data = tuple[Horizons, Floats]
+Data = tuple[PredictionWindows, Floats]
 NETWORKS = [method for method in METHODS if isinstance(make_calibrator(method), NetworkCalibrator)]
 
 
@@ -49,7 +54,7 @@ def network(method: str, seed: int, epochs: int, batch: int) -> NetworkCalibrato
 
 
 def states(calibrator: NetworkCalibrator) -> dict[str, list[float]]:
-    return {name: tensor.flatten().tolist() for name, tensor in calibrator.state().items()}
+    return {name: tensor.flatten().tolist() for name, tensor in calibrator.state_dict().items()}
 
 
 @given(
@@ -136,8 +141,8 @@ def test_data_driven_knows_no_reference() -> None:
     """Neither in training nor in prediction does it look at the reference's track, its heading included."""
     data, stopping, unseen = drifting(30), drifting(8, seed=1), drifting(10, seed=2)
     blind = [(windows, np.full_like(track, np.nan)) for windows, track in (data, stopping, unseen)]
-    seeing = DataDriven(epochs=4, batch=32).fit(data, stopping)
-    without = DataDriven(epochs=4, batch=32).fit(blind[0], blind[1])
+    seeing = DataDrivenCalibrator(epochs=4, batch=32).fit(data, stopping)
+    without = DataDrivenCalibrator(epochs=4, batch=32).fit(blind[0], blind[1])
     assert states(seeing) == states(without)
     assert np.array_equal(seeing.predict(*unseen), without.predict(*blind[2]))
 

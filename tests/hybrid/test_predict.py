@@ -14,7 +14,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
-from hybrid.calibrators.artefact import Trained
+from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.prediction.baselines import reference
 from hybrid.report.terminal_tables import prediction_table
 from hybrid.vessel.plant import Plant
@@ -63,19 +63,21 @@ def test_outside_the_recording_says_what_is_inside(seconds: float, table: pd.Dat
 
 def test_without_a_calibrator_it_is_the_reference(table: pd.DataFrame, plant: Plant) -> None:
     found = predict(table, at(table, 300.0), 20, plant)
-    horizons, covered = window_at(table, at(table, 300.0), 20)
+    windows, covered = window_at(table, at(table, 300.0), 20)
     assert covered
     assert found.method == "reference"
     assert found.band_m is None
-    assert np.array_equal(found.track, reference(horizons, plant)[0])
+    assert np.array_equal(found.track, reference(windows, plant)[0])
 
 
-def test_with_a_calibrator_it_is_the_hybrid_in_its_band(table: pd.DataFrame, plant: Plant, small: Trained) -> None:
+def test_with_a_calibrator_it_is_the_hybrid_in_its_band(
+    table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
+) -> None:
     """The band is nothing at the start, never falls, and is that of the training."""
     found = predict(table, at(table, 300.0), SMALL_HORIZON_S, plant, small)
-    horizons, _ = window_at(table, at(table, 300.0), SMALL_HORIZON_S)
+    windows, _ = window_at(table, at(table, 300.0), SMALL_HORIZON_S)
     assert found.method == "hybrid"
-    assert np.array_equal(found.track, small.calibrator.predict(horizons, reference(horizons, plant))[0])
+    assert np.array_equal(found.track, small.calibrator.predict(windows, reference(windows, plant))[0])
     assert found.band_m is not None
     assert found.band_m[0] == 0.0
     assert (np.diff(found.band_m) >= 0.0).all()
@@ -84,7 +86,7 @@ def test_with_a_calibrator_it_is_the_hybrid_in_its_band(table: pd.DataFrame, pla
 
 @pytest.mark.parametrize("horizon_s", [SMALL_HORIZON_S - 10, SMALL_HORIZON_S + 10])
 def test_a_calibrator_predicts_its_own_horizon_only(
-    horizon_s: int, table: pd.DataFrame, plant: Plant, small: Trained
+    horizon_s: int, table: pd.DataFrame, plant: Plant, small: TrainedCalibrator
 ) -> None:
     with pytest.raises(InputError, match=f"predicts {SMALL_HORIZON_S} s, not {horizon_s} s"):
         predict(table, at(table, 300.0), horizon_s, plant, small)
@@ -128,7 +130,7 @@ def test_a_hole_at_the_start_is_named(name: str, table: pd.DataFrame, plant: Pla
         predict(holed, at(table, 300.0), 15, plant)
 
 
-def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: Trained) -> None:
+def test_only_the_start_is_used(table: pd.DataFrame, plant: Plant, small: TrainedCalibrator) -> None:
     """Thrusters and wind after the start change nothing: what is to come is not known."""
     later = table.copy()
     later.loc[at(table, 301.0) :, ["port_rpm", "starboard_angle_deg", "wind_speed_mps"]] += 20.0

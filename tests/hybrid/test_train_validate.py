@@ -14,15 +14,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.core.errors import DataShortageError, InputError
-from hybrid.calibrators.artefact import Trained
+from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.prediction.dataset import Source, gather
-from hybrid.prediction.regions import band_radius
+from hybrid.prediction.dataset import Source, load_dataset, within_model_range
+from hybrid.prediction.regions import conformal_radius
 from hybrid.prediction.scores import distances
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.train import inside_range, train
-from hybrid.workflows.validate import Validation, refuse_seen, validate
+from hybrid.workflows.train import train
+from hybrid.workflows.validate import Validation, refuse_training_data, validate
 from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
 from tests.hybrid.windows_by_hand import random_windows
 
@@ -33,9 +33,9 @@ CONTRACT = {"horizon_s", "windows", "methods", "reduction", "coverage_95"}
 
 
 @pytest.fixture(scope="module")
-def judged(small: Trained, unseen: Path, plant: Plant) -> Validation:
+def judged(small: TrainedCalibrator, unseen: Path, plant: Plant) -> Validation:
     """The small calibrator on a voyage it has not seen."""
-    return validate(gather([unseen], SMALL_HORIZON_S, 5), plant, small)
+    return validate(load_dataset([unseen], SMALL_HORIZON_S, 5), plant, small)
 
 
 def test_a_calibrator_halves_the_error_on_an_unseen_voyage(judged: Validation) -> None:
@@ -52,7 +52,7 @@ def test_the_band_holds_what_it_says(judged: Validation) -> None:
     assert judged.coverage_95 is not None
     assert 0.85 <= judged.coverage_95 <= 1.0
     assert judged.radius_m is not None
-    gaps = distances(judged.tracks["hybrid"], judged.horizons.track)
+    gaps = distances(judged.tracks["hybrid"], judged.windows.track)
     assert judged.coverage_95 == pytest.approx((gaps <= judged.radius_m).mean())
     assert judged.band_m == pytest.approx(np.median(judged.radius_m, axis=0))
 
@@ -65,11 +65,11 @@ def test_json_is_the_contracts_object(judged: Validation) -> None:
     for method in plain["methods"].values():
         assert set(method) == METHOD_KEYS
         assert len(method["by_second"]) == plain["horizon_s"] == SMALL_HORIZON_S
-    assert plain["windows"] == len(judged.horizons)
+    assert plain["windows"] == len(judged.windows)
 
 
 def test_without_a_calibrator_there_are_baselines(unseen: Path, plant: Plant) -> None:
-    plain = validate(gather([unseen], SMALL_HORIZON_S, 5), plant).as_dict()
+    plain = validate(load_dataset([unseen], SMALL_HORIZON_S, 5), plant).as_dict()
     assert list(plain["methods"]) == ["constant_velocity", "reference"]
     assert plain["reduction"] is None
     assert plain["coverage_95"] is None
@@ -77,23 +77,23 @@ def test_without_a_calibrator_there_are_baselines(unseen: Path, plant: Plant) ->
 
 def test_every_method_is_judged_on_the_same_windows(judged: Validation) -> None:
     shapes = {tracks.shape for tracks in judged.tracks.values()}
-    assert shapes == {judged.horizons.track.shape}
+    assert shapes == {judged.windows.track.shape}
     assert all(np.isfinite(tracks).all() for tracks in judged.tracks.values())
 
 
-def test_a_calibrator_of_another_horizon_is_refused(small: Trained, unseen: Path, plant: Plant) -> None:
+def test_a_calibrator_of_another_horizon_is_refused(small: TrainedCalibrator, unseen: Path, plant: Plant) -> None:
     with pytest.raises(InputError, match="predicts 30 s, not 15 s; say --horizon 30"):
-        validate(gather([unseen], 15, 5), plant, small)
+        validate(load_dataset([unseen], 15, 5), plant, small)
 
 
 def test_what_it_was_trained_on_is_refused_under_any_name(
-    small: Trained, earlier: list[Path], unseen: Path, tmp_path: Path
+    small: TrainedCalibrator, earlier: list[Path], unseen: Path, tmp_path: Path
 ) -> None:
     """A copy is the same recording; another voyage is not; the message names the file."""
     copy = Path(shutil.copy(earlier[2], tmp_path / "innocent.mcap"))
     with pytest.raises(InputError, match=r"innocent\.mcap: took part in the training"):
-        refuse_seen(gather([copy], SMALL_HORIZON_S, 5).sources, small)
-    refuse_seen(gather([unseen], SMALL_HORIZON_S, 5).sources, small)
+        refuse_training_data(load_dataset([copy], SMALL_HORIZON_S, 5).sources, small)
+    refuse_training_data(load_dataset([unseen], SMALL_HORIZON_S, 5).sources, small)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_what_it_was_trained_on_is_refused_under_any_name(
     ],
 )
 def test_parts_of_one_recording(
-    small: Trained, trained_part: tuple[float, float], validated_part: tuple[float, float], refused: bool
+    small: TrainedCalibrator, trained_part: tuple[float, float], validated_part: tuple[float, float], refused: bool
 ) -> None:
     """What was trained on the first 70 % may be judged on the rest, and on nothing that overlaps."""
     source = Source(Path("voyage.mcap"), "ab" * 32, trained_part)
@@ -116,14 +116,14 @@ def test_parts_of_one_recording(
     asked = (replace(source, part=validated_part),)
     if refused:
         with pytest.raises(InputError, match="took part in the training"):
-            refuse_seen(asked, trained)
+            refuse_training_data(asked, trained)
     else:
-        refuse_seen(asked, trained)
+        refuse_training_data(asked, trained)
 
 
 def test_parts_that_meet_share_no_second(unseen: Path) -> None:
     """The windows of 0..70 end before those of 70..100 begin."""
-    first, second = (gather([unseen], 15, 5, part).horizons for part in ((0.0, 70.0), (70.0, 100.0)))
+    first, second = (load_dataset([unseen], 15, 5, part).windows for part in ((0.0, 70.0), (70.0, 100.0)))
     assert first.start_time.max().timestamp() + 15 < second.start_time.min().timestamp()
 
 
@@ -141,18 +141,18 @@ def test_a_recording_given_twice_is_refused(unseen: Path, tmp_path: Path) -> Non
     """Its legs would stand on both sides of every split, and its windows count twice."""
     copy = Path(shutil.copy(unseen, tmp_path / "copy.mcap"))
     with pytest.raises(InputError, match=r"copy\.mcap: is given twice"):
-        gather([unseen, copy], 15, 5)
+        load_dataset([unseen, copy], 15, 5)
 
 
 def test_recordings_are_gathered_in_any_order(earlier: list[Path]) -> None:
     """Start states belong to their windows whatever the order of the files."""
-    there, back = gather(earlier[:2], 15, 5).horizons, gather(earlier[1::-1], 15, 5).horizons
+    there, back = load_dataset(earlier[:2], 15, 5).windows, load_dataset(earlier[1::-1], 15, 5).windows
     order = [np.lexsort((each.start_time.asi8, each.trial)) for each in (there, back)]
     assert np.array_equal(there.start[order[0]], back.start[order[1]])
     assert np.array_equal(there.track[order[0]], back.track[order[1]])
 
 
-def test_training_keeps_whole_legs_out_and_says_so(small: Trained, earlier: list[Path]) -> None:
+def test_training_keeps_whole_legs_out_and_says_so(small: TrainedCalibrator, earlier: list[Path]) -> None:
     metrics = small.metrics
     assert metrics["training_windows"] + metrics["held_out_windows"] == metrics["windows"]
     assert 0.1 < metrics["held_out_windows"] / metrics["windows"] < 0.4
@@ -167,32 +167,32 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
         return few_epochs(method, seed, plant, epochs=2)
 
     monkeypatch.setattr("hybrid.workflows.train.make_calibrator", fewer)
-    gathered = gather(earlier[:2], 15, 5)
-    first, again, other = (train(gathered, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
+    dataset = load_dataset(earlier[:2], 15, 5)
+    first, again, other = (train(dataset, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
     assert np.array_equal(first.band_m, again.band_m)
     assert first.metrics == again.metrics
     assert first.metrics != other.metrics
-    validations = [validate(gather([unseen], 15, 5), plant, each).as_dict() for each in (first, again)]
+    validations = [validate(load_dataset([unseen], 15, 5), plant, each).as_dict() for each in (first, again)]
     assert validations[0] == validations[1]
 
 
 def test_windows_out_of_the_models_range_are_left_out_and_counted(unseen: Path, plant: Plant) -> None:
-    gathered = gather([unseen], 15, 5)
-    fast = gathered.horizons.start.copy()
+    dataset = load_dataset([unseen], 15, 5)
+    fast = dataset.windows.start.copy()
     fast[:3, 3] = 25.0
-    found = validate(replace(gathered, horizons=replace(gathered.horizons, start=fast)), plant)
+    found = validate(replace(dataset, windows=replace(dataset.windows, start=fast)), plant)
     assert found.outside == 3
-    assert len(found.horizons) == len(gathered.horizons) - 3
+    assert len(found.windows) == len(dataset.windows) - 3
     fast[:, 3] = 25.0
     with pytest.raises(DataShortageError, match="leaves its range in every window"):
-        inside_range(replace(gathered.horizons, start=fast), plant)
+        within_model_range(replace(dataset.windows, start=fast), plant)
 
 
 def test_one_leg_cannot_be_split(unseen: Path, plant: Plant) -> None:
-    gathered = gather([unseen], 15, 5)
-    single = gathered.horizons.subset(gathered.horizons.leg == gathered.horizons.leg[0])
+    dataset = load_dataset([unseen], 15, 5)
+    single = dataset.windows.subset(dataset.windows.leg == dataset.windows.leg[0])
     with pytest.raises(DataShortageError, match="only one leg"):
-        train(replace(gathered, horizons=single), "gunnerus_short", plant)
+        train(replace(dataset, windows=single), "gunnerus_short", plant)
 
 
 @given(seed=st.integers(0, 500), count=st.integers(1, 60))
@@ -202,7 +202,7 @@ def test_the_band_is_never_too_small_for_what_sized_it(seed: int, count: int) ->
     """
     windows = random_windows(count, 6, seed)
     off = windows.track + np.random.default_rng(seed).normal(0.0, 1.0, windows.track.shape)
-    radius = band_radius(off, windows.track)
+    radius = conformal_radius(off, windows.track)
     inside = (distances(off, windows.track) <= radius).mean(axis=0)
     assert (inside >= 0.95).all()
     assert (np.diff(radius) >= 0.0).all()
@@ -217,7 +217,7 @@ def test_the_band_covers_new_windows_of_the_same_kind() -> None:
     inside = []
     for _ in range(60):
         off = windows.track + random.normal(0.0, 1.0, windows.track.shape)
-        radius = band_radius(off[:200], windows.track[:200])[0]
+        radius = conformal_radius(off[:200], windows.track[:200])[0]
         inside.append((distances(off[200:], windows.track[200:])[:, 0] <= radius).mean())
     assert np.mean(inside) == pytest.approx(0.95, abs=0.01)
 
@@ -231,13 +231,13 @@ def test_three_quarters_of_the_error_go(
     """The lengthened ship, the model of the ship before, half a minute ahead, voyages that were not seen."""
     plant = vessel_plant(load_vessel("gunnerus_short"))
     training = [simulated(sea_state, seed, 1800.0, 2.0) for seed in range(12)]
-    trained = train(gather(training, 30, 5), "gunnerus_short", plant)
-    unseen = gather([simulated(sea_state, seed, 1800.0, 2.0) for seed in (100, 101, 102)], 30, 5)
+    trained = train(load_dataset(training, 30, 5), "gunnerus_short", plant)
+    unseen = load_dataset([simulated(sea_state, seed, 1800.0, 2.0) for seed in (100, 101, 102)], 30, 5)
     found = validate(unseen, plant, trained)
     means = ", ".join(f"{name} {each.mean_distance_m:.3f} m" for name, each in found.scores.items())
     report_line(
         f"{sea_state}: {means}; {found.reduction:.1%} less, the band holds {found.coverage_95:.1%}, "
-        f"{len(found.horizons)} windows"
+        f"{len(found.windows)} windows"
     )
     assert found.reduction is not None
     assert found.reduction >= 0.75
@@ -254,7 +254,7 @@ def test_in_another_sea_nothing_is_lost(simulated: Simulated, report_line: Calla
     """
     plant = vessel_plant(load_vessel("gunnerus_short"))
     voyages = {
-        sea: gather([simulated(sea, seed, 1800.0, 2.0) for seed in range(4)], 30, 5)
+        sea: load_dataset([simulated(sea, seed, 1800.0, 2.0) for seed in range(4)], 30, 5)
         for sea in ("calm", "gentle", "moderate")
     }
     for known, training in voyages.items():
@@ -263,9 +263,9 @@ def test_in_another_sea_nothing_is_lost(simulated: Simulated, report_line: Calla
             found = validate(voyages[unseen], plant, trained)
             best_m = min(found.scores[name].mean_distance_m for name in ("constant_velocity", "reference"))
             ratio = found.scores["hybrid"].mean_distance_m / best_m
-            assert found.untrained is not None
+            assert found.outside_domain is not None
             assert found.coverage_95 is not None
-            guessed = found.untrained.mean()
+            guessed = found.outside_domain.mean()
             report_line(
                 f"{known} to {unseen}: {ratio:.2f}, the band holds {found.coverage_95:.1%}, {guessed:.0%} guessed"
             )

@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.calibrators.device import VARIABLE, chosen_device
-from hybrid.calibrators.network import make_network
-from hybrid.calibrators.paper import PaperCalibrator
+from hybrid.calibrators.networks import DEVICE_VARIABLE, PaperCalibrator, make_network, training_device
 from hybrid.calibrators.training import Perceptron, Stopping, fit_network
 from hybrid.prediction.scores import score
 from tests.hybrid.windows_by_hand import random_windows
@@ -112,19 +110,19 @@ def test_what_is_kept_can_be_saved_by_itself() -> None:
 
 def test_a_device_can_be_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """The variable decides; a device that is not there is one clear error."""
-    monkeypatch.setenv(VARIABLE, "cpu")
-    assert chosen_device() == torch.device("cpu")
+    monkeypatch.setenv(DEVICE_VARIABLE, "cpu")
+    assert training_device() == torch.device("cpu")
     for wrong in ("cuda:99", "abacus"):
-        monkeypatch.setenv(VARIABLE, wrong)
+        monkeypatch.setenv(DEVICE_VARIABLE, wrong)
         with pytest.raises(ConfigurationError, match=f"cannot compute on '{wrong}'"):
-            chosen_device()
-    monkeypatch.delenv(VARIABLE)
-    assert chosen_device().type == ("cuda" if torch.cuda.is_available() else "cpu")
+            training_device()
+    monkeypatch.delenv(DEVICE_VARIABLE)
+    assert training_device().type == ("cuda" if torch.cuda.is_available() else "cpu")
 
 
 def _trained_on(device: str, monkeypatch: pytest.MonkeyPatch) -> tuple[PaperCalibrator, float]:
     """A calibrator fitted there, and how far its tracks are from the ships' [m]."""
-    monkeypatch.setenv(VARIABLE, device)
+    monkeypatch.setenv(DEVICE_VARIABLE, device)
     training, stopping, unseen = (random_windows(count, 8, seed) for seed, count in enumerate((150, 40, 40)))
     calibrator = PaperCalibrator(epochs=30).fit((training, training.track), (stopping, stopping.track))
     return calibrator, score(calibrator.predict(unseen, unseen.track), unseen.track).mean_distance_m
@@ -133,7 +131,7 @@ def _trained_on(device: str, monkeypatch: pytest.MonkeyPatch) -> tuple[PaperCali
 def test_what_is_trained_stands_on_the_processor(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever device was used, the tensors that are kept can be read anywhere."""
     calibrator, missed_m = _trained_on("cpu", monkeypatch)
-    assert {tensor.device.type for tensor in calibrator.state().values()} == {"cpu"}
+    assert {tensor.device.type for tensor in calibrator.state_dict().values()} == {"cpu"}
     assert missed_m < 2.0
 
 
@@ -143,4 +141,4 @@ def test_a_gpu_gives_the_same_tracks(monkeypatch: pytest.MonkeyPatch) -> None:
     unseen = random_windows(40, 8, 2)
     tracks = [_trained_on(device, monkeypatch)[0].predict(unseen, unseen.track) for device in ("cpu", "cuda")]
     assert np.abs(tracks[0] - tracks[1])[..., :2].max() < 0.01
-    assert {tensor.device.type for tensor in _trained_on("cuda", monkeypatch)[0].state().values()} == {"cpu"}
+    assert {tensor.device.type for tensor in _trained_on("cuda", monkeypatch)[0].state_dict().values()} == {"cpu"}

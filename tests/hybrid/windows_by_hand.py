@@ -10,16 +10,16 @@ from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Floats
 from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.prediction_windows import PAST_S, Horizons
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 
 
-def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> Horizons:
+def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> PredictionWindows:
     """Windows that start in the states [N, 6], the tracks those of the present motion held."""
     states = np.atleast_2d(np.asarray(start, dtype=float))
     count = len(states)
-    empty = Horizons(
+    empty = PredictionWindows(
         start=states,
         track=np.zeros((count, seconds + 1, 3)),
         wind=np.broadcast_to(np.asarray(wind, dtype=float), (count, 2)).copy(),
@@ -32,7 +32,7 @@ def windows_at(start: ArrayLike, seconds: int, wind: ArrayLike = (0.0, 0.0)) -> 
     return replace(empty, track=constant_velocity(empty))
 
 
-def random_windows(count: int, seconds: int, seed: int = 0) -> Horizons:
+def random_windows(count: int, seconds: int, seed: int = 0) -> PredictionWindows:
     """Ships anywhere, on any heading, at a few metres a second, turning a little, in some wind."""
     random = np.random.default_rng(seed)
     low = [-500.0, -500.0, -np.pi, 2.0, -0.3, -0.02]
@@ -41,7 +41,7 @@ def random_windows(count: int, seconds: int, seed: int = 0) -> Horizons:
     return replace(windows, wind=random.uniform([-np.pi, 0.0], [np.pi, 8.0], (count, 2)))
 
 
-def voyages(plant: Plant, count: int, seconds: int, seed: int = 0, *, legs: int = 6) -> Horizons:
+def voyages(plant: Plant, count: int, seconds: int, seed: int = 0, *, legs: int = 6) -> PredictionWindows:
     """Windows, each with the minute before, of ships that are ``plant`` to the letter and measured exactly.
 
     Every ship starts anywhere, shifts both pods once in the first half of the minute and holds them from there on,
@@ -60,7 +60,7 @@ def voyages(plant: Plant, count: int, seconds: int, seed: int = 0, *, legs: int 
     runs = simulate_batch(plant, random.uniform(low, high, (count, 6)), acting, wind[:, 1:], 1.0)
     measured = np.concatenate([runs.states, wind, control], axis=2)
     now = measured[:, PAST_S]
-    return Horizons(
+    return PredictionWindows(
         start=now[:, :6].copy(),
         track=measured[:, PAST_S:, :3].copy(),
         wind=now[:, 6:8].copy(),
@@ -72,7 +72,7 @@ def voyages(plant: Plant, count: int, seconds: int, seed: int = 0, *, legs: int 
     )
 
 
-def moved(windows: Horizons, north_m: float, east_m: float, turn_rad: float = 0.0) -> Horizons:
+def moved(windows: PredictionWindows, north_m: float, east_m: float, turn_rad: float = 0.0) -> PredictionWindows:
     """The same windows in another place and on another heading, the wind turned with them."""
     start, track, wind, past = (each.copy() for each in (windows.start, windows.track, windows.wind, windows.past))
     for states in (start, track, past):

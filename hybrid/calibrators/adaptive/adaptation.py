@@ -1,7 +1,8 @@
-"""What is adapted: the model's numbers, steady forces, current, wind, and how closely the observer follows.
+"""The parameter vector of the adaptive calibrator, the plant and the observer's gains that follow from it.
 
-All of it is one vector of departures from the reference, each in units of what is likely before any data are seen:
-zero is the reference itself, one is a usual departure. That is the prior, too: a normal distribution of width one.
+The vector has the model's coefficients, steady forces, current, drift, wind and the observer's noise levels, each
+as a deviation from the reference in units of its prior standard deviation: zero is the reference itself, and the
+prior is a standard normal distribution.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, follow
-from hybrid.prediction.prediction_windows import Horizons, difference_rad
+from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
 
@@ -45,14 +46,14 @@ STEADY_MASS_KG = 4.0e5
 CURRENT_MPS, WIND_MPS, DRIFT_N = 0.2, 3.0, 3000.0
 SURROUNDINGS = ("current_north", "current_east", "drift_north", "drift_east", "wind_north", "wind_east")
 AXES = ("surge", "sway", "yaw")
-FOLLOWED = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
-KEPT = tuple(f"kept_{axis}" for axis in AXES)
+NOISE_LEVELS = tuple(f"{what}_{axis}" for axis in AXES for what in ("speed_walk", "force_walk", "position_noise"))
+FORCE_DECAY = tuple(f"force_decay_{axis}" for axis in AXES)
 LAG, LAG_S = "thruster_lag", 1.0
 """Thrusters that are recorded as ordered act later; a lag below zero means none."""
 JITTER, JITTER_S = "stamp_jitter", 0.1
 """By how much headings are stamped too early or too late, now and then: noise that grows with the yaw rate."""
 WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
-NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, JITTER, *FOLLOWED, *KEPT, *WAVES)
+NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
 """The names of the vector's numbers."""
 _PLACES = {name: number for number, name in enumerate(NAMES)}
 _NUMBERED = np.arange(DTYPE.itemsize / 8).view(DTYPE)
@@ -60,10 +61,10 @@ _COLUMNS = [int(_NUMBERED[name][0]) for name in (*POSITIVE, *SIGNED)]  # where t
 
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
 _USUAL_POWER = 1.5
-_KEPT_S = 120.0
+_FORCE_DECAY_S = 120.0
 _WAVE_S, _USUAL_PERIOD = 6.0, 0.3
 _WAVE_WALK = -1.0  # a power of ten
-_FOLLOWED_S = 30
+_OBSERVED_S = 30
 _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
 _AVERAGED_S = 5
 _STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
@@ -72,9 +73,12 @@ _ONE_CORE = 64  # so many windows one core has followed before another is awake
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """What the observer sees of N windows: ``past`` [N, P+1, 13] newest first, whole for ``known_s`` [N] seconds,
-    and ``control`` [N, H, 5] and ``wind`` [N, 2] that act from second 0.
+class Observations:
+    """What the observer is given of N windows.
+
+    ``past`` [N, P+1, 13] in the order of :class:`~hybrid.prediction.prediction_windows.PredictionWindows`, newest
+    first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, 5] and ``wind`` [N, 2] that act from second
+    0.
     """
 
     past: Floats
@@ -86,18 +90,21 @@ class Seen:
         return len(self.past)
 
 
-def seen(horizons: Horizons, control: Floats | None = None) -> Seen:
-    """What is seen of windows; thrusters hold their last seconds' mean, unless ``control`` [N, H, 5] is known."""
-    now = np.concatenate([horizons.start, horizons.wind, horizons.control], axis=1)
-    measured = horizons.past.copy()
+def observations_of(windows: PredictionWindows, control: Floats | None = None) -> Observations:
+    """The observations of windows, with the controls [N, H, 5] from second 0 where they are known.
+
+    Without ``control`` the mean of the last seconds in which the thrusters stood still is held.
+    """
+    now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
+    measured = windows.past.copy()
     measured[:, 0] = np.where(np.isfinite(measured[:, 0]), measured[:, 0], now)
     known_s = np.cumprod(np.isfinite(measured).all(axis=2), axis=1).sum(axis=1).astype(np.int64) - 1
-    past = measured[:, : _FOLLOWED_S + 1]
-    held = np.repeat(_held(past)[:, None], horizons.horizon_s, axis=1) if control is None else control
-    return Seen(np.ascontiguousarray(past), known_s.clip(0, _FOLLOWED_S), held, _mean_wind(past))
+    past = measured[:, : _OBSERVED_S + 1]
+    held = np.repeat(_mean_control(past)[:, None], windows.horizon_s, axis=1) if control is None else control
+    return Observations(np.ascontiguousarray(past), known_s.clip(0, _OBSERVED_S), held, _mean_wind(past))
 
 
-def _held(past: Floats) -> Floats:
+def _mean_control(past: Floats) -> Floats:
     """The controls at second 0 [N, 5], averaged over the seconds before in which they stood still."""
     recent = past[:, :_AVERAGED_S, 8:]
     off = recent - recent[:, :1]
@@ -107,7 +114,7 @@ def _held(past: Floats) -> Floats:
 
 
 def _mean_wind(past: Floats) -> Floats:
-    """The mean wind vector of the known ones of the last seconds, as direction [rad] and speed [m/s]: [N, 2]."""
+    """The mean wind vector of the last seconds' finite ones, as direction [rad] and speed [m/s]: [N, 2]."""
     recent = past[:, :_AVERAGED_S, 6:8]
     each = recent[..., 1] * np.exp(1j * recent[..., 0])
     known = np.isfinite(each)
@@ -115,35 +122,35 @@ def _mean_wind(past: Floats) -> Floats:
     return np.column_stack([np.angle(vector), np.abs(vector)])
 
 
-def value(vector: Floats, name: str) -> float:
-    """One number of the vector."""
+def parameter(vector: Floats, name: str) -> float:
+    """One number of the vector, by one of :data:`NAMES`."""
     return float(vector[_PLACES[name]])
 
 
-def adapted(vector: Floats, plant: Plant) -> NDArray[np.void]:
-    """The plant, packed [1], with its numbers, steady forces, current and drift as the vector says."""
+def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
+    """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector."""
     packed = pack(plant)
     departed = USUAL_SHARE * vector[: len(POSITIVE) + len(SIGNED)]
     factor = np.exp(departed[: len(POSITIVE)].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
     flat(packed)[0, _COLUMNS] *= np.concatenate([factor, 1.0 + departed[len(POSITIVE) :]])
     heavier = plant.mass_kg / STEADY_MASS_KG
     for name, usual in STEADY.items():
-        packed[name] += heavier * usual * value(vector, name)
-    packed["current_north_mps"] += CURRENT_MPS * value(vector, "current_north")
-    packed["current_east_mps"] += CURRENT_MPS * value(vector, "current_east")
-    packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * value(vector, LAG))
+        packed[name] += heavier * usual * parameter(vector, name)
+    packed["current_north_mps"] += CURRENT_MPS * parameter(vector, "current_north")
+    packed["current_east_mps"] += CURRENT_MPS * parameter(vector, "current_east")
+    packed["thruster_lag_s"] = max(0.0, plant.thruster_lag_s + LAG_S * parameter(vector, LAG))
     own = plant.drift_force_n
-    north = own * plant.drift_north + heavier * DRIFT_N * value(vector, "drift_north")
-    east = own * plant.drift_east + heavier * DRIFT_N * value(vector, "drift_east")
+    north = own * plant.drift_north + heavier * DRIFT_N * parameter(vector, "drift_north")
+    east = own * plant.drift_east + heavier * DRIFT_N * parameter(vector, "drift_east")
     size = np.hypot(north, east)
     packed["drift_force_n"] = size
     packed["drift_north"], packed["drift_east"] = (north / size, east / size) if size > 0.0 else (1.0, 0.0)
     return packed
 
 
-def blown(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
+def add_wind(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Floats, Floats]:
     """A measured wind with the vector's steady one added: direction it comes from [rad] and speed [m/s]."""
-    north, east = WIND_MPS * value(vector, "wind_north"), WIND_MPS * value(vector, "wind_east")
+    north, east = WIND_MPS * parameter(vector, "wind_north"), WIND_MPS * parameter(vector, "wind_east")
     if north == 0.0 == east:
         return direction_rad, speed_mps
     vector_mps = speed_mps * np.exp(1j * direction_rad) + (north + 1j * east)
@@ -153,17 +160,21 @@ def blown(vector: Floats, direction_rad: Floats, speed_mps: Floats) -> tuple[Flo
 def observer_gains(vector: Floats) -> tuple[Floats, Floats, Floats]:
     """The gains [turns, steps, 3 axes, 5, 2], the share of the force left a second later [3], and the step of waves
     [2, 2]."""
-    return _gains(*(value(vector, name) for name in (JITTER, *FOLLOWED, *KEPT, *WAVES)))
+    return _gains(*(parameter(vector, name) for name in (JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)))
 
 
 @lru_cache(maxsize=64)
 def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
-    """The gains of the vector's JITTER, FOLLOWED, KEPT and WAVES; remembered, as most steps do not change them."""
-    powers, lasting, (period, *walks) = np.split(np.array(numbers), [len(FOLLOWED), len(FOLLOWED) + len(KEPT)])
+    """The gains of the vector's JITTER, NOISE_LEVELS, FORCE_DECAY and WAVES; remembered, as most steps do not
+    change them.
+    """
+    powers, lasting, (period, *walks) = np.split(
+        np.array(numbers), [len(NOISE_LEVELS), len(NOISE_LEVELS) + len(FORCE_DECAY)]
+    )
     levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
     wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
     wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
-    kept = np.exp(-1.0 / (_KEPT_S * np.exp(lasting)))
+    kept = np.exp(-1.0 / (_FORCE_DECAY_S * np.exp(lasting)))
     stamped = (
         JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
     ) ** 2
@@ -178,27 +189,28 @@ def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
 @lru_cache(maxsize=256)
 def _axis_gains(speed: float, force: float, noise: float, left: float, wave: float, wave_radps: float) -> Floats:
     """The gains of one axis; most steps change none of its numbers, and without turning three times the same."""
-    return np.asarray(kalman_gains(speed, force, noise, left, _FOLLOWED_S, wave, wave_radps))
+    return np.asarray(kalman_gains(speed, force, noise, left, _OBSERVED_S, wave, wave_radps))
 
 
-def followed(vector: Floats, plant: Plant, windows: Seen) -> tuple[Floats, Floats]:
-    """What the adapted model predicts from what is seen of N windows.
+def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
+    """Run the observer of the adapted model along the observations of N windows, and the model on from second 0.
 
-    Returns the states [N, H+1, 6] without the swing in waves, and that swing's north, east and heading [N, H+1, 3].
+    Returns the states [N, H+1, 6] without the motion in waves, and that motion as north, east [m] and heading [rad]
+    [N, H+1, 3].
     """
     gains, kept, wave = observer_gains(vector)
-    past, wind = windows.past, windows.wind
-    if value(vector, "wind_north") or value(vector, "wind_east"):
+    past, wind = observations.past, observations.wind
+    if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
         past = past.copy()
-        past[..., 6], past[..., 7] = blown(vector, past[..., 6], past[..., 7])
-        wind = np.column_stack(blown(vector, wind[:, 0], wind[:, 1]))
-    plants = np.repeat(adapted(vector, plant), len(windows))
+        past[..., 6], past[..., 7] = add_wind(vector, past[..., 6], past[..., 7])
+        wind = np.column_stack(add_wind(vector, wind[:, 0], wind[:, 1]))
+    plants = np.repeat(adapt_plant(vector, plant), len(observations))
     extra, parameters = combined(plant)
-    shape = len(windows), windows.control.shape[1] + 1
+    shape = len(observations), observations.control.shape[1] + 1
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
-    known, control = windows.known_s, windows.control
+    known, control = observations.known_s, observations.control
     cores = get_num_threads()
-    set_num_threads(1 if len(windows) <= _ONE_CORE else cores)
+    set_num_threads(1 if len(observations) <= _ONE_CORE else cores)
     try:
         follow(plants, past, known, gains, kept, wave, control, wind, extra, parameters, states, waves)
     finally:

@@ -1,4 +1,4 @@
-"""The adaptive calibrator: several adapted models, each without some of the legs, and how far to trust them."""
+"""The adaptive calibrator: an ensemble of adapted models, cross-validated by legs and weighted by hindcasts."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import NAMES as CHANNELS
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
-from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed, seen
+from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
-from hybrid.calibrators.calibrator import Calibrator, Examples, Ground
-from hybrid.prediction.baselines import modelled, present_motion_held
-from hybrid.prediction.prediction_windows import Horizons, joined_horizons
-from hybrid.prediction.regions import HINDCAST_S, band_radius, blended, earlier, off_m
-from hybrid.prediction.scores import distances
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
+from hybrid.prediction.baselines import present_motion_held, simulate_tracks
+from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows, hindcast_windows
+from hybrid.prediction.regions import HINDCAST_S, average_tracks, conformal_radius
+from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -26,83 +26,83 @@ if TYPE_CHECKING:
 
 MEMBERS = 5
 MOST_WINDOWS = 400
-TRUSTS = (np.inf, 4.0, 2.0)
-"""By which power of its error in the last seconds a way of predicting loses weight; infinite: ours alone."""
-BEYOND = 0.5
-"""How far past the range of the training, as a share of it, a start may lie before it counts as outside."""
-ALIKE = np.array([0.5, 0.2, 0.01, 2.0, 0.3, 0.3, 10.0, 0.15, 0.15, 0.15, 0.15])
-"""How far past it a start never counts as outside, however little the training varied: surge, sway [m/s], yaw rate
-[rad/s], wind speed [m/s], revolutions [rev/s], tunnel [rpm], cosine and sine of the pods' angles (30 degrees from
-dead ahead).
+WEIGHT_POWERS = (np.inf, 4.0, 2.0)
+"""The weight of a candidate falls with such a power of its hindcast's error; with infinity only our own counts."""
+DOMAIN_MARGIN = 0.5
+"""How far past the range of the training a start may lie inside the domain, as a share of that range."""
+LEAST_MARGIN = np.array([0.5, 0.2, 0.01, 2.0, 0.3, 0.3, 10.0, 0.15, 0.15, 0.15, 0.15])
+"""The least such margin, however little the training varied: surge, sway [m/s], yaw rate [rad/s], wind speed [m/s],
+revolutions [rev/s], tunnel [rpm], cosine and sine of the pods' angles (30 degrees from dead ahead).
 """
 START_NAMES = (
     "surge_mps", "sway_mps", "yaw_rate_radps", "wind_speed_mps", "port_rps", "starboard_rps", "tunnel_rpm",
     "port_angle_cos", "port_angle_sin", "starboard_angle_cos", "starboard_angle_sin",
 )  # fmt: skip
-"""What decides whether a start was trained on."""
-_PERFECT = 0.1  # errors in the last seconds below this share of the usual one say nothing more
-_UNKNOWN = 2.0  # how uncertain a window is whose past is not known, in usual errors
+"""The quantities of a start that span the domain of applicability."""
+_LEAST_RATIO = 0.1  # hindcast errors below this share of the median one say nothing more
+_UNKNOWN_RATIO = 2.0  # the hindcast error of a window whose past is not known, in median ones
 _RECENT_S = 5
-_WAYS = 3  # ours, constant velocity, the reference
+_CANDIDATES = 3  # the adapted model, constant velocity, the reference
 
 
 @dataclass(frozen=True, slots=True)
-class _Ways:
-    """What each way of predicting says of N windows: ``tracks`` [ways, N, H+1, 3] and ``before_m`` [ways, N], how
-    far off it was over the last seconds; ours first.
+class _Candidates:
+    """The candidate predictions of N windows, the adapted model's first: ``tracks`` [3, N, H+1, 3] and the mean
+    errors ``hindcast_m`` [3, N] of their hindcasts in metres.
     """
 
     tracks: Floats
-    before_m: Floats
+    hindcast_m: Floats
 
 
-class Adaptive(Calibrator):
-    """Adapted models on what was observed before the start, weighed against constant velocity and the reference.
+class AdaptiveCalibrator(Calibrator):
+    """An ensemble of adapted models, averaged with constant velocity and the reference by hindcast errors.
 
-    Each of :data:`MEMBERS` models is adapted without a share of the legs; on these it is judged, and from that
-    follow the trust in it and the size of the 95 % regions. All members predict together.
+    Each of :data:`MEMBERS` models is fitted without a share of the legs (cross-validation). On these follow the
+    power by which hindcast errors weigh the candidates and the radius of the 95 % regions. All members predict
+    together.
     """
 
     method: ClassVar[str] = "adaptive"
     inputs: ClassVar[tuple[str, ...]] = CHANNELS
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
-        """Adapt to the windows of both parts; no leg is needed to stop by. Raises :class:`DataShortageError`."""
-        horizons = joined_horizons([training[0], stopping[0]])
-        fold = _folds(horizons.leg, self.seed)
+        """Fit to the windows of both parts; no legs are needed for stopping. Raises :class:`DataShortageError`."""
+        windows = concatenate_windows([training[0], stopping[0]])
+        fold = _folds(windows.leg, self.seed)
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         self.vectors_ = np.stack(
-            [self._adapted(horizons, fold != member, member, part_of(progress, member, members))
+            [self._fit_member(windows, fold != member, member, part_of(progress, member, members))
              for member in range(members)]
         )  # fmt: skip
-        self.covariance_ = self._covariance(horizons)
-        starts = _starts(horizons)
+        self.covariance_ = self._covariance(windows)
+        starts = _starts(windows)
         self.range_ = np.stack([starts.min(axis=0), starts.max(axis=0)])
-        self.unseen_ = self._judge(horizons, fold)[len(training[0]) :]
+        self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
 
-    def unseen(self, stopping: Examples) -> Floats:
-        return self.unseen_
+    def out_of_sample_tracks(self, stopping: Examples) -> Floats:
+        return self.out_of_sample_
 
-    def _adapted(self, horizons: Horizons, chosen: Bools, member: int, progress: Progress) -> Floats:
-        """The vector of one member."""
-        windows = self._drawn(horizons, np.flatnonzero(chosen), member)
-        return adapt(self._model, seen(windows), windows.track, _own_share(windows), progress)
+    def _fit_member(self, windows: PredictionWindows, chosen: Bools, member: int, progress: Progress) -> Floats:
+        """The parameter vector of one member."""
+        drawn = self._draw(windows, np.flatnonzero(chosen), member)
+        return adapt(self._model, observations_of(drawn), drawn.track, _own_share(drawn), progress)
 
-    def _drawn(self, horizons: Horizons, rows: NDArray[np.int64], member: int) -> Horizons:
+    def _draw(self, windows: PredictionWindows, rows: NDArray[np.int64], member: int) -> PredictionWindows:
         """The windows of some rows, no more than :data:`MOST_WINDOWS`."""
         if len(rows) > MOST_WINDOWS:
             drawn = np.random.default_rng([self.seed, member]).choice(rows, MOST_WINDOWS, replace=False)
             rows = np.sort(drawn)
-        return horizons.subset(rows)
+        return windows.subset(rows)
 
-    def _covariance(self, horizons: Horizons) -> Floats:
-        """How well the data know the members' mean vector, [numbers, numbers]."""
-        windows = self._drawn(horizons, np.arange(len(horizons)), len(self.vectors_))
+    def _covariance(self, windows: PredictionWindows) -> Floats:
+        """The covariance of the members' mean vector, [parameters, parameters]."""
+        drawn = self._draw(windows, np.arange(len(windows)), len(self.vectors_))
         vector = self.vectors_.mean(axis=0)
-        return covariance_at(vector, self._model, seen(windows), windows.track, _own_share(windows))
+        return covariance_at(vector, self._model, observations_of(drawn), drawn.track, _own_share(drawn))
 
     @property
     def _model(self) -> Plant:
@@ -110,124 +110,130 @@ class Adaptive(Calibrator):
             raise ValueError("the adaptive calibrator needs the reference model")
         return self.plant
 
-    def _judge(self, horizons: Horizons, fold: NDArray[np.int64]) -> Floats:
-        """Trust, usual errors and regions, from the tracks [N, H+1, 3] of each leg by who was not adapted to it."""
-        ways = _Ways(np.empty((_WAYS, *horizons.track.shape)), np.empty((_WAYS, len(horizons))))
+    def _cross_validate(self, windows: PredictionWindows, fold: NDArray[np.int64]) -> Floats:
+        """Fit weights and regions; the tracks [N, H+1, 3] of each window by the member not fitted to it."""
+        candidates = _Candidates(
+            np.empty((_CANDIDATES, *windows.track.shape)), np.empty((_CANDIDATES, len(windows)))
+        )
         for member, vector in enumerate(self.vectors_):
             mine = fold == member
-            part = self._ways(horizons.subset(mine), vector[None])
-            ways.tracks[:, mine], ways.before_m[:, mine] = part.tracks, part.before_m
-        self.usual_before_m_ = float(np.nanmedian(ways.before_m[0])) if np.isfinite(ways.before_m[0]).any() else 1.0
-        errors = [np.nanmean(distances(self._weighed(ways, trust)[0], horizons.track)) for trust in TRUSTS]
-        self.trust_ = TRUSTS[int(np.argmin(errors))]
-        tracks, before_m = self._weighed(ways, self.trust_)
-        self.region_ = band_radius(tracks, horizons.track, self._spread(before_m, horizons.horizon_s))
+            part = self._candidates(windows.subset(mine), vector[None])
+            candidates.tracks[:, mine], candidates.hindcast_m[:, mine] = part.tracks, part.hindcast_m
+        own_m = candidates.hindcast_m[0]
+        self.median_hindcast_m_ = float(np.nanmedian(own_m)) if np.isfinite(own_m).any() else 1.0
+        errors = [
+            np.nanmean(distances(self._average(candidates, power)[0], windows.track)) for power in WEIGHT_POWERS
+        ]
+        self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
+        tracks, hindcast_m = self._average(candidates, self.weight_power_)
+        uncertainty = self._uncertainty(hindcast_m, windows.horizon_s)
+        self.radius_ = conformal_radius(tracks, windows.track, uncertainty)
         return tracks
 
-    def _ways(self, horizons: Horizons, vectors: Floats) -> _Ways:
-        """Ours, constant velocity and the reference, on the windows and on the seconds before them."""
-        before, acted = earlier(horizons, HINDCAST_S)
-        now, then = seen(horizons), seen(before, acted)
-        tracks, earlier_tracks = self._all_ways(vectors, now), self._all_ways(vectors, then)
-        return _Ways(tracks, np.stack([off_m(each, before.track) for each in earlier_tracks]))
+    def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
+        """The candidates' tracks over the windows, and their errors over the seconds before."""
+        before, control = hindcast_windows(windows, HINDCAST_S)
+        tracks = self._candidate_tracks(vectors, observations_of(windows))
+        hindcasts = self._candidate_tracks(vectors, observations_of(before, control))
+        return _Candidates(tracks, np.stack([mean_distances(each, before.track) for each in hindcasts]))
 
-    def _all_ways(self, vectors: Floats, windows: Seen) -> Floats:
-        """The tracks [ways, N, H+1, 3] from one observed state, the mean of what the members see, in one sea."""
-        parts = [followed(vector, self._model, windows) for vector in vectors]
+    def _candidate_tracks(self, vectors: Floats, observations: Observations) -> Floats:
+        """The candidates' tracks [3, N, H+1, 3] from the members' mean observed state, in one motion in waves."""
+        parts = [run_observer(vector, self._model, observations) for vector in vectors]
         states, waves = (np.mean(part, axis=0) for part in zip(*parts, strict=True))
-        held = present_motion_held(states[:, 0], windows.control.shape[1])
-        model = modelled(self._model, states[:, 0], windows.control, windows.wind)
+        held = present_motion_held(states[:, 0], observations.control.shape[1])
+        model = simulate_tracks(self._model, states[:, 0], observations.control, observations.wind)
         return np.asarray(np.stack([states[..., :3], held, model]) + waves)
 
-    def _weighed(self, ways: _Ways, trust: float) -> tuple[Floats, Floats]:
-        """One track a window [N, H+1, 3] of all ways, and the error of the last seconds [N] that goes with it.
+    def _average(self, candidates: _Candidates, power: float) -> tuple[Floats, Floats]:
+        """The candidates' weighted mean [N, H+1, 3] and the hindcast error [N] that goes with it in metres.
 
-        Windows in which our own model leaves its range are NaN.
+        Windows in which the adapted model leaves its range are NaN.
         """
-        known = np.isfinite(ways.before_m)
-        weight = np.zeros_like(ways.before_m)
+        known = np.isfinite(candidates.hindcast_m)
+        weight = np.zeros_like(candidates.hindcast_m)
         weight[0] = 1.0
-        if np.isfinite(trust):
-            error = np.nan_to_num(ways.before_m, nan=np.inf) + _PERFECT * self.usual_before_m_
-            weight = np.where(known[0], error**-trust, weight)
-        weight = np.where(np.isfinite(ways.tracks).all(axis=(2, 3)) | (np.arange(_WAYS) == 0)[:, None], weight, 0.0)
+        if np.isfinite(power):
+            error_m = np.nan_to_num(candidates.hindcast_m, nan=np.inf) + _LEAST_RATIO * self.median_hindcast_m_
+            weight = np.where(known[0], error_m**-power, weight)
+        usable = np.isfinite(candidates.tracks).all(axis=(2, 3)) | (np.arange(_CANDIDATES) == 0)[:, None]
+        weight = np.where(usable, weight, 0.0)
         weight = weight / weight.sum(axis=0)
-        before = np.where(known, ways.before_m, _UNKNOWN * self.usual_before_m_)
-        return blended(weight, ways.tracks), np.einsum("wn,wn->n", weight, before)
+        hindcast_m = np.where(known, candidates.hindcast_m, _UNKNOWN_RATIO * self.median_hindcast_m_)
+        return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
-    def _spread(self, before_m: Floats, horizon_s: int) -> Floats:
-        """How uncertain windows are [N, H], one for a usual one: half of it goes with the last seconds' error."""
-        share = 0.5 + 0.5 * before_m / max(self.usual_before_m_, 1e-6)
+    def _uncertainty(self, hindcast_m: Floats, horizon_s: int) -> Floats:
+        """The relative uncertainty [N, H], one for the median hindcast error; half of it grows with that error."""
+        share = 0.5 + 0.5 * hindcast_m / max(self.median_hindcast_m_, 1e-6)
         return np.repeat(share[:, None], horizon_s, axis=1)
 
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
-        return self.predict_with_spread(horizons, reference)[0]
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return self.predict_with_uncertainty(windows, reference)[0]
 
-    def spread(self, horizons: Horizons, reference: Floats) -> Floats:
-        return self.predict_with_spread(horizons, reference)[1]
+    def uncertainty(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return self.predict_with_uncertainty(windows, reference)[1]
 
-    def predict_with_spread(self, horizons: Horizons, reference: Floats) -> tuple[Floats, Floats]:
-        tracks, before_m = self._weighed(self._ways(horizons, self.vectors_), self.trust_)
-        return tracks, self._spread(before_m, horizons.horizon_s)
+    def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
+        tracks, hindcast_m = self._average(self._candidates(windows, self.vectors_), self.weight_power_)
+        return tracks, self._uncertainty(hindcast_m, windows.horizon_s)
 
-    def region(self, stopping: Examples) -> Floats:
-        return self.region_
+    def conformal_radius(self, stopping: Examples) -> Floats:
+        return self.radius_
 
-    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         low, high = self.range_
-        margin = np.maximum(BEYOND * (high - low), ALIKE)
-        return Ground(START_NAMES, _starts(horizons)[:, None], low, high, margin)
+        margin = np.maximum(DOMAIN_MARGIN * (high - low), LEAST_MARGIN)
+        return DomainOfApplicability(START_NAMES, _starts(windows)[:, None], low, high, margin)
 
-    def state(self) -> dict[str, Tensor]:
+    def state_dict(self) -> dict[str, Tensor]:
         import torch
 
-        learned = {
-            "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.region_,
-            "trust": np.array([0.0 if np.isinf(self.trust_) else self.trust_, self.usual_before_m_]),
+        power = 0.0 if np.isinf(self.weight_power_) else self.weight_power_  # no infinity in a file
+        fitted = {
+            "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.radius_,
+            "trust": np.array([power, self.median_hindcast_m_]),
         }  # fmt: skip
-        return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in learned.items()}
+        return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in fitted.items()}
 
-    def restore(self, tensors: dict[str, Tensor]) -> Self:
-        learned = {name: tensor.numpy() for name, tensor in tensors.items()}
-        self.vectors_, self.covariance_, self.range_ = (
-            learned[name] for name in ("vectors", "covariance", "range")
-        )
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+        fitted = {name: tensor.numpy() for name, tensor in tensors.items()}
+        self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
         if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(NAMES):
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {len(NAMES)}")
-        self.region_ = learned["region"]
-        trust, self.usual_before_m_ = map(float, learned["trust"])
-        self.trust_ = trust or np.inf
+        self.radius_ = fitted["region"]
+        power, self.median_hindcast_m_ = map(float, fitted["trust"])
+        self.weight_power_ = power or np.inf
         return self
 
 
-def _starts(horizons: Horizons) -> Floats:
-    """What decides whether a start was trained on: speeds, wind speed, thrusters [N, 11]; angles as vectors.
+def _starts(windows: PredictionWindows) -> Floats:
+    """The quantities :data:`START_NAMES` of the windows' starts [N, 11].
 
-    Means over the last seconds, so that a wave does not decide.
+    Means over the last seconds, so that single waves do not decide.
     """
-    windows = seen(horizons)
-    recent = windows.past[:, :_RECENT_S]
+    observations = observations_of(windows)
+    recent = observations.past[:, :_RECENT_S]
     known = np.isfinite(recent).all(axis=2, keepdims=True)
     mean = np.where(known, recent, 0.0).sum(axis=1) / known.sum(axis=1)
-    control = windows.control[:, 0]
+    control = observations.control[:, 0]
     angles = [f(control[:, column]) for column in (1, 3) for f in (np.cos, np.sin)]
-    return np.column_stack([mean[:, 3:6], windows.wind[:, 1], control[:, [0, 2, 4]], *angles])
+    return np.column_stack([mean[:, 3:6], observations.wind[:, 1], control[:, [0, 2, 4]], *angles])
 
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
-    """The member [N] that goes without each window: whole legs, the longest first, to whoever lacks least."""
+    """The fold [N] of each window: whole legs, the longest first, each to the fold that has the fewest windows."""
     names, where, counts = np.unique(leg, return_inverse=True, return_counts=True)
     members = min(MEMBERS, len(names))
     order = np.random.default_rng(seed).permutation(len(names))
-    lacking, fold = np.zeros(members), np.empty(len(names), dtype=np.int64)
+    size, fold = np.zeros(members), np.empty(len(names), dtype=np.int64)
     for name in order[np.argsort(-counts[order], kind="stable")]:
-        fold[name] = np.argmin(lacking)
-        lacking[fold[name]] += counts[name]
+        fold[name] = np.argmin(size)
+        size[fold[name]] += counts[name]
     return fold[where]
 
 
-def _own_share(windows: Horizons) -> float:
-    """The share of a window that is its own: how far apart those of a leg start, over their length, at most one."""
+def _own_share(windows: PredictionWindows) -> float:
+    """The share of a window that no other overlaps: the median time between starts of a leg over the horizon."""
     starts_s = windows.start_time.as_unit("ns").asi8 / 1e9
     order = np.lexsort((starts_s, windows.leg))
     same_leg = windows.leg[order][1:] == windows.leg[order][:-1]

@@ -14,7 +14,7 @@ import numpy as np
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.calibrators.adaptive.adaptation import NAMES, Seen, followed
+from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, run_observer
 from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.vessel.plant import Plant
 
@@ -30,7 +30,7 @@ _STEEPEST = 1e6
 
 def adapt(
     plant: Plant,
-    windows: Seen,
+    windows: Observations,
     track: Floats,
     overlap: float,
     progress: Progress = lambda share: None,
@@ -57,7 +57,7 @@ def adapt(
     return vector
 
 
-def covariance_at(vector: Floats, plant: Plant, windows: Seen, track: Floats, overlap: float) -> Floats:
+def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Floats, overlap: float) -> Floats:
     """The covariance of the vector [numbers, numbers] where the cost is least, as if it were a parabola there: of
     what the data do not say it is the prior's, one. Arguments as those of :func:`adapt`.
     """
@@ -68,12 +68,12 @@ def covariance_at(vector: Floats, plant: Plant, windows: Seen, track: Floats, ov
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
 
-def _differences(plant: Plant, windows: Seen, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
+def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Callable[[Floats], Floats], Bools]:
     """What predictions with a vector differ by from the tracks [N, H, 3], and which seconds are known [N, H]."""
     unknown = np.asarray(np.isnan(track[:, 1:]).any(axis=2))
 
     def off(vector: Floats) -> Floats:
-        states, waves = followed(vector, plant, windows)
+        states, waves = run_observer(vector, plant, windows)
         gap = np.where(unknown[..., None], 0.0, (states[..., :3] + waves - track)[:, 1:])
         return _ahead_aside(gap, track[:, :1, 2])
 

@@ -26,7 +26,7 @@ from hybrid.calibrators.adaptive.adaptation import (
     USUAL_SHARE,
     WIND_MPS,
 )
-from hybrid.calibrators.adaptive.calibrator import Adaptive
+from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.entangled import entangled_pairs
 from hybrid.vessel.plant import Plant
 
@@ -73,7 +73,7 @@ class Parameters:
         return entangled_pairs([each.name for each in self.identified], self.correlation)
 
 
-def parameters_of(calibrator: Adaptive) -> Parameters:
+def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
     """What was learned of the ship and of what acts on her; how closely she is followed is left out."""
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")

@@ -20,7 +20,7 @@ from hybrid.diagnosis.result import (
     Tracks,
     Unexplained,
 )
-from hybrid.prediction.bootstrap import Interval
+from hybrid.prediction.scores import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",

@@ -23,14 +23,14 @@ from hybrid.diagnosis.select_effects import Coordinates
 from hybrid.effects import CATALOGUE
 from hybrid.evaluation.splits import shared_seconds
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances, score
 from hybrid.report.diagnosis_gap import ladder_sentence
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs
 
-Climbed = Callable[[str, Mapping[int, Coordinates] | None], tuple[Ladder, Horizons]]
+Climbed = Callable[[str, Mapping[int, Coordinates] | None], tuple[Ladder, PredictionWindows]]
 CURRENT = {"ocean_current": (0.2, -0.1)}
 SIZES = [3, 9, 5, 8, 4, 6, 7, 3, 9, 5]
 
@@ -40,14 +40,14 @@ class Standing(Oracle):
 
     method: ClassVar[str] = "standing"
 
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
+    def predict(self, horizons: PredictionWindows, reference: Floats) -> Floats:
         return reference
 
 
 KNOWN: dict[str, type[Calibrator]] = {**FAKES, "standing": Standing}
 
 
-def log_about(horizons: Horizons, leg_s: int, trials: tuple[str, ...] = ("first",)) -> Log:
+def log_about(horizons: PredictionWindows, leg_s: int, trials: tuple[str, ...] = ("first",)) -> Log:
     """A log that holds all seconds of the windows, in legs of so many seconds; nothing else in it is used."""
     first, last = horizons.known_seconds()
     length = int(last.max() - first.min()) + 1
@@ -108,7 +108,7 @@ def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
 
     monkeypatch.setattr("hybrid.evaluation.study.make_calibrator", make)
 
-    def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[Ladder, Horizons]:
+    def run(method: str, named: Mapping[int, Coordinates] | None) -> tuple[Ladder, PredictionWindows]:
         windows = windows_of_legs([7] * 12, gap_s=20)
         windows = replace(windows, track=reference(windows, replace(model, at=CURRENT).plant()))
         seconds = seconds_in_folds(windows, log_about(windows, 60), ("first",))

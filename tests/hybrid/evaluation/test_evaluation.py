@@ -19,7 +19,7 @@ from hybrid.calibrators.calibrator import Calibrator
 from hybrid.evaluation.study import Study, study
 from hybrid.evaluation.summary import Evaluation, evaluation_of
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances, score
 from hybrid.report.evaluation_plots import breakdown
 from hybrid.report.evaluation_tables import evaluation_tables
@@ -35,13 +35,13 @@ def make_fake(method: str, seed: int = 0, plant: Plant | None = None) -> Calibra
 
 
 @pytest.fixture(scope="module")
-def windows() -> Horizons:
+def windows() -> PredictionWindows:
     """Twelve legs in each of two recordings; every leg drifts in its own way."""
     return windows_of_legs([3, 9, 5, 8, 4, 6, 7, 3, 9, 5, 8, 6], ("a", "b"))
 
 
 @pytest.fixture(scope="module")
-def studied(windows: Horizons, plant: Plant) -> Study:
+def studied(windows: PredictionWindows, plant: Plant) -> Study:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hybrid.evaluation.study.make_calibrator", make_fake)
         return study(windows, plant, list(FAKES), SPLITS, draws=3, seed=1)
@@ -87,7 +87,7 @@ def test_what_was_learned_by_heart_is_exposed(evaluation: Evaluation) -> None:
 def test_each_window_counts_once(studied: Study, plant: Plant) -> None:
     """However many draws hold a window out: what needs no training has its plain error on the windows judged."""
     for result in studied.results:
-        judged = studied.horizons.subset(result.held_out)
+        judged = studied.windows.subset(result.held_out)
         for name, tracks in (
             ("constant_velocity", constant_velocity(judged)),
             ("reference", reference(judged, plant)),

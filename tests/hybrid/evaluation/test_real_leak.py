@@ -10,8 +10,8 @@ from acquisition.tables.import_table import import_table
 from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.evaluation.study import study
 from hybrid.evaluation.summary import evaluation_of
-from hybrid.prediction.dataset import gather
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.plant import Plant
 
 pytestmark = pytest.mark.shared
@@ -21,14 +21,14 @@ MAP = Path(__file__).parents[3] / "trials" / "columns" / "gunnerus_2019_docking.
 
 
 @pytest.fixture(scope="module")
-def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Horizons:
+def docking(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> PredictionWindows:
     path = tmp_path_factory.mktemp("recordings") / "docking.mcap"
     import_table(shared_data / TABLE, path, MAP)
-    return gather([path], 15, 5).horizons
+    return load_dataset([path], 15, 5).windows
 
 
 @pytest.mark.parametrize("kind", ["leg", "time"])
-def test_real_windows_share_no_second(docking: Horizons, kind: str) -> None:
+def test_real_windows_share_no_second(docking: PredictionWindows, kind: str) -> None:
     for draw in draws_of(kind, docking, 5, 0):
         assert shared_seconds(docking, draw.fitting | draw.stopping, draw.held_out) == 0
     (leaky,) = draws_of("random", docking, 1, 0)
@@ -36,7 +36,7 @@ def test_real_windows_share_no_second(docking: Horizons, kind: str) -> None:
 
 
 @pytest.mark.slow
-def test_the_random_split_flatters_the_paper(docking: Horizons, plant: Plant) -> None:
+def test_the_random_split_flatters_the_paper(docking: PredictionWindows, plant: Plant) -> None:
     """At the paper's split its calibrator seems better than both baselines; on legs never seen it is not."""
     evaluation = evaluation_of(study(docking, plant, ["paper"], ["leg", "random"], 3), plant.length_overall_m, 0)
     honest, leaky = (evaluation.splits[kind].whole.methods["paper"].ratio for kind in ("leg", "random"))

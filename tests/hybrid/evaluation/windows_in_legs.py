@@ -11,9 +11,9 @@ import pandas as pd
 from torch import Tensor
 
 from acquisition.core.arrays import Bools, Floats
-from hybrid.calibrators.calibrator import Calibrator, Examples, Ground, Progress
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
 from hybrid.prediction.baselines import constant_velocity
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from tests.hybrid.windows_by_hand import random_windows
 
 SECONDS = 10
@@ -22,7 +22,7 @@ STRIDE_S = 5
 
 def windows_of_legs(
     sizes: Sequence[int], trials: Sequence[str] = ("first",), gap_s: int = 60, seed: int = 0
-) -> Horizons:
+) -> PredictionWindows:
     """Legs of so many windows each, one every five seconds, in each of the trials; the ships drift off course.
 
     What a leg's drift is nobody can know from the start of its windows: it is the same for the whole leg.
@@ -57,19 +57,19 @@ class Oracle(Calibrator):
         progress(1.0)
         return self
 
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
-        return horizons.track
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return windows.track
 
-    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         raise NotImplementedError
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Bools:
-        return np.zeros(len(horizons), dtype=bool)
+    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
+        return np.zeros(len(windows), dtype=bool)
 
-    def state(self) -> dict[str, Tensor]:
+    def state_dict(self) -> dict[str, Tensor]:
         return {}
 
-    def restore(self, tensors: dict[str, Tensor]) -> Self:
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
         return self
 
 
@@ -78,8 +78,8 @@ class Holding(Oracle):
 
     method: ClassVar[str] = "holding"
 
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
-        return constant_velocity(horizons)
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return constant_velocity(windows)
 
 
 class Memory(Holding):
@@ -93,9 +93,9 @@ class Memory(Holding):
         self.drift_ = dict(zip(known.leg, gap[:, :, :2], strict=True))
         return self
 
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
-        track = constant_velocity(horizons)
-        for window, leg in enumerate(horizons.leg):
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        track = constant_velocity(windows)
+        for window, leg in enumerate(windows.leg):
             track[window, :, :2] += self.drift_.get(leg, 0.0)
         return track
 

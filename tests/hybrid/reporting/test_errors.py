@@ -9,20 +9,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hybrid.prediction.prediction_windows import PAST_S, Horizons
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.report.errors import calibration_of, error_rows, errors_of
 from hybrid.report.motion import COLUMNS, one_after_another, predicted_motion, speeds_of
 
 
-def horizons_of(track: np.ndarray, leg: list[str] | None = None, starts_s: list[int] | None = None) -> Horizons:
+def horizons_of(
+    track: np.ndarray, leg: list[str] | None = None, starts_s: list[int] | None = None
+) -> PredictionWindows:
     """Windows of nothing but measured tracks [N, H+1, 3], one every horizon."""
     count = len(track)
     begin = np.array(starts_s or [each * (track.shape[1] - 1) for each in range(count)])
     times = pd.Timestamp("2026-01-01", tz="UTC") + pd.to_timedelta(begin, unit="s")
     legs = np.array(leg or ["a"] * count)
     start = np.concatenate([track[:, 0], np.zeros((count, 3))], axis=1)
-    return Horizons(start, track, np.zeros((count, 2)), np.zeros((count, 5)), np.array(["trial"] * count), legs,
-                    pd.DatetimeIndex(times), np.zeros((count, PAST_S + 1, 13)))  # fmt: skip
+    wind, control, trial = np.zeros((count, 2)), np.zeros((count, 5)), np.array(["trial"] * count)
+    past = np.zeros((count, PAST_S + 1, 13))
+    return PredictionWindows(start, track, wind, control, trial, legs, pd.DatetimeIndex(times), past)
 
 
 def straight(heading_rad: float, speed_mps: float = 3.0, seconds: int = 10) -> np.ndarray:

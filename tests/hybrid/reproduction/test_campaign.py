@@ -29,9 +29,9 @@ def test_any_number_and_length_of_sequences(sea_state: str, sequences: int, hori
     """Sequences longer than the paper's swings too: the swings are held for as long as it takes."""
     made = paper_campaign(sea_state, 1, sequences=sequences, horizon_s=horizon_s)
     assert len(made) == sequences
-    assert made.horizons.track.shape == (sequences, horizon_s + 1, 3)
-    assert np.isfinite(made.horizons.track).all()
-    assert len(set(made.horizons.leg)) == sequences
+    assert made.windows.track.shape == (sequences, horizon_s + 1, 3)
+    assert np.isfinite(made.windows.track).all()
+    assert len(set(made.windows.leg)) == sequences
     _share_no_second(made)
 
 
@@ -44,15 +44,15 @@ def test_as_many_swings_to_either_side_at_each_azimuth(calm: Campaign) -> None:
 
 def test_the_thrusters_stand_where_they_were_ordered(calm: Campaign) -> None:
     """Both pods at the order at the start, and to the end: the truth with thrusters held stays on the track."""
-    reported_deg = np.rad2deg(calm.horizons.control[:, [1, 3]])
+    reported_deg = np.rad2deg(calm.windows.control[:, [1, 3]])
     assert reported_deg == pytest.approx(np.repeat(calm.azimuth_deg[:, None], 2, axis=1), abs=1.0)
-    gap = reference(calm.horizons, calm.truth)[:, -1, :2] - calm.horizons.track[:, -1, :2]
-    travelled_m = np.linalg.norm(calm.horizons.track[:, -1, :2] - calm.horizons.track[:, 0, :2], axis=1)
+    gap = reference(calm.windows, calm.truth)[:, -1, :2] - calm.windows.track[:, -1, :2]
+    travelled_m = np.linalg.norm(calm.windows.track[:, -1, :2] - calm.windows.track[:, 0, :2], axis=1)
     assert (np.hypot(*gap.T) < 0.02 * travelled_m).all()
 
 
 def test_a_positive_azimuth_turns_the_ship_to_port(calm: Campaign) -> None:
-    turned = calm.horizons.track[:, -1, 2] - calm.horizons.track[:, 15, 2]
+    turned = calm.windows.track[:, -1, 2] - calm.windows.track[:, 15, 2]
     assert (np.sign(turned) == -np.sign(calm.azimuth_deg)).all()
 
 
@@ -62,15 +62,15 @@ def test_sequences_share_no_second(calm: Campaign) -> None:
 
 
 def _share_no_second(campaign: Campaign) -> None:
-    begins_s = (campaign.horizons.start_time - campaign.horizons.start_time[0]).total_seconds().to_numpy()
+    begins_s = (campaign.windows.start_time - campaign.windows.start_time[0]).total_seconds().to_numpy()
     between_s = np.diff(begins_s)
-    assert (between_s > campaign.horizons.horizon_s + PAST_S).all()
-    assert np.isfinite(campaign.horizons.past[1:]).all()
+    assert (between_s > campaign.windows.horizon_s + PAST_S).all()
+    assert np.isfinite(campaign.windows.past[1:]).all()
 
 
 def test_the_floor_is_far_below_the_reference(calm: Campaign) -> None:
     """The truth from the same measurements beats the ship before her elongation and the motion held."""
-    windows = calm.horizons
+    windows = calm.windows
     short = vessel_plant(load_vessel("gunnerus_short"))
     floor, model, held = (
         score(each, windows.track).mean_distance_m
@@ -82,15 +82,15 @@ def test_the_floor_is_far_below_the_reference(calm: Campaign) -> None:
 
 def test_in_a_calm_only_the_sensors_part_the_ship_from_her_measured_track(calm: Campaign) -> None:
     """Centimetres after the filter; the heading, which turns, agrees too."""
-    gap = calm.ship_track - calm.horizons.track
+    gap = calm.ship_track - calm.windows.track
     assert np.abs(gap[..., :2]).max() < 0.15
     assert np.abs(np.angle(np.exp(1j * gap[..., 2]))).max() < np.deg2rad(0.5)
 
 
 def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(calm: Campaign) -> None:
     """Nothing is unknown there but what the thrusters' feedback at second 0 errs by."""
-    known = reference(replace(calm.horizons, start=calm.ship_start), calm.truth)
-    model = reference(calm.horizons, vessel_plant(load_vessel("gunnerus_short")))
+    known = reference(replace(calm.windows, start=calm.ship_start), calm.truth)
+    model = reference(calm.windows, vessel_plant(load_vessel("gunnerus_short")))
     off_m, model_off_m = (score(each, calm.ship_track).mean_distance_m for each in (known, model))
     assert off_m < 0.1 * model_off_m
     assert np.array_equal(known[:, 0], calm.ship_track[:, 0])
@@ -98,9 +98,9 @@ def test_in_a_calm_the_true_ship_from_her_true_state_is_nearly_where_she_was(cal
 
 def test_the_same_seed_gives_the_same_campaign(calm: Campaign) -> None:
     again, other = paper_campaign("calm", 3, sequences=8), paper_campaign("calm", 4, sequences=8)
-    assert np.array_equal(again.horizons.track, calm.horizons.track)
-    assert np.array_equal(again.horizons.past, calm.horizons.past, equal_nan=True)
-    assert not np.array_equal(other.horizons.track, calm.horizons.track)
+    assert np.array_equal(again.windows.track, calm.windows.track)
+    assert np.array_equal(again.windows.past, calm.windows.past, equal_nan=True)
+    assert not np.array_equal(other.windows.track, calm.windows.track)
 
 
 def test_too_short_a_trial_is_an_error_with_counts(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from acquisition.core.errors import DataShortageError
 from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import reference
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances
 from hybrid.reproduction.degradation import OVERALL, blended, degradations, livelier, single_degradations
 from hybrid.reproduction.fidelity import Sequences, fidelity_map
@@ -31,7 +31,7 @@ SHORT, LONG = (vessel_plant(load_vessel(name)) for name in ("gunnerus_short", "g
 AMOUNTS = (10, 80)
 
 
-def sailed(plant: Plant, count: int, seed: int) -> Horizons:
+def sailed(plant: Plant, count: int, seed: int) -> PredictionWindows:
     """Windows of 15 s in which ``plant`` does what it would, measured to a centimetre, under many helms."""
     random = np.random.default_rng(seed)
     start = random.uniform([0, 0, -np.pi, 2.0, -0.2, -0.02], [0, 0, np.pi, 4.0, 0.2, 0.02], (count, 6))

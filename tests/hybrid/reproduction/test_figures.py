@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
-from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import distances
 from hybrid.report.style import start_frame
 from hybrid.reproduction import comparison, figures, page, plots

@@ -21,7 +21,7 @@ import seatrial
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
-from hybrid.calibrators.network import NetworkCalibrator
+from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import score
 from hybrid.reproduction import comparison
 from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of

@@ -18,7 +18,7 @@ from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.recording.tail import Tail
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
-from hybrid.calibrators.artefact import Trained
+from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.twin.message import body_of, geojson_of, positions
 from hybrid.twin.now import newest_second_ns, predict_now
 from hybrid.twin.recent import Recent
@@ -49,7 +49,7 @@ def voyage(simulated: Simulated) -> Recording:
 
 @pytest.mark.parametrize("with_calibrator", [False, True])
 def test_it_is_the_prediction_of_the_recording_that_ends_there(
-    voyage: Recording, small: Trained, with_calibrator: bool
+    voyage: Recording, small: TrainedCalibrator, with_calibrator: bool
 ) -> None:
     """From the last 75 s as read in pieces, against ``seatrial predict`` of all that came before."""
     trained = small if with_calibrator else None
@@ -161,7 +161,7 @@ def test_only_the_last_seconds_are_kept(voyage: Recording) -> None:
     assert recent.recording(voyage.trial, Path()).series == {}
 
 
-def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trained) -> None:
+def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: TrainedCalibrator) -> None:
     foretold = predict_now(at_rest(75.0), SMALL_HORIZON_S, small.plant, small)
     prediction = foretold.prediction
     mean = 300.0, Mean(0, 0)
@@ -178,7 +178,7 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
     assert geojson_of(prediction, None) == ""
 
 
-def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: Trained) -> None:
+def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: TrainedCalibrator) -> None:
     import json
 
     from acquisition.core.tangent_plane import TangentPlane

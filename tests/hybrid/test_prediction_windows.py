@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from acquisition.core.channels import CIRCULAR, NAMES
 from acquisition.core.errors import DataShortageError
-from hybrid.prediction.prediction_windows import from_rows, split_by_group
+from hybrid.prediction.prediction_windows import split_by_group, windows_from_rows
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 
@@ -29,7 +29,7 @@ def rows_of(heading_deg: list[list[float]], seconds: int) -> pd.DataFrame:
 
 def test_edges_are_in_degrees_and_rpm_and_the_inside_is_not() -> None:
     """Radians, revolutions a second for the shafts, rpm for the tunnel; what is in metres stays."""
-    windows = from_rows(rows_of([[20.0] * 4], 3))
+    windows = windows_from_rows(rows_of([[20.0] * 4], 3))
     value = {name: 10.0 + at for at, name in enumerate(NAMES)}
     assert windows.start[0] == pytest.approx(
         [0.0, value["east_m"], np.deg2rad(20.0), value["surge_mps"], value["sway_mps"],
@@ -46,7 +46,7 @@ def test_edges_are_in_degrees_and_rpm_and_the_inside_is_not() -> None:
 
 def test_a_heading_through_north_does_not_jump() -> None:
     """359 to 1 is a turn of two degrees to starboard, and back one to port."""
-    windows = from_rows(rows_of([[359.0, 0.0, 1.0, 2.0], [1.0, 0.5, 359.5, 358.0]], 3))
+    windows = windows_from_rows(rows_of([[359.0, 0.0, 1.0, 2.0], [1.0, 0.5, 359.5, 358.0]], 3))
     turns = np.rad2deg(np.diff(windows.track[..., 2], axis=1))
     assert turns == pytest.approx(np.array([[1.0, 1.0, 1.0], [-0.5, -1.0, -1.5]]))
 
@@ -56,7 +56,7 @@ def test_a_smoothed_start_is_in_the_turn_of_the_track(measured_deg: float, smoot
     """The start's heading lies beside the measured one, not a turn away; the rest is the smoothed motion."""
     motion = pd.DataFrame({"north_m": [1.0], "east_m": [2.0], "heading_deg": [smooth_deg], "surge_mps": [3.0],
                            "sway_mps": [4.0], "yaw_rate_dps": [5.0]})  # fmt: skip
-    windows = from_rows(rows_of([[measured_deg] * 4], 3), motion)
+    windows = windows_from_rows(rows_of([[measured_deg] * 4], 3), motion)
     assert abs(np.rad2deg(windows.start[0, 2] - windows.track[0, 0, 2])) < 0.5
     assert windows.start[0, [0, 1, 3, 4]].tolist() == [1.0, 2.0, 3.0, 4.0]
 
@@ -65,14 +65,14 @@ def test_rows_may_come_in_any_order() -> None:
     """Windows and seconds are sorted by their numbers, not by their place in the table."""
     rows = rows_of([[10.0, 20.0, 30.0, 40.0], [50.0, 60.0, 70.0, 80.0]], 3)
     shuffled = rows.sample(frac=1.0, random_state=1)
-    straight, other = from_rows(rows), from_rows(shuffled)
+    straight, other = windows_from_rows(rows), windows_from_rows(shuffled)
     assert np.array_equal(straight.track, other.track)
     assert straight.leg.tolist() == other.leg.tolist() == ["t/0", "t/1"]
     assert straight.start_time.equals(other.start_time)
 
 
 def test_a_subset_keeps_what_belongs_together() -> None:
-    windows = from_rows(rows_of([[float(10 * number)] * 4 for number in range(5)], 3))
+    windows = windows_from_rows(rows_of([[float(10 * number)] * 4 for number in range(5)], 3))
     chosen = windows.subset(np.array([True, False, False, True, True]))
     assert chosen.leg.tolist() == ["t/0", "t/3", "t/4"]
     assert chosen.track[:, 0, 0].tolist() == [0.0, 3000.0, 4000.0]
@@ -82,7 +82,7 @@ def test_a_subset_keeps_what_belongs_together() -> None:
 
 def test_no_window_is_said() -> None:
     with pytest.raises(DataShortageError, match="no held window"):
-        from_rows(rows_of([[0.0] * 4], 3).iloc[:0])
+        windows_from_rows(rows_of([[0.0] * 4], 3).iloc[:0])
 
 
 @given(

@@ -1,4 +1,4 @@
-"""How sure a prediction is, and the never-worse rule: who speaks where the calibrator has no ground."""
+"""Conformal regions, and the fallback outside a calibrator's domain of applicability."""
 
 from __future__ import annotations
 
@@ -12,21 +12,16 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from acquisition.core.arrays import Bools, Floats
-from hybrid.calibrators.calibrator import Calibrator, Examples, Ground, Progress
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.prediction_windows import PAST_S, Horizons, joined_horizons
-from hybrid.prediction.regions import (
-    FALLBACKS,
-    HINDCAST_S,
-    Reserve,
-    band_radius,
-    earlier,
-    fallback,
-    guarded,
-    off_m,
-    reserve_of,
+from hybrid.prediction.prediction_windows import (
+    PAST_S,
+    PredictionWindows,
+    concatenate_windows,
+    hindcast_windows,
 )
-from hybrid.prediction.scores import distances
+from hybrid.prediction.regions import BASELINES, HINDCAST_S, Fallback, conformal_radius, predict_with_fallback
+from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 from tests.hybrid.windows_by_hand import random_windows, voyages
@@ -46,45 +41,45 @@ class Boastful(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         return self
 
-    def predict(self, horizons: Horizons, reference: Floats) -> Floats:
-        off = np.where(self._fast(horizons), self.beyond, 0.01)
-        return horizons.track + off[:, None, None]
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        off = np.where(self._fast(windows), self.beyond, 0.01)
+        return windows.track + off[:, None, None]
 
-    def ground(self, horizons: Horizons, reference: Floats) -> Ground:
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         raise NotImplementedError
 
-    def outside(self, horizons: Horizons, reference: Floats) -> Bools:
-        return self._fast(horizons) if np.isfinite(self.beyond) else np.zeros(len(horizons), dtype=bool)
+    def outside_domain(self, windows: PredictionWindows, reference: Floats) -> Bools:
+        return self._fast(windows) if np.isfinite(self.beyond) else np.zeros(len(windows), dtype=bool)
 
-    def _fast(self, horizons: Horizons) -> Bools:
-        return np.asarray(horizons.start[:, 3] > 3.0)
+    def _fast(self, windows: PredictionWindows) -> Bools:
+        return np.asarray(windows.start[:, 3] > 3.0)
 
-    def state(self) -> dict[str, Any]:
+    def state_dict(self) -> dict[str, Any]:
         return {}
 
-    def restore(self, tensors: dict[str, Any]) -> Self:
+    def load_state_dict(self, tensors: dict[str, Any]) -> Self:
         return self
 
 
 @pytest.fixture(scope="module")
-def turning(plant: Plant) -> Horizons:
+def turning(plant: Plant) -> PredictionWindows:
     """Ships on new courses that the reference knows to the letter, and others, with half her thrust, that it does
     not: of the first the reference is the better guess, of most of the others constant velocity. Starts are
     smoothed, so they are a bit off what was measured.
     """
     known = voyages(plant, 40, SECONDS)
-    windows = joined_horizons(
+    windows = concatenate_windows(
         [known, voyages(replace(plant, thrust_nn=0.5 * plant.thrust_nn), 40, SECONDS, seed=1)]
     )
     return replace(windows, start=windows.start + np.array([0.1, -0.1, 0.0, 0.02, 0.0, 0.0]))
 
 
-def without_past(windows: Horizons, which: Bools) -> Horizons:
+def without_past(windows: PredictionWindows, which: Bools) -> PredictionWindows:
     """The windows, of which some know nothing of what came before."""
     return replace(windows, past=np.where(which[:, None, None], np.nan, windows.past))
 
 
-def hindcasts(windows: Horizons, plant: Plant) -> Floats:
+def hindcasts(windows: PredictionWindows, plant: Plant) -> Floats:
     """How far off reference and constant velocity were over the last seconds [2, N], one window at a time."""
     errors = np.empty((2, len(windows)))
     for number, past in enumerate(windows.past):
@@ -98,10 +93,10 @@ def hindcasts(windows: Horizons, plant: Plant) -> Floats:
     return errors
 
 
-def test_earlier_windows_are_what_was_recorded(plant: Plant) -> None:
+def test_hindcast_windows_are_what_was_recorded(plant: Plant) -> None:
     """So many seconds before, on the model that is the ship: its run from there ends where the ship is now."""
     windows = voyages(plant, 10, SECONDS)
-    before, acted = earlier(windows, HINDCAST_S)
+    before, acted = hindcast_windows(windows, HINDCAST_S)
     wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
     states = simulate_batch(plant, before.start, acted, wind, 1.0).states
     assert states[..., :3] == pytest.approx(before.track, abs=1e-6)
@@ -116,33 +111,35 @@ def test_a_pod_goes_the_short_way_round(plant: Plant) -> None:
     windows = voyages(plant, 2, SECONDS)
     past = windows.past.copy()
     past[:, ::2, 9], past[:, 1::2, 9] = np.deg2rad(179.0), np.deg2rad(-179.0)
-    acted = earlier(replace(windows, past=past), HINDCAST_S)[1]
+    acted = hindcast_windows(replace(windows, past=past), HINDCAST_S)[1]
     assert np.cos(acted[..., 1]) == pytest.approx(-1.0, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
-def reserve(plant: Plant, turning: Horizons) -> Reserve:
-    return reserve_of(turning, reference(turning, plant), plant)
+def fallback(plant: Plant, turning: PredictionWindows) -> Fallback:
+    return Fallback.fit(turning, reference(turning, plant), plant)
 
 
-def test_what_was_usual_is_remembered(plant: Plant, turning: Horizons, reserve: Reserve) -> None:
+def test_errors_are_those_of_the_training(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     both = reference(turning, plant), constant_velocity(turning)
-    assert reserve.usual_m == pytest.approx([off_m(each, turning.track).mean() for each in both])
-    assert reserve.before_m == pytest.approx(hindcasts(turning, plant).mean(axis=1))
+    assert fallback.training_error_m == pytest.approx([mean_distances(each, turning.track).mean() for each in both])
+    assert fallback.hindcast_error_m == pytest.approx(hindcasts(turning, plant).mean(axis=1))
 
 
-def test_the_better_of_the_last_seconds_speaks_louder(plant: Plant, turning: Horizons, reserve: Reserve) -> None:
+def test_the_better_hindcast_weighs_more(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     """Window by window the baseline of which the smaller error is expected, and each has its turn; what is said
     lies between the two, near the better one where it is much better.
     """
     alone = reference(turning, plant)
     # nothing is believed to be perfect: a hundredth of the usual error is always reckoned with
-    expected = reserve.usual_m[:, None] * np.sqrt(hindcasts(turning, plant) / reserve.before_m[:, None] + 0.01)
-    found = fallback(turning, alone, plant, reserve)
+    expected = fallback.training_error_m[:, None] * np.sqrt(
+        hindcasts(turning, plant) / fallback.hindcast_error_m[:, None] + 0.01
+    )
+    found = fallback.predict(turning, alone, plant)
     best = np.argmin(expected, axis=0)
     clear = expected.max(axis=0) > 1.5 * expected.min(axis=0)
     assert 0 < best[clear].sum() < clear.sum()
-    assert found.chosen[clear].tolist() == np.array(["reference", "constant_velocity"])[best[clear]].tolist()
+    assert found.source[clear].tolist() == np.array(["reference", "constant_velocity"])[best[clear]].tolist()
     both = np.stack([alone, constant_velocity(turning)])
     assert ((found.tracks >= both.min(axis=0) - 1e-9) & (found.tracks <= both.max(axis=0) + 1e-9)).all()
     apart = np.abs(both[0] - both[1])[clear]
@@ -150,99 +147,101 @@ def test_the_better_of_the_last_seconds_speaks_louder(plant: Plant, turning: Hor
     assert share.max() < 0.25
 
 
-def test_looking_back_helps(plant: Plant, turning: Horizons, reserve: Reserve) -> None:
+def test_hindcasts_help(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     """On a ship of which either baseline may be the better one what is said beats both, on the whole."""
     alone = reference(turning, plant)
-    said = off_m(fallback(turning, alone, plant, reserve).tracks, turning.track).mean()
-    assert said < min(off_m(each, turning.track).mean() for each in (alone, constant_velocity(turning)))
+    said = mean_distances(fallback.predict(turning, alone, plant).tracks, turning.track).mean()
+    assert said < min(mean_distances(each, turning.track).mean() for each in (alone, constant_velocity(turning)))
 
 
-def test_who_is_perfect_or_out_of_range_harms_nobody(plant: Plant) -> None:
+def test_a_perfect_baseline_or_one_out_of_range_does_no_harm(plant: Plant) -> None:
     """On the model's own voyages the reference never errs, and speaks; where it leaves its range the other does."""
     windows = voyages(plant, 30, SECONDS)
     alone = reference(windows, plant)
-    reserve = reserve_of(windows, alone, plant)
-    assert (reserve.usual_m > 0.0).all()
-    assert off_m(fallback(windows, alone, plant, reserve).tracks, windows.track).max() < 0.01
-    lost = fallback(windows, np.full_like(alone, np.nan), plant, reserve)
-    assert (lost.chosen == "constant_velocity").all()
+    fallback = Fallback.fit(windows, alone, plant)
+    assert (fallback.training_error_m > 0.0).all()
+    assert mean_distances(fallback.predict(windows, alone, plant).tracks, windows.track).max() < 0.01
+    lost = fallback.predict(windows, np.full_like(alone, np.nan), plant)
+    assert (lost.source == "constant_velocity").all()
     assert np.array_equal(lost.tracks, constant_velocity(windows))
 
 
 @pytest.mark.parametrize("better", [0, 1])
 def test_without_a_past_the_training_decides(
-    plant: Plant, turning: Horizons, reserve: Reserve, better: int
+    plant: Plant, turning: PredictionWindows, fallback: Fallback, better: int
 ) -> None:
     """Of windows that know nothing of the seconds before, whether all are such or some: and less surely."""
     alone = reference(turning, plant)
     number = np.arange(len(turning))
     usual_m = np.where(np.arange(2) == better, 0.1, 10.0)
-    trained = replace(reserve, usual_m=usual_m)
+    trained = replace(fallback, training_error_m=usual_m)
     for lost in (number < 7, number >= 0):
-        found = fallback(without_past(turning, lost), alone, plant, trained)
-        assert (found.chosen[lost] == FALLBACKS[better]).all()
+        found = trained.predict(without_past(turning, lost), alone, plant)
+        assert (found.source[lost] == BASELINES[better]).all()
         assert found.tracks[lost] == pytest.approx((alone, constant_velocity(turning))[better][lost], abs=1e-4)
-        assert np.isfinite(found.spread_m).all()
-        assert (found.spread_m[lost] >= fallback(turning, alone, plant, reserve).spread_m.min()).all()
+        assert np.isfinite(found.expected_error_m).all()
+        assert (
+            found.expected_error_m[lost] >= fallback.predict(turning, alone, plant).expected_error_m.min()
+        ).all()
 
 
 @pytest.mark.parametrize("lost", [0, 5])
-def test_a_window_is_judged_by_itself(plant: Plant, turning: Horizons, reserve: Reserve, lost: int) -> None:
+def test_a_window_is_predicted_by_itself(
+    plant: Plant, turning: PredictionWindows, fallback: Fallback, lost: int
+) -> None:
     """What is said of a window does not depend on which others are asked about with it."""
     windows = without_past(turning, np.arange(len(turning)) < lost)
     alone = reference(windows, plant)
-    whole = fallback(windows, alone, plant, reserve)
+    whole = fallback.predict(windows, alone, plant)
     for row in (0, 4, 20):
-        single = fallback(windows.subset(np.array([row])), alone[[row]], plant, reserve)
+        single = fallback.predict(windows.subset(np.array([row])), alone[[row]], plant)
         assert single.tracks[0] == pytest.approx(whole.tracks[row], abs=1e-9)
-        assert single.chosen[0] == whole.chosen[row]
-        assert single.spread_m[0] == pytest.approx(whole.spread_m[row])
+        assert single.source[0] == whole.source[row]
+        assert single.expected_error_m[0] == pytest.approx(whole.expected_error_m[row])
 
 
-def test_nothing_after_the_start_is_looked_at(plant: Plant, turning: Horizons, reserve: Reserve) -> None:
+def test_nothing_after_the_start_is_used(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     track = turning.track.copy()
     track[:, 1:] += 500.0
     alone = reference(turning, plant)
-    then, now = (fallback(each, alone, plant, reserve) for each in (turning, replace(turning, track=track)))
+    then, now = (fallback.predict(each, alone, plant) for each in (turning, replace(turning, track=track)))
     assert np.array_equal(then.tracks, now.tracks)
-    assert np.array_equal(then.spread_m, now.spread_m)
+    assert np.array_equal(then.expected_error_m, now.expected_error_m)
 
 
 @pytest.mark.parametrize("beyond", [1000.0, np.nan, np.inf])
-def test_a_calibrator_without_ground_does_no_harm(
-    plant: Plant, turning: Horizons, reserve: Reserve, beyond: float
+def test_outside_its_domain_a_calibrator_does_no_harm(
+    plant: Plant, turning: PredictionWindows, fallback: Fallback, beyond: float
 ) -> None:
-    """Where it says itself that it is guessing, or says nothing that is a number, the better baseline speaks; and
-    where it has ground it is left alone.
-    """
+    """Where it says so itself, or predicts what is no number, the fallback predicts; elsewhere it is left alone."""
     calibrator = Boastful()
     calibrator.beyond = beyond
     alone = reference(turning, plant)
     band_m = np.linspace(0.1, 1.0, SECONDS)
-    found = guarded(calibrator, plant, band_m, reserve, turning, alone)
+    found = predict_with_fallback(calibrator, plant, band_m, fallback, turning, alone)
     fast = turning.start[:, 3] > 3.0
     assert 0 < fast.sum() < len(fast)
-    assert np.array_equal(found.untrained, fast)
-    assert np.array_equal(found.method == "hybrid", ~fast)
+    assert np.array_equal(found.outside_domain, fast)
+    assert np.array_equal(found.source == "hybrid", ~fast)
     assert np.array_equal(found.tracks[~fast], calibrator.predict(turning, alone)[~fast])
     assert np.array_equal(found.radius_m[~fast], np.tile(band_m, ((~fast).sum(), 1)))
-    instead = fallback(turning, alone, plant, reserve)
+    instead = fallback.predict(turning, alone, plant)
     assert found.tracks[fast] == pytest.approx(instead.tracks[fast], abs=1e-9)
-    assert np.array_equal(found.method[fast], instead.chosen[fast])
-    baselines = [off_m(each, turning.track)[fast] for each in (alone, constant_velocity(turning))]
-    assert (off_m(found.tracks, turning.track)[fast] <= np.maximum(*baselines)).all()
-    assert off_m(found.tracks, turning.track)[fast].mean() < min(each.mean() for each in baselines)
+    assert np.array_equal(found.source[fast], instead.source[fast])
+    baselines = [mean_distances(each, turning.track)[fast] for each in (alone, constant_velocity(turning))]
+    assert (mean_distances(found.tracks, turning.track)[fast] <= np.maximum(*baselines)).all()
+    assert mean_distances(found.tracks, turning.track)[fast].mean() < min(each.mean() for each in baselines)
 
 
-def test_regions_are_circles_that_grow(plant: Plant, turning: Horizons, reserve: Reserve) -> None:
+def test_regions_are_circles_that_grow(plant: Plant, turning: PredictionWindows, fallback: Fallback) -> None:
     """Positive, never falling, whoever speaks; and wider where the last seconds were further off."""
     alone = reference(turning, plant)
-    found = guarded(Boastful(), plant, np.linspace(0.1, 1.0, SECONDS), reserve, turning, alone)
+    found = predict_with_fallback(Boastful(), plant, np.linspace(0.1, 1.0, SECONDS), fallback, turning, alone)
     assert found.radius_m.shape == (len(turning), SECONDS)
     assert (found.radius_m > 0.0).all()
     assert (np.diff(found.radius_m, axis=1) >= 0.0).all()
     fast = turning.start[:, 3] > 3.0
-    error_m = fallback(turning, alone, plant, reserve).spread_m[fast]
+    error_m = fallback.predict(turning, alone, plant).expected_error_m[fast]
     assert np.ptp(error_m) > 0.1
     assert np.diff(found.radius_m[fast, -1][np.argsort(error_m)]).min() >= 0.0
 
@@ -251,9 +250,9 @@ def test_the_fallbacks_regions_hold_other_windows(plant: Plant) -> None:
     """Sized on one half of the windows they hold 95 % of the other half, as far as chance allows."""
     ship = replace(plant, constant_N_nm=4e4, thrust_nn=0.9 * plant.thrust_nn)
     sized, judged = (voyages(ship, 200, SECONDS, seed) for seed in (1, 2))
-    reserve = reserve_of(sized, reference(sized, plant), plant)
-    said = fallback(judged, reference(judged, plant), plant, reserve)
-    inside = distances(said.tracks, judged.track) <= said.spread_m[:, None] * reserve.band
+    fallback = Fallback.fit(sized, reference(sized, plant), plant)
+    said = fallback.predict(judged, reference(judged, plant), plant)
+    inside = distances(said.tracks, judged.track) <= said.expected_error_m[:, None] * fallback.radius
     # both halves are drawn by chance: twice the variance of one
     low = 1.0 - binom.ppf(0.999, 100, 0.05) / 100.0
     assert (inside.mean(axis=0) >= low).all()
@@ -273,7 +272,7 @@ def test_regions_hold_what_they_promise_however_few_sized_them(sized: int, seed:
     for _ in range(draws):
         off = windows.track.copy()
         off[:, 1, :2] += spread * random.normal(size=(sized + judged, 2))
-        radius = band_radius(off[:sized], windows.track[:sized], spread[:sized])
+        radius = conformal_radius(off[:sized], windows.track[:sized], spread[:sized])
         held += int((distances(off, windows.track)[sized:] <= spread[sized:] * radius).sum())
     expected = np.ceil((sized + 1) * 0.95) / (sized + 1)
     # a draw's coverage is a beta variable; its deviation bounds that of the mean, beside the binomial one
@@ -294,7 +293,7 @@ def test_wider_where_less_sure() -> None:
         inside = distances(off, windows.track) <= radius_m
         return [float(inside[half::2].mean()) for half in (0, 1)]
 
-    assert held(spread * band_radius(off, windows.track, spread)) == pytest.approx([0.95, 0.95], abs=0.025)
-    one = held(np.broadcast_to(band_radius(off, windows.track), spread.shape))
+    assert held(spread * conformal_radius(off, windows.track, spread)) == pytest.approx([0.95, 0.95], abs=0.025)
+    one = held(np.broadcast_to(conformal_radius(off, windows.track), spread.shape))
     assert one[0] == 1.0
     assert one[1] < 0.93

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from hybrid.evaluation.splits import draws_of, shared_seconds
-from hybrid.prediction.dataset import gather
-from hybrid.prediction.prediction_windows import Horizons
+from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 from tests.conftest import few_epochs
@@ -38,8 +38,8 @@ def in_knots(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 def test_speeds_in_knots_are_put_right_on_request(in_knots: tuple[Path, Path]) -> None:
     """Repaired, windows start at the speeds of the ship."""
-    right, as_it_is = (gather([path], 15, 5).horizons for path in in_knots)
-    repaired = gather(in_knots[1:], 15, 5, repair=True).horizons
+    right, as_it_is = (load_dataset([path], 15, 5).windows for path in in_knots)
+    repaired = load_dataset(in_knots[1:], 15, 5, repair=True).windows
     assert len(right) == len(as_it_is) == len(repaired) > 10
     surge = [np.median(each.start[:, 3]) for each in (as_it_is, right, repaired)]
     assert surge[0] == pytest.approx(surge[1] / KNOT_MPS, rel=0.01)
@@ -75,16 +75,16 @@ def test_train_and_validate_repair_on_request(
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[Horizons, Horizons]:
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[PredictionWindows, PredictionWindows]:
     """The whole windows of 30 s of a simulated voyage, and the same with shorter ones behind."""
     table, _ = simulate_trial("gunnerus_short", "gentle", "voyage", 1800.0, 2.0, 3)
     path = tmp_path_factory.mktemp("voyage") / "voyage.mcap"
     write_table(table, path, Trial(name="voyage"), source="simulated")
-    alone, longer = (gather([path], 30, 5, shorter=shorter).horizons for shorter in (False, True))
+    alone, longer = (load_dataset([path], 30, 5, shorter=shorter).windows for shorter in (False, True))
     return alone, longer
 
 
-def test_shorter_windows_come_behind_the_whole_ones(both: tuple[Horizons, Horizons]) -> None:
+def test_shorter_windows_come_behind_the_whole_ones(both: tuple[PredictionWindows, PredictionWindows]) -> None:
     """They know half of the horizon and nothing after it, and none of them is the beginning of a whole one."""
     alone, longer = both
     added = np.arange(len(longer)) >= len(alone)
@@ -97,7 +97,7 @@ def test_shorter_windows_come_behind_the_whole_ones(both: tuple[Horizons, Horizo
     assert not longer.start_time[added].isin(alone.start_time).any()
 
 
-def test_legs_reach_over_whole_and_shorter_windows(both: tuple[Horizons, Horizons]) -> None:
+def test_legs_reach_over_whole_and_shorter_windows(both: tuple[PredictionWindows, PredictionWindows]) -> None:
     """Windows of one leg stay together, and no second is in two legs."""
     alone, longer = both
     for leg in np.unique(alone.leg):
@@ -108,7 +108,7 @@ def test_legs_reach_over_whole_and_shorter_windows(both: tuple[Horizons, Horizon
 
 
 @pytest.mark.parametrize("kind", ["leg", "time"])
-def test_only_whole_windows_are_judged(both: tuple[Horizons, Horizons], kind: str) -> None:
+def test_only_whole_windows_are_judged(both: tuple[PredictionWindows, PredictionWindows], kind: str) -> None:
     """And nothing that is learned from shares a second with them; shorter ones are learned from."""
     _, longer = both
     for draw in draws_of(kind, longer, 3, 0):

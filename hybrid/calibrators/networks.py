@@ -1,0 +1,255 @@
+"""The calibrators that are small neural networks: the paper's, one without a model, one of the reference's error.
+
+All are perceptrons with three hidden layers of ten in double precision, on standardised inputs: one row a window
+and second, angles as points on the unit circle, and out comes the displacement from the start. The paper's (Wang,
+Li et al. 2021) has the reference's displacement among its inputs and learns the ship's own; ``data_driven`` has no
+model at all; ``additive``, which the paper argues against, learns what the reference's displacement lacks.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import abstractmethod
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.progress import Progress
+from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
+from hybrid.calibrators.training import Rows, Stopping, fit_network
+from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.prediction_windows import PredictionWindows
+
+if TYPE_CHECKING:
+    from hybrid.vessel.plant import Plant
+
+HIDDEN = (10, 10, 10)
+DOMAIN_MARGIN = 0.1
+"""How far past the range of the training an input may lie inside the domain, as a share of that range."""
+DEVICE_VARIABLE = "SEATRIAL_DEVICE"
+"""The environment variable that names the device for training, e.g. ``cpu`` or ``cuda:1``."""
+START_INPUTS = (
+    "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
+    "wind_direction_sin", "wind_direction_cos", "wind_speed_mps",
+    "port_rps", "port_angle_sin", "port_angle_cos",
+    "starboard_rps", "starboard_angle_sin", "starboard_angle_cos", "tunnel_rpm", "second",
+)  # fmt: skip
+REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
+
+
+def start_inputs(windows: PredictionWindows) -> Floats:
+    """The window's start and the second that is asked for [N, H, 16], columns as :data:`START_INPUTS`.
+
+    Positions are left out: the displacement from the start does not depend on where the ship is.
+    """
+    heading, wind, control = windows.start[:, 2], windows.wind, windows.control
+    start = np.column_stack(
+        [
+            np.sin(heading), np.cos(heading), windows.start[:, 3:],
+            np.sin(wind[:, 0]), np.cos(wind[:, 0]), wind[:, 1],
+            control[:, 0], np.sin(control[:, 1]), np.cos(control[:, 1]),
+            control[:, 2], np.sin(control[:, 3]), np.cos(control[:, 3]), control[:, 4],
+        ]
+    )  # fmt: skip
+    count, seconds = len(windows), windows.horizon_s
+    repeated = np.repeat(start[:, None, :], seconds, axis=1)
+    second = np.broadcast_to(np.arange(1.0, seconds + 1)[None, :, None], (count, seconds, 1))
+    return np.concatenate([repeated, second], axis=-1)
+
+
+def displacement(track: Floats, start: Floats) -> Floats:
+    """North and east from the start at seconds 1 to H [N, H, 2] of a track [N, H+1, 2 or 3]."""
+    return track[:, 1:, :2] - start[:, None, :2]
+
+
+@dataclass(frozen=True, slots=True)
+class Scaling:
+    """Standard scaling of columns: zero mean and unit deviation; constant columns become zero."""
+
+    mean: Tensor
+    deviation: Tensor
+
+    @classmethod
+    def of(cls, columns: Tensor) -> Scaling:
+        """The scaling of columns [rows, C]."""
+        deviation = columns.std(dim=0, correction=0)
+        constant = deviation <= 1e-9 * (1.0 + columns.mean(dim=0).abs())
+        return cls(columns.mean(dim=0), torch.where(constant, torch.inf, deviation))
+
+    def scaled(self, columns: Tensor) -> Tensor:
+        """Columns [*, C] in units of their deviation."""
+        return (columns - self.mean) / self.deviation
+
+    def unscaled(self, columns: Tensor) -> Tensor:
+        """The inverse of :meth:`scaled`; constant columns come back as their mean."""
+        finite = torch.where(torch.isinf(self.deviation), 0.0, self.deviation)
+        return columns * finite + self.mean
+
+
+def make_network(inputs: int, outputs: int, hidden: tuple[int, ...] = HIDDEN) -> nn.Sequential:
+    """A perceptron with ReLU between its layers, in double precision."""
+    widths = (inputs, *hidden)
+    layers: list[nn.Module] = []
+    for below, above in pairwise(widths):
+        layers += [nn.Linear(below, above), nn.ReLU()]
+    return nn.Sequential(*layers, nn.Linear(widths[-1], outputs)).double()
+
+
+class NetworkCalibrator(Calibrator):
+    """One network from features of a window and second to the displacement at that second.
+
+    ``fit`` takes at most ``epochs`` steps of least squares on ``batch`` rows each. It stops early on windows it
+    is not trained on, after ``patience`` steps without gain, and keeps the best weights seen.
+    """
+
+    needs_reference: ClassVar[bool]
+
+    def __init__(
+        self,
+        seed: int = 0,
+        plant: Plant | None = None,
+        epochs: int = 200,
+        batch: int = 1000,
+        patience: int = 30,
+    ) -> None:
+        super().__init__(seed, plant)
+        self.epochs, self.batch, self.patience = epochs, batch, patience
+
+    @abstractmethod
+    def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The network's inputs [N, H, C], columns as ``inputs``."""
+
+    def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
+        """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
+        torch.manual_seed(self.seed)
+        inputs, targets = self._rows(*training)
+        self.input_scaling_, self.output_scaling_ = Scaling.of(inputs), Scaling.of(targets)
+        self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
+        self.network_ = make_network(inputs.shape[-1], targets.shape[-1])
+        device = training_device()
+        fit_network(
+            self.network_.to(device),
+            self._scaled((inputs, targets), device),
+            self._scaled(self._rows(*stopping), device),
+            Stopping(self.epochs, self.batch, self.patience),
+            len(training[0]),
+            self.seed,
+            progress,
+        )
+        self.network_.cpu()
+        return self
+
+    def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The predicted track [N, H+1, 3]; the heading is that of :meth:`heading`, which is not learned."""
+        features = torch.from_numpy(self.features(windows, reference))
+        with torch.no_grad():
+            learned = self.output_scaling_.unscaled(self.network_(self.input_scaling_.scaled(features))).numpy()
+        moved = self.base(windows, reference) + learned
+        position = windows.start[:, None, :2] + np.concatenate([np.zeros((len(moved), 1, 2)), moved], axis=1)
+        return np.concatenate([position, self.heading(windows, reference)[..., None]], axis=-1)
+
+    def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
+        """The network's inputs at every second, and the range of each in the training."""
+        low, high = self.input_range_.numpy()
+        return DomainOfApplicability(
+            self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
+        )
+
+    def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The displacement [N, H, 2] that what is learned is added to: none here."""
+        return np.zeros((len(windows), windows.horizon_s, 2))
+
+    def heading(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The heading [N, H+1] that goes with the positions: the reference's, or the present turn held."""
+        track = reference if self.needs_reference else constant_velocity(windows)
+        return track[..., 2]
+
+    def state_dict(self) -> dict[str, Tensor]:
+        """Everything learned, by name."""
+        scalings = {"input": self.input_scaling_, "output": self.output_scaling_}
+        tensors = {f"network.{name}": value for name, value in self.network_.state_dict().items()}
+        for name, scaling in scalings.items():
+            tensors[f"{name}.mean"], tensors[f"{name}.deviation"] = scaling.mean, scaling.deviation
+        tensors["input.range"] = self.input_range_
+        return {name: value.contiguous() for name, value in tensors.items()}
+
+    def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
+        """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
+        if tensors["input.mean"].numel() != len(self.inputs):
+            raise InputError("was trained on other inputs than this version gives", fix="train anew")
+        self.input_scaling_ = Scaling(tensors["input.mean"], tensors["input.deviation"])
+        self.output_scaling_ = Scaling(tensors["output.mean"], tensors["output.deviation"])
+        self.input_range_ = tensors["input.range"]
+        self.network_ = make_network(len(self.input_scaling_.mean), len(self.output_scaling_.mean))
+        prefix = "network."
+        self.network_.load_state_dict(
+            {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}
+        )
+        return self
+
+    def _rows(self, windows: PredictionWindows, reference: Floats) -> tuple[Tensor, Tensor]:
+        """Inputs and targets [rows, C], [rows, 2] of the seconds whose position was measured."""
+        features = self.features(windows, reference)
+        targets = displacement(windows.track, windows.start) - self.base(windows, reference)
+        measured = np.isfinite(targets).all(axis=-1)
+        return torch.from_numpy(features[measured]), torch.from_numpy(targets[measured])
+
+    def _scaled(self, rows: Rows, device: torch.device) -> Rows:
+        inputs, targets = rows
+        return self.input_scaling_.scaled(inputs).to(device), self.output_scaling_.scaled(targets).to(device)
+
+
+class PaperCalibrator(NetworkCalibrator):
+    """Three hidden layers of ten with ReLU on the start and the reference's displacement."""
+
+    method: ClassVar[str] = "paper"
+    inputs: ClassVar[tuple[str, ...]] = (*START_INPUTS, *REFERENCE_INPUTS)
+    needs_reference: ClassVar[bool] = True
+
+    def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        moved = displacement(reference, windows.start)
+        return np.concatenate([start_inputs(windows), moved], axis=-1)
+
+
+class AdditiveCalibrator(PaperCalibrator):
+    """Measured minus reference displacement from the start and the reference's displacement."""
+
+    method: ClassVar[str] = "additive"
+
+    def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return displacement(reference, windows.start)
+
+
+class DataDrivenCalibrator(NetworkCalibrator):
+    """Three hidden layers of ten with ReLU on the start of the window."""
+
+    method: ClassVar[str] = "data_driven"
+    inputs: ClassVar[tuple[str, ...]] = START_INPUTS
+    needs_reference: ClassVar[bool] = False
+
+    def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        return start_inputs(windows)
+
+
+def training_device() -> torch.device:
+    """The device for training: the one that is named, else a GPU where there is one.
+
+    Raises :class:`ConfigurationError` for one that is named but not there.
+    """
+    name = os.environ.get(DEVICE_VARIABLE) or ("cuda" if torch.cuda.is_available() else "cpu")
+    try:
+        torch.zeros(1, device=name)
+    except (RuntimeError, AssertionError) as error:
+        raise ConfigurationError(
+            f"cannot compute on {name!r}",
+            where=DEVICE_VARIABLE,
+            why=str(error).splitlines()[0],
+            fix="name a device of torch, such as cpu or cuda, or leave the variable out",
+        ) from error
+    return torch.device(name)
