@@ -14,7 +14,7 @@ from acquisition.cli import AsJson
 from acquisition.core.signals import stop_on_signals
 
 if TYPE_CHECKING:
-    from hybrid.twin.twin import Model
+    from hybrid.twin.twin import Predictor
 
 HORIZON_S = 30
 _NICENESS = 5  # the logger goes first
@@ -47,24 +47,24 @@ def watch(
         from hybrid.twin.watch import as_json as described
         from hybrid.twin.watch import watch as run
 
-        trial, model = load_config(config), _model(calibrator, vessel, horizon)
-        summary = run(trial, model, stop, duration, log_format=log)  # type: ignore[arg-type]
+        trial, predictor = load_config(config), _predictor(calibrator, vessel, horizon)
+        summary = run(trial, predictor, stop, duration, log_format=log)  # type: ignore[arg-type]
     typer.echo(str(summary), err=True)
     if as_json:
-        typer.echo(json.dumps(described(summary, model)))
+        typer.echo(json.dumps(described(summary, predictor)))
 
 
-def _model(calibrator: Path | None, vessel: str | None, horizon: int | None) -> Model:
+def _predictor(calibrator: Path | None, vessel: str | None, horizon: int | None) -> Predictor:
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.twin.twin import Model
+    from hybrid.twin.twin import Predictor
     from hybrid.vessel.files import DEFAULT, load_vessel
 
     if calibrator is None:
         name = vessel or DEFAULT
-        return Model(name, vessel_plant(load_vessel(name)), horizon or HORIZON_S)
+        return Predictor(name, vessel_plant(load_vessel(name)), horizon or HORIZON_S)
     from hybrid.calibrators.artefact import load, plant_for, refuse_horizon  # and torch with it
 
     trained = load(calibrator)
     if horizon is not None:
         refuse_horizon(horizon, trained)
-    return Model(trained.vessel, plant_for(trained, vessel), trained.horizon_s, trained, str(calibrator))
+    return Predictor(trained.vessel, plant_for(trained, vessel), trained.horizon_s, trained, str(calibrator))

@@ -1,4 +1,4 @@
-"""What the twin says of a prediction: the body of a ``/prediction`` message, and its track for a map."""
+"""A prediction as the body of a ``/prediction`` message, and its track as GeoJSON for a map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pymap3d
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from analysis.tables.time_index import NANO
-from hybrid.twin.running_error import Judged, Mean
+from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.workflows.predict import Prediction
 
 Origin = tuple[float, float] | None
@@ -24,15 +24,15 @@ _BAND_STYLE = {"color": "#ff7f0e", "weight": 1, "fillOpacity": 0.15}
 _CORNERS = 24
 
 
-def body_of(
+def message_body(
     prediction: Prediction,
     held: Sequence[str],
     origin: Origin,
     model: tuple[str, str],
     made_ns: int,
     latency_s: float,
-    error: Judged | None,
-    running: tuple[float, Mean],
+    error: TrackError | None,
+    running: tuple[float, MeanErrors],
 ) -> dict[str, Any]:
     """The message. ``model`` names the vessel and the calibrator's folder, ``running`` is over how many seconds the
     means are and what they are.
@@ -48,18 +48,18 @@ def body_of(
         "calibrator": model[1][-200:],
         "outside_training_range": prediction.outside_domain,
         "held_channels": list(held),
-        "track": track_of(prediction, origin),
-        "running": {"over_s": over_s, **_known(asdict(mean))},
+        "track": track_arrays(prediction, origin),
+        "running": {"over_s": over_s, **_without_none(asdict(mean))},
     }
-    return body if error is None else {**body, "error": _known(error.as_dict())}
+    return body if error is None else {**body, "error": _without_none(error.as_dict())}
 
 
-def _known(values: dict[str, Any]) -> dict[str, Any]:
+def _without_none(values: dict[str, Any]) -> dict[str, Any]:
     """Without what is None."""
     return {name: value for name, value in values.items() if value is not None}
 
 
-def track_of(prediction: Prediction, origin: Origin) -> dict[str, list[float]]:
+def track_arrays(prediction: Prediction, origin: Origin) -> dict[str, list[float]]:
     """The track as arrays, a second an element; positions to the millimetre, what is not known empty."""
     north_m, east_m, heading = prediction.track.T
     latitude_deg, longitude_deg = positions(north_m, east_m, origin)
@@ -83,7 +83,7 @@ def positions(north_m: Floats, east_m: Floats, origin: Origin) -> tuple[Floats, 
     return np.asarray(latitude), np.asarray(longitude)
 
 
-def geojson_of(prediction: Prediction, origin: Origin) -> str:
+def track_geojson(prediction: Prediction, origin: Origin) -> str:
     """The track as a line, and the 95 % region at its end, for a map; empty without an origin."""
     if origin is None:
         return ""

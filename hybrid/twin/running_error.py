@@ -1,4 +1,4 @@
-"""How far off the predictions of the last minutes were, as soon as what they foretold has been measured.
+"""The errors of the predictions of the last minutes, as soon as their horizons have been measured.
 
 A prediction is made with thrusters and wind held. Where a thruster moved in its horizon, which it could not know,
 its error says little of the model: such errors are counted, marked and left out of the means.
@@ -23,13 +23,13 @@ from analysis.windows.steady_controls import Tolerances, held
 from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
 from hybrid.workflows.predict import Prediction
 
-SETTLED_S = MOTION_FILTER.reach
-"""So long after the end of a horizon its last second is measured as it will be found in the recording."""
-OVER_S = 300.0
+FILTER_REACH_S = MOTION_FILTER.reach
+"""How long after a second its value at 1 Hz is final [s]: the reach of the filter."""
+AVERAGED_S = 300.0
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class TrackError:
     """The error of one prediction, whose start is in ns UTC. Distances are means over its seconds, or at the end.
 
     ``along_m`` and ``across_m`` are how far it was ahead and to starboard of the ship at the end, by her measured
@@ -54,7 +54,7 @@ class Judged:
 
 
 @dataclass(frozen=True, slots=True)
-class Mean:
+class MeanErrors:
     """Means over judged predictions in whose horizon no thruster moved, None where there is none.
 
     ``along_m`` and ``across_m`` keep their sign. ``left_out`` counts those in which one moved.
@@ -70,14 +70,14 @@ class Mean:
     inside_band: float | None = None
 
 
-def judged(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> Judged:
+def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> TrackError:
     """The error of a prediction against the measured track [H+1, 3] of north, east [m] and heading [rad]."""
     gap = prediction.track[1:, :2] - measured[1:, :2]
     distance = np.hypot(gap[:, 0], gap[:, 1])
     along_m, across_m = in_ship_axes(gap[-1, 0], gap[-1, 1], measured[-1, 2])
     turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
     inside = None if prediction.band_m is None else float(np.mean(distance <= prediction.band_m[1:]))
-    return Judged(
+    return TrackError(
         start_ns=prediction.at.as_unit("ns").value,
         method=prediction.method,
         thrusters_moved=thrusters_moved,
@@ -90,11 +90,11 @@ def judged(prediction: Prediction, measured: Floats, thrusters_moved: bool) -> J
     )
 
 
-def mean_of(errors: Iterable[Judged]) -> Mean:
+def mean_errors(errors: Iterable[TrackError]) -> MeanErrors:
     """The means over judged predictions."""
     every = list(errors)
     counted = [each for each in every if not each.thrusters_moved]
-    result = Mean(len(counted), len(every) - len(counted))
+    result = MeanErrors(len(counted), len(every) - len(counted))
     if not counted:
         return result
     inside = [each.inside_band for each in counted if each.inside_band is not None]
@@ -109,7 +109,7 @@ def mean_of(errors: Iterable[Judged]) -> Mean:
     )
 
 
-def thrusters_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tolerances | None = None) -> bool:
+def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tolerances | None = None) -> bool:
     """Whether a thruster moved in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz table.
 
     What counts as moved is the rule by which windows are held.
@@ -119,36 +119,36 @@ def thrusters_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Toleran
 
 
 class RunningError:
-    """Predictions that wait for what they foretold, and the errors of those that have been judged.
+    """Predictions whose horizon is not over, and the errors of the last ones whose horizon is.
 
-    ``unmeasured`` counts those that never can be, as a channel was missing or another recording began.
+    ``unmeasured`` counts those without a measured track, as a channel was missing or another recording began.
     """
 
-    def __init__(self, over_s: float = OVER_S) -> None:
+    def __init__(self, over_s: float = AVERAGED_S) -> None:
         self.over_s = over_s
         self.unmeasured = 0
-        self._waiting: deque[Prediction] = deque()
-        self._last: deque[Judged] = deque()
+        self._pending: deque[Prediction] = deque()
+        self._last: deque[TrackError] = deque()
 
     def add(self, prediction: Prediction) -> None:
-        """Take a prediction, later than those before it."""
-        self._waiting.append(prediction)
+        """Add a prediction, later than those before it."""
+        self._pending.append(prediction)
 
-    def forget(self) -> None:
-        """What waits will not be measured."""
-        self.unmeasured += len(self._waiting)
-        self._waiting.clear()
+    def clear(self) -> None:
+        """Drop the pending predictions and count them as unmeasured."""
+        self.unmeasured += len(self._pending)
+        self._pending.clear()
 
-    def measured(self, table: pd.DataFrame, until_ns: int) -> list[Judged]:
+    def evaluate(self, table: pd.DataFrame, until_ns: int) -> list[TrackError]:
         """Judge what can be judged by a 1 Hz table that is known up to a time [ns]; the errors, earliest first."""
         found = []
-        while self._waiting:
-            prediction = self._waiting[0]
+        while self._pending:
+            prediction = self._pending[0]
             start_ns, horizon_s = prediction.at.as_unit("ns").value, len(prediction.track) - 1
-            if until_ns < start_ns + (horizon_s + SETTLED_S) * NANO:
+            if until_ns < start_ns + (horizon_s + FILTER_REACH_S) * NANO:
                 break
-            self._waiting.popleft()
-            error = self._judged(prediction, table, start_ns, horizon_s)
+            self._pending.popleft()
+            error = self._error(prediction, table, start_ns, horizon_s)
             if error is None:
                 self.unmeasured += 1
             else:
@@ -158,11 +158,13 @@ class RunningError:
             self._last.popleft()
         return found
 
-    def mean(self) -> Mean:
+    def mean(self) -> MeanErrors:
         """The means over the last ``over_s`` seconds of predictions that have been judged."""
-        return mean_of(self._last)
+        return mean_errors(self._last)
 
-    def _judged(self, prediction: Prediction, table: pd.DataFrame, start_ns: int, horizon_s: int) -> Judged | None:
+    def _error(
+        self, prediction: Prediction, table: pd.DataFrame, start_ns: int, horizon_s: int
+    ) -> TrackError | None:
         times = times_ns(table)
         row = int(np.searchsorted(times, start_ns))
         rows = slice(row, row + horizon_s + 1)
@@ -173,4 +175,4 @@ class RunningError:
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
         if not (np.isfinite(track).all() and seconds[list(COMMAND)].notna().all(axis=None)):
             return None
-        return judged(prediction, track, thrusters_moved(table, row, horizon_s))
+        return track_error(prediction, track, any_thruster_moved(table, row, horizon_s))

@@ -1,4 +1,4 @@
-"""The twin: follows the recorder of a trial, predicts once a second, judges what it said before, and says so."""
+"""The twin: follows the recorder of a trial, predicts once a second and evaluates its earlier predictions."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
 from analysis.tables.time_index import NANO
 from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.twin.message import body_of, geojson_of
-from hybrid.twin.now import Foretold, missing_channels, newest_second_ns, predict_now
-from hybrid.twin.recent import Recent
-from hybrid.twin.running_error import Judged, RunningError
+from hybrid.twin.forecast import Forecast, RecentSamples, missing_channels, newest_second_ns, predict_now
+from hybrid.twin.message import message_body, track_geojson
+from hybrid.twin.running_error import RunningError, TrackError
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -35,12 +34,12 @@ _LEAST_APART_S = 0.55  # what the recorder takes is two a second
 _STALLED_S = 3.0
 _BACK_NS = 5_000_000_000  # a wrong stamp in the future must not silence the twin for good
 
-Tell = Callable[[str, str], None]
+Notify = Callable[[str, str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
-    """What predicts: the reference model of a vessel, or a calibrator on it; and how far [s]."""
+class Predictor:
+    """The reference model of a vessel, or a calibrator on it, and the horizon [s]."""
 
     vessel: str
     plant: Plant
@@ -50,16 +49,16 @@ class Model:
 
     @property
     def keep_s(self) -> float:
-        """How much of the past it needs to predict and to judge [s]."""
+        """How much of the past predicting and evaluating need [s]."""
         return max(PAST_S, self.horizon_s) + _MARGIN_S
 
 
 @dataclass(slots=True)
-class Account:
-    """What has happened so far: one number a prediction or a judged error, and counts."""
+class Statistics:
+    """Counts, and one number for each prediction or each evaluated one, since the start."""
 
     made: int = 0
-    said: int = 0
+    recorded: int = 0
     left_out: int = 0
     latency_s: array[float] = field(default_factory=lambda: array("d"))
     mean_distance_m: array[float] = field(default_factory=lambda: array("d"))
@@ -67,8 +66,8 @@ class Account:
     heading_deg: array[float] = field(default_factory=lambda: array("d"))
     inside_band: array[float] = field(default_factory=lambda: array("d"))
 
-    def judge(self, error: Judged) -> None:
-        """Take a judged prediction in."""
+    def add(self, error: TrackError) -> None:
+        """Add the error of a prediction."""
         if error.thrusters_moved:
             self.left_out += 1
             return
@@ -80,29 +79,29 @@ class Account:
 
 
 class Twin:
-    """Beside the recorder of the trial ``name``; to be closed. Call :meth:`step` ten times a second or so."""
+    """Beside the recorder of the trial ``name``; to be closed. Call :meth:`poll` ten times a second or so."""
 
     def __init__(
-        self, name: str, configuration: Path, model: Model, tell: Tell, folder: Path | None = None
+        self, name: str, configuration: Path, predictor: Predictor, notify: Notify, folder: Path | None = None
     ) -> None:
-        self.model, self.account, self.errors = model, Account(), RunningError()
-        self.last: Foretold | None = None
-        self.last_error: Judged | None = None
-        self.follower = Follower(name, configuration, model.keep_s, tell, folder)
-        self._recent = Recent(model.keep_s)
-        self._tell, self._told = tell, ""
+        self.predictor, self.statistics, self.errors = predictor, Statistics(), RunningError()
+        self.last: Forecast | None = None
+        self.last_error: TrackError | None = None
+        self.follower = Follower(name, configuration, predictor.keep_s, notify, folder)
+        self._recent = RecentSamples(predictor.keep_s)
+        self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the recording."""
         self.follower.close()
 
-    def step(self) -> bool:
-        """Take in what is new; whether it brought a new prediction."""
+    def poll(self) -> bool:
+        """Read new samples; whether they led to a new prediction."""
         news = self.follower.news()
         if news.anew:
             self._recent.clear()
-            self.errors.forget()
+            self.errors.clear()
             self._start_ns, self._new_s = 0, time.monotonic()
         for samples in news.samples:
             self._recent.add(samples, again=news.again)
@@ -113,75 +112,77 @@ class Twin:
         start_ns = newest_second_ns(recording)
         if start_ns is not None and start_ns < self._start_ns - _BACK_NS:
             back_s = (self._start_ns - start_ns) / NANO
-            self._say("warning", f"the sources' times went back by {back_s:.0f} s: begun anew")
+            self._notify_once("warning", f"the sources' times went back by {back_s:.0f} s: begun anew")
             self._start_ns = 0
-            self.errors.forget()
+            self.errors.clear()
         if start_ns is None or start_ns <= self._start_ns:
-            self._look_for_missing(recording)
+            self._notify_missing_channels(recording)
             return False
         self._start_ns = start_ns
-        return self._foretell(recording, start_ns)
+        return self._predict(recording, start_ns)
 
-    def _foretell(self, recording: Recording, start_ns: int) -> bool:
+    def _predict(self, recording: Recording, start_ns: int) -> bool:
         self._made_s = time.monotonic()
         try:
-            foretold = predict_now(recording, self.model.horizon_s, self.model.plant, self.model.trained, start_ns)
+            forecast = predict_now(
+                recording, self.predictor.horizon_s, self.predictor.plant, self.predictor.trained, start_ns
+            )
         except SeatrialError as error:
-            self._say("warning", f"no prediction: {error}")
+            self._notify_once("warning", f"no prediction: {error}")
             return False
         self._new_s = time.monotonic()
-        self._judge(foretold, start_ns)
-        self.last = foretold
-        self.errors.add(foretold.prediction)
-        self._pass_on(foretold)
+        self._evaluate(forecast, start_ns)
+        self.last = forecast
+        self.errors.add(forecast.prediction)
+        self._publish(forecast)
         return True
 
-    def _judge(self, foretold: Foretold, until_ns: int) -> None:
-        errors = self.errors.measured(foretold.table, until_ns)
+    def _evaluate(self, forecast: Forecast, until_ns: int) -> None:
+        errors = self.errors.evaluate(forecast.table, until_ns)
         for error in errors:
-            self.account.judge(error)
+            self.statistics.add(error)
         self.last_error = errors[-1] if errors else None
 
-    def _pass_on(self, foretold: Foretold) -> None:
-        """Give the prediction to the recorder."""
+    def _publish(self, forecast: Forecast) -> None:
+        """Send the prediction to the recorder."""
         origin, made_ns = self.follower.trial.origin, self.follower.utc_ns
         latency_s = max((made_ns - self._recent.newest_received_ns) / NANO, 0.0)
-        self.account.made += 1
-        self.account.latency_s.append(latency_s)
-        names = self.model.vessel, self.model.calibrator
+        self.statistics.made += 1
+        self.statistics.latency_s.append(latency_s)
+        names = self.predictor.vessel, self.predictor.calibrator
         running = self.errors.over_s, self.errors.mean()
-        body = body_of(
-            foretold.prediction, foretold.held, origin, names, made_ns, latency_s, self.last_error, running
+        body = message_body(
+            forecast.prediction, forecast.held, origin, names, made_ns, latency_s, self.last_error, running
         )
         if self.follower.recorder is None:
             return
-        refused = send_prediction(self.follower.recorder[0], body, geojson_of(foretold.prediction, origin))
-        self.account.said += not refused
-        self._say("warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting")
+        refused = send_prediction(self.follower.recorder[0], body, track_geojson(forecast.prediction, origin))
+        self.statistics.recorded += not refused
+        self._notify_once("warning" if refused else "info", f"not recorded: {refused}" if refused else "predicting")
 
-    def _look_for_missing(self, recording: Recording) -> None:
-        """Say which channels there is no going on without."""
+    def _notify_missing_channels(self, recording: Recording) -> None:
+        """Name the channels without which no prediction can be made."""
         if time.monotonic() - self._new_s < _STALLED_S:
             return
         newest = [int(each.measured_ns.max()) for name, each in recording.series.items() if name in NAMES]
         missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
         if missing:
-            self._say("warning", f"no prediction: nothing comes of {', '.join(missing)}")
+            self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
 
-    def _say(self, level: str, text: str) -> None:
-        """Tell what is new, once."""
-        if text != self._told:
-            self._told = text
-            self._tell(level, text)
+    def _notify_once(self, level: str, text: str) -> None:
+        """Notify what is new, once."""
+        if text != self._last_notice:
+            self._last_notice = text
+            self._notify(level, text)
 
 
-def warm_up(model: Model) -> None:
+def warm_up(predictor: Predictor) -> None:
     """Predict once for a ship at rest, so that what is compiled at first use is compiled before it matters."""
     with suppress(SeatrialError):
-        predict_now(at_rest(model.keep_s), model.horizon_s, model.plant, model.trained)
+        predict_now(recording_at_rest(predictor.keep_s), predictor.horizon_s, predictor.plant, predictor.trained)
 
 
-def at_rest(seconds: float) -> Recording:
+def recording_at_rest(seconds: float) -> Recording:
     """A recording of so many seconds in which all 13 channels are zero, a sample a second."""
     times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
     zeros = np.zeros(times_ns.size)

@@ -1,4 +1,4 @@
-"""``seatrial watch``: the twin from start to end, with its display and its summary."""
+"""``seatrial watch``: the twin from start to end, its display in a terminal and its summary."""
 
 from __future__ import annotations
 
@@ -7,30 +7,41 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
 from threadpoolctl import threadpool_limits
 
 from acquisition.config.configuration import TrialConfig
+from acquisition.core.angles import wrap_360
 from acquisition.logger.supervision import LOG, LogFormat, log_to
-from hybrid.twin.display import Picture, latency, running
-from hybrid.twin.twin import Account, Model, Twin, warm_up
+from hybrid.prediction.prediction_windows import in_ship_axes
+from hybrid.twin.running_error import MeanErrors, TrackError
+from hybrid.twin.twin import Predictor, Statistics, Twin, warm_up
+from hybrid.workflows.predict import Prediction
 
-_LOOK_S = 0.1
+_POLL_S = 0.1
 _LOG_EVERY_S = 30.0
 _REDRAW_PER_S = 2.0
 _MESSAGES = 5  # that are shown
 _LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
+_ROWS = 6
+_LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a twin was worth: predictions ``made`` and those of them that are ``recorded``; those that were judged,
-    that were ``left_out`` as a thruster moved, or could not be measured; means of their errors, and latencies.
+    """Counts of predictions, means of their errors, and latencies.
+
+    ``made`` predictions, of them ``recorded`` by the logger; ``judged`` by what was measured, ``left_out`` of the
+    means as a thruster moved, ``unmeasured`` as no track was measured.
     """
 
     made: int
@@ -58,19 +69,19 @@ class Summary:
         return text
 
 
-def summary_of(account: Account, unmeasured: int) -> Summary:
-    """The account in a few numbers."""
-    median_s, most_s, longest_s = (_quantile(account.latency_s, share) for share in (0.5, 0.95, 1.0))
+def summary_of(statistics: Statistics, unmeasured: int) -> Summary:
+    """The statistics in a few numbers."""
+    median_s, most_s, longest_s = (_quantile(statistics.latency_s, share) for share in (0.5, 0.95, 1.0))
     return Summary(
-        made=account.made,
-        recorded=account.said,
-        judged=len(account.mean_distance_m),
-        left_out=account.left_out,
+        made=statistics.made,
+        recorded=statistics.recorded,
+        judged=len(statistics.mean_distance_m),
+        left_out=statistics.left_out,
         unmeasured=unmeasured,
-        mean_distance_m=_mean(account.mean_distance_m),
-        end_distance_m=_mean(account.end_distance_m),
-        heading_deg=_mean(account.heading_deg),
-        inside_band=_mean(account.inside_band),
+        mean_distance_m=_mean(statistics.mean_distance_m),
+        end_distance_m=_mean(statistics.end_distance_m),
+        heading_deg=_mean(statistics.heading_deg),
+        inside_band=_mean(statistics.inside_band),
         latency_median_s=median_s,
         latency_95_s=most_s,
         latency_max_s=longest_s,
@@ -87,7 +98,7 @@ def _quantile(values: Sequence[float], share: float) -> float | None:
 
 def watch(
     config: TrialConfig,
-    model: Model,
+    predictor: Predictor,
     stop: threading.Event,
     duration_s: float | None = None,
     log_format: LogFormat = "text",
@@ -101,7 +112,7 @@ def watch(
     messages: deque[tuple[str, str]] = deque(maxlen=_MESSAGES)
     on_terminal = sys.stderr.isatty()
 
-    def tell(level: str, text: str) -> None:
+    def notify(level: str, text: str) -> None:
         if on_terminal:
             messages.append((level, text))
         else:
@@ -109,32 +120,112 @@ def watch(
 
     with ExitStack() as stack:
         stack.enter_context(threadpool_limits(limits=1))  # the other cores are the logger's
-        twin = Twin(config.trial.name, config.path, model, tell, folder)
+        twin = Twin(config.trial.name, config.path, predictor, notify, folder)
         stack.callback(twin.close)
-        stack.enter_context(_display(Picture(twin, messages)) if on_terminal else log_to(sys.stderr, log_format))
-        warm_up(model)
+        stack.enter_context(_display(Display(twin, messages)) if on_terminal else log_to(sys.stderr, log_format))
+        warm_up(predictor)
         _run(twin, stop, duration_s)
-        return summary_of(twin.account, twin.errors.unmeasured)
+        return summary_of(twin.statistics, twin.errors.unmeasured)
 
 
 def _run(twin: Twin, stop: threading.Event, duration_s: float | None) -> None:
     until_s = float("inf") if duration_s is None else time.monotonic() + duration_s
     logged_s = time.monotonic()
-    while time.monotonic() < until_s and not stop.wait(_LOOK_S):
-        twin.step()
-        if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.account.made:
+    while time.monotonic() < until_s and not stop.wait(_POLL_S):
+        twin.poll()
+        if time.monotonic() - logged_s >= _LOG_EVERY_S and twin.statistics.made:
             logged_s = time.monotonic()
-            LOG.info("%s; %s", latency(twin), running(twin.errors.mean(), twin.errors.over_s))
+            LOG.info("%s; %s", latency_text(twin), mean_error_text(twin.errors.mean(), twin.errors.over_s))
 
 
-def _display(picture: Picture) -> AbstractContextManager[object]:
-    """The picture on a terminal, drawn anew by a thread of its own."""
-    from rich.console import Console
-    from rich.live import Live
-
-    return Live(picture, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
+def _display(display: Display) -> AbstractContextManager[object]:
+    """The display in a terminal, drawn by a thread of its own."""
+    return Live(display, console=Console(stderr=True), refresh_per_second=_REDRAW_PER_S, screen=True)
 
 
-def as_json(summary: Summary, model: Model) -> dict[str, object]:
+def as_json(summary: Summary, predictor: Predictor) -> dict[str, object]:
     """One object for other programs."""
-    return {"horizon_s": model.horizon_s, "vessel": model.vessel, "calibrator": model.calibrator, **asdict(summary)}
+    return {
+        "horizon_s": predictor.horizon_s,
+        "vessel": predictor.vessel,
+        "calibrator": predictor.calibrator,
+        **asdict(summary),
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """A twin's state for a terminal, drawn anew each time."""
+
+    twin: Twin
+    messages: deque[tuple[str, str]]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        twin = self.twin
+        path = twin.follower.path
+        part = "waiting" if path is None else path.name
+        yield _one_line(("● TWIN ", "bold cyan"), f"{twin.statistics.made:,} predictions  {part}")
+        if twin.last is not None:
+            yield _one_line(
+                (source_text(twin.last.prediction), "yellow" if twin.last.prediction.outside_domain else "green")
+            )
+            yield track_table(twin.last.prediction)
+        yield _one_line(latency_text(twin))
+        yield _one_line(last_error_text(twin.last_error))
+        for line in mean_error_text(twin.errors.mean(), twin.errors.over_s).split("; "):
+            yield _one_line(line)
+        for level, text in tuple(self.messages):
+            yield _one_line((text, _LEVEL_STYLES.get(level, "")))
+
+
+def _one_line(*parts: str | tuple[str, str]) -> Text:
+    return Text.assemble(*parts, no_wrap=True, overflow="ellipsis")
+
+
+def source_text(prediction: Prediction) -> str:
+    """The method and the start of a prediction."""
+    beyond = ", beyond what the calibrator was trained on" if prediction.outside_domain else ""
+    return f"{prediction.method} from {prediction.at:%H:%M:%SZ}{beyond}"
+
+
+def track_table(prediction: Prediction) -> Table:
+    """A row every few seconds: how far ahead and to starboard of where she is now, heading, band."""
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    for title in ("in s", "ahead m", "starboard m", "heading deg", "95 % band m"):
+        table.add_column(title, justify="right", min_width=8, no_wrap=True)
+    horizon_s = len(prediction.track) - 1
+    north, east, heading = prediction.track[0]
+    for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
+        away_north, away_east = prediction.track[second, :2] - (north, east)
+        ahead, starboard = in_ship_axes(away_north, away_east, heading)
+        band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
+        there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
+        table.add_row(str(second), f"{ahead:.1f}", f"{starboard:.1f}", f"{there_deg:.1f}", band)
+    return table
+
+
+def latency_text(twin: Twin) -> str:
+    """The latency of the newest prediction."""
+    times_s = twin.statistics.latency_s
+    return f"latency {times_s[-1]:.2f} s" if times_s else "no prediction yet"
+
+
+def last_error_text(error: TrackError | None) -> str:
+    """The error of the prediction whose horizon has just passed."""
+    if error is None:
+        return "no earlier prediction to judge"
+    why = "  a thruster moved: not in the means" if error.thrusters_moved else ""
+    return f"then: {error.end_distance_m:.1f} m off at the end, {error.mean_distance_m:.1f} m on the way{why}"
+
+
+def mean_error_text(mean: MeanErrors, over_s: float) -> str:
+    """The means over the last minutes."""
+    if mean.mean_distance_m is None or mean.along_m is None or mean.across_m is None:
+        return f"last {over_s / 60:g} min: none judged, {mean.left_out} left out as a thruster moved"
+    inside = "" if mean.inside_band is None else f", {mean.inside_band:.0%} inside the band"
+    over = f"last {over_s / 60:g} min"
+    return (
+        f"{over}: {mean.mean_distance_m:.2f} m on the way, {mean.end_distance_m:.2f} m at the end "
+        f"({mean.along_m:+.2f} ahead, {mean.across_m:+.2f} to starboard), {mean.heading_deg:.2f} deg{inside}; "
+        f"{mean.predictions} judged, {mean.left_out} left out as a thruster moved"
+    )

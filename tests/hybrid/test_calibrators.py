@@ -74,7 +74,7 @@ def test_scaling_comes_back(mean: float, deviation: float, rows: int, seed: int)
     assert scaled.mean(dim=0).abs().max() < 1e-6
     assert scaled[:, [0, 2]].std(dim=0, correction=0).numpy() == pytest.approx(1.0, rel=1e-6)
     assert (scaled[:, 1] == 0.0).all()
-    assert scaling.restored(scaled).numpy() == pytest.approx(columns.numpy(), rel=1e-9, abs=1e-9)
+    assert scaling.unscaled(scaled).numpy() == pytest.approx(columns.numpy(), rel=1e-9, abs=1e-9)
 
 
 def test_what_was_constant_in_training_cannot_blow_up_later() -> None:

@@ -11,27 +11,27 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
-from hybrid.twin.display import Picture
-from hybrid.twin.running_error import Judged, RunningError
-from hybrid.twin.twin import Account
+from hybrid.twin.running_error import RunningError, TrackError
+from hybrid.twin.twin import Statistics
+from hybrid.twin.watch import Display
 from hybrid.workflows.predict import Prediction
 
 
-def picture(prediction: Prediction | None, error: Judged | None, width: int = 100) -> str:
+def picture(prediction: Prediction | None, error: TrackError | None, width: int = 100) -> str:
     errors = RunningError()
     if error is not None:
         errors._last.append(error)
     twin: Any = SimpleNamespace(
-        account=Account(made=12),
+        statistics=Statistics(made=12),
         follower=SimpleNamespace(path=Path("/out/bay_part002.mcap")),
         last=None if prediction is None else SimpleNamespace(prediction=prediction),
         last_error=error,
         errors=errors,
     )
-    twin.account.latency_s.append(0.25)
+    twin.statistics.latency_s.append(0.25)
     console = Console(width=width, height=30)
     with console.capture() as shown:
-        console.print(Picture(twin, deque([("warning", "no prediction: tunnel_rpm missing")])))
+        console.print(Display(twin, deque([("warning", "no prediction: tunnel_rpm missing")])))
     return shown.get()
 
 
@@ -56,12 +56,12 @@ def test_the_track_is_told_ahead_and_to_starboard() -> None:
 
 
 def test_errors_say_whether_a_thruster_moved_and_fit_a_narrow_window() -> None:
-    still = Judged(0, "hybrid", False, 1.5, 3.25, 2.0, -2.5, 4.0, 0.9)
+    still = TrackError(0, "hybrid", False, 1.5, 3.25, 2.0, -2.5, 4.0, 0.9)
     shown = picture(eastward(band=False), still, width=80)
     assert "beyond what the calibrator was trained on" in shown
     assert "then: 3.2 m off at the end, 1.5 m on the way" in shown
     assert "1 judged, 0 left out" in shown
     assert "…" not in "".join(line for line in shown.splitlines() if "left out" in line)
-    moved = Judged(0, "hybrid", True, 1.5, 3.25, 2.0, -2.5, 4.0, 0.9)
+    moved = TrackError(0, "hybrid", True, 1.5, 3.25, 2.0, -2.5, 4.0, 0.9)
     assert "a thruster moved: not in the means" in picture(None, moved)
     assert "none judged, 1 left out" in picture(None, moved)

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hybrid.twin.running_error import SETTLED_S, RunningError, judged, mean_of
-from hybrid.twin.twin import Account
+from hybrid.twin.running_error import FILTER_REACH_S, RunningError, mean_errors, track_error
+from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import summary_of
 from hybrid.workflows.predict import Prediction
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
@@ -46,7 +46,7 @@ def test_an_error_is_told_along_and_across_and_on_the_way(table: pd.DataFrame) -
     """Off by 0.3 m ahead and 0.4 m to starboard a second: 0.5 m, 1.0 m .. 5.0 m."""
     errors = RunningError()
     errors.add(prediction(20, 0.3, 0.4, -2.0, band_m=2.6))
-    (error,) = errors.measured(table, ns(60))
+    (error,) = errors.evaluate(table, ns(60))
     assert error.start_ns == ns(20)
     assert not error.thrusters_moved
     assert error.end_distance_m == pytest.approx(5.0)
@@ -61,17 +61,20 @@ def test_an_error_is_told_along_and_across_and_on_the_way(table: pd.DataFrame) -
 def test_a_heading_through_north_is_no_error() -> None:
     measured = prediction(0).track.copy()
     measured[:, 2] += 2.0 * np.pi
-    assert judged(prediction(0), measured, False).heading_deg == pytest.approx(0.0, abs=1e-9)
+    assert track_error(prediction(0), measured, False).heading_deg == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_prediction_is_judged_as_soon_as_its_end_is_settled_and_not_before(table: pd.DataFrame) -> None:
     errors = RunningError()
     for second in (20, 21, 22):
         errors.add(prediction(second, 0.1))
-    assert errors.measured(table, ns(20 + HORIZON_S + SETTLED_S) - 1) == []
-    assert [each.start_ns for each in errors.measured(table, ns(21 + HORIZON_S + SETTLED_S))] == [ns(20), ns(21)]
+    assert errors.evaluate(table, ns(20 + HORIZON_S + FILTER_REACH_S) - 1) == []
+    assert [each.start_ns for each in errors.evaluate(table, ns(21 + HORIZON_S + FILTER_REACH_S))] == [
+        ns(20),
+        ns(21),
+    ]
     assert errors.mean().predictions == 2
-    assert [each.start_ns for each in errors.measured(table, ns(100))] == [ns(22)]
+    assert [each.start_ns for each in errors.evaluate(table, ns(100))] == [ns(22)]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +88,7 @@ def test_a_thruster_that_moved_in_the_horizon_is_counted_and_left_out(
     errors = RunningError()
     for second in range(30, 60):
         errors.add(prediction(second, 0.1 if second < 40 or second >= 50 else 5.0))
-    found = errors.measured(table, ns(100))
+    found = errors.evaluate(table, ns(100))
     moved = [each.start_ns for each in found if each.thrusters_moved]
     assert moved == [ns(second) for second in range(40, 50)]
     mean = errors.mean()
@@ -97,7 +100,7 @@ def test_means_are_over_the_last_minutes(table: pd.DataFrame) -> None:
     errors = RunningError(over_s=30.0)
     for second in range(10, 71):
         errors.add(prediction(second, 1.0 if second < 41 else -0.1, 0.2, band_m=1.0 if second < 56 else 100.0))
-    errors.measured(table, ns(110))
+    errors.evaluate(table, ns(110))
     mean = errors.mean()
     assert mean.predictions == 31  # those of the seconds 40 to 70
     assert mean.along_m == pytest.approx((10.0 - 30 * 1.0) / 31)
@@ -112,7 +115,7 @@ def test_what_was_not_measured_is_not_judged(table: pd.DataFrame, name: str) -> 
     errors = RunningError()
     errors.add(prediction(20))
     errors.add(prediction(30))
-    assert [each.start_ns for each in errors.measured(table, ns(60))] == [ns(30)]
+    assert [each.start_ns for each in errors.evaluate(table, ns(60))] == [ns(30)]
     assert errors.unmeasured == 1
 
 
@@ -120,31 +123,31 @@ def test_what_lies_before_the_table_or_in_another_recording_is_not_judged(table:
     errors = RunningError()
     errors.add(prediction(-5))
     errors.add(prediction(70))
-    assert errors.measured(table, ns(60)) == []
+    assert errors.evaluate(table, ns(60)) == []
     assert errors.unmeasured == 1
-    errors.forget()
-    assert errors.measured(table, ns(119)) == []
+    errors.clear()
+    assert errors.evaluate(table, ns(119)) == []
     assert errors.unmeasured == 2
 
 
 def test_nothing_judged_has_no_mean() -> None:
-    mean = mean_of([])
+    mean = mean_errors([])
     assert (mean.predictions, mean.left_out, mean.mean_distance_m, mean.inside_band) == (0, 0, None, None)
 
 
 def test_a_summary_counts_all_and_means_what_was_held(table: pd.DataFrame) -> None:
     table.loc[table.index >= START + pd.Timedelta(seconds=50), "tunnel_rpm"] = 100.0
-    errors, account = RunningError(over_s=5.0), Account(made=30, said=29)
+    errors, statistics = RunningError(over_s=5.0), Statistics(made=30, recorded=29)
     for second in range(30, 60):
         errors.add(prediction(second, 0.1, band_m=0.55))
-    for error in errors.measured(table, ns(100)):
-        account.judge(error)
-    account.latency_s.extend([0.1] * 90 + [0.5] * 10)
-    summary = summary_of(account, errors.unmeasured)
+    for error in errors.evaluate(table, ns(100)):
+        statistics.add(error)
+    statistics.latency_s.extend([0.1] * 90 + [0.5] * 10)
+    summary = summary_of(statistics, errors.unmeasured)
     assert (summary.made, summary.recorded, summary.judged, summary.left_out) == (30, 29, 20, 10)
     assert summary.end_distance_m == pytest.approx(1.0)
     assert summary.inside_band == pytest.approx(0.5)
     assert (summary.latency_median_s, summary.latency_95_s, summary.latency_max_s) == pytest.approx((0.1, 0.5, 0.5))
     assert "20 judged, 10 left out" in str(summary)
     assert "0.55 m off on the way" in str(summary)
-    assert summary_of(Account(), 0).mean_distance_m is None
+    assert summary_of(Statistics(), 0).mean_distance_m is None

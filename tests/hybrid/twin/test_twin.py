@@ -18,7 +18,7 @@ from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.trial import Trial
 from hybrid.twin import twin as twin_module
-from hybrid.twin.twin import Model, Twin
+from hybrid.twin.twin import Predictor, Twin
 from hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
 
@@ -68,7 +68,7 @@ def twin(tmp_path: Path, plant: Plant, told: list[str], monkeypatch: pytest.Monk
     """One that does not wait between predictions, nor before it says what is missing."""
     monkeypatch.setattr(twin_module, "_LEAST_APART_S", 0.0)
     monkeypatch.setattr(twin_module, "_STALLED_S", -1.0)
-    model = Model("gunnerus_short", plant, HORIZON_S)
+    model = Predictor("gunnerus_short", plant, HORIZON_S)
     watching = Twin("bay", Path("/bay.toml"), model, lambda level, text: told.append(text), tmp_path / "run")
     yield watching
     watching.close()
@@ -79,16 +79,16 @@ def test_it_says_where_the_ship_will_be_and_how_far_off_it_was(recorder: Recorde
     for second in range(16):
         recorder.write(second - 0.65, second + 0.35)
         recorder.predictions._allowed = 4.0  # as if a second had passed
-        assert twin.step()
+        assert twin.poll()
         said += recorder.said()
     starts = [body["start"] for body in said]
     assert starts == [starts[0] + number for number in range(len(starts))]
     assert len(said) >= 15
     judged = [body for body in said if "error" in body]
     assert [body["error"]["start"] for body in judged] == [body["start"] - HORIZON_S - 3 for body in judged]
-    assert twin.account.said == len(said)
-    assert twin.account.left_out == 0
-    assert len(twin.account.mean_distance_m) == len(judged) >= 8
+    assert twin.statistics.recorded == len(said)
+    assert twin.statistics.left_out == 0
+    assert len(twin.statistics.mean_distance_m) == len(judged) >= 8
 
 
 @pytest.mark.parametrize("name", ["tunnel_rpm", "north_m"])
@@ -97,10 +97,10 @@ def test_a_channel_that_is_missing_is_named_and_it_goes_on_when_it_comes(
 ) -> None:
     for second in range(3):
         recorder.write(second, second + 1.0, without=name)
-        assert not twin.step()
+        assert not twin.poll()
     assert any(text.startswith("no prediction: ") and name in text for text in told)
     recorder.write(3.0, 5.3)
-    assert twin.step()
+    assert twin.poll()
     assert len(recorder.said()) == 1
     assert told[-1] == "predicting"
 
@@ -109,13 +109,13 @@ def test_another_recording_forgets_what_was_foretold_of_the_first(
     recorder: Recorder, twin: Twin, tmp_path: Path
 ) -> None:
     recorder.write(0.0, 5.3)
-    assert twin.step()
+    assert twin.poll()
     other = Recorder(tmp_path / "other", tmp_path / "run")
     recorder.hearing.__exit__()
     with other.hearing:
         twin.follower._heard_s = twin.follower._asked_s = 0.0  # as if it had been quiet
         other.write(20.0, 25.3)
-        assert twin.step()
+        assert twin.poll()
         assert twin.errors.unmeasured == 1
         assert len(other.said()) == 1
     recorder.hearing.__enter__()
@@ -124,10 +124,10 @@ def test_another_recording_forgets_what_was_foretold_of_the_first(
 def test_what_the_recorder_refuses_is_told_and_it_goes_on(recorder: Recorder, twin: Twin, told: list[str]) -> None:
     recorder.predictions._allowed = 0.0
     recorder.write(0.0, 5.3)
-    assert twin.step()
+    assert twin.poll()
     assert told[-1] == "not recorded: more than 2 predictions a second"
     recorder.predictions._allowed = 4.0
     recorder.write(5.3, 6.3)
-    assert twin.step()
+    assert twin.poll()
     assert told[-1] == "predicting"
-    assert (twin.account.made, twin.account.said) == (2, 1)
+    assert (twin.statistics.made, twin.statistics.recorded) == (2, 1)

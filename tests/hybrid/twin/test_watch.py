@@ -142,7 +142,7 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
 
 
 def assert_errors_are_those_of_the_recording(path: Path, bodies: list[dict[str, Any]]) -> None:
-    """Worked out again from the finished recording and what was foretold."""
+    """Worked out again from the finished recording and what was forecast."""
     table = resample_recording(read_recording(path))
     tracks = {body["start"]: body["track"] for body in bodies}
     judged = [body["error"] for body in bodies if "error" in body]

@@ -19,11 +19,10 @@ from acquisition.recording.tail import Tail
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
 from hybrid.calibrators.artefact import TrainedCalibrator
-from hybrid.twin.message import body_of, geojson_of, positions
-from hybrid.twin.now import newest_second_ns, predict_now
-from hybrid.twin.recent import Recent
-from hybrid.twin.running_error import Mean
-from hybrid.twin.twin import at_rest
+from hybrid.twin.forecast import RecentSamples, newest_second_ns, predict_now
+from hybrid.twin.message import message_body, positions, track_geojson
+from hybrid.twin.running_error import MeanErrors
+from hybrid.twin.twin import recording_at_rest
 from hybrid.vessel.plant import Plant
 from hybrid.workflows.predict import predict
 from tests.conftest import SMALL_HORIZON_S, Simulated
@@ -56,19 +55,19 @@ def test_it_is_the_prediction_of_the_recording_that_ends_there(
     for second in (90, 151, 230):
         end_ns = int(voyage.series["heading_deg"].measured_ns[0]) + second * NANO + 430_000_000
         before = until(voyage, end_ns)
-        recent = Recent(75.0)
+        recent = RecentSamples(75.0)
         recent.add(pieces(before))
-        foretold = predict_now(recent.recording(voyage.trial, Path()), SMALL_HORIZON_S, small.plant, trained)
+        forecast = predict_now(recent.recording(voyage.trial, Path()), SMALL_HORIZON_S, small.plant, trained)
         table = resample(table_of(before))
         at = pd.Timestamp(end_ns // NANO * NANO, tz="UTC")
         expected = predict(table, at, SMALL_HORIZON_S, small.plant, trained)
-        assert foretold.prediction.at == at
-        assert foretold.held == ()
-        assert foretold.prediction.method == expected.method
-        np.testing.assert_allclose(foretold.prediction.track, expected.track, atol=1e-6)
+        assert forecast.prediction.at == at
+        assert forecast.held == ()
+        assert forecast.prediction.method == expected.method
+        np.testing.assert_allclose(forecast.prediction.track, expected.track, atol=1e-6)
         if with_calibrator:
-            assert foretold.prediction.band_m is not None
-            np.testing.assert_allclose(foretold.prediction.band_m, expected.band_m, atol=1e-6)
+            assert forecast.prediction.band_m is not None
+            np.testing.assert_allclose(forecast.prediction.band_m, expected.band_m, atol=1e-6)
 
 
 def pieces(recording: Recording) -> dict[str, Samples]:
@@ -84,14 +83,14 @@ def pieces(recording: Recording) -> dict[str, Samples]:
 
 def test_what_is_read_from_the_file_is_what_predict_reads(tmp_path: Path, plant: Plant) -> None:
     write_steady(tmp_path / "steady.mcap", 90.0)
-    recent = Recent(75.0)
+    recent = RecentSamples(75.0)
     with Tail(tmp_path / "steady.mcap", 75.0) as tail:
         recent.add(tail.read())
-        foretold = predict_now(recent.recording(tail.trial, tail.path), 15, plant)
+        forecast = predict_now(recent.recording(tail.trial, tail.path), 15, plant)
     table = resample(read_table(tmp_path / "steady.mcap"))
     expected = predict(table, pd.Timestamp(table.index[-1]), 15, plant)
-    assert foretold.prediction.at == expected.at
-    np.testing.assert_allclose(foretold.prediction.track, expected.track, atol=1e-6)
+    assert forecast.prediction.at == expected.at
+    np.testing.assert_allclose(forecast.prediction.track, expected.track, atol=1e-6)
 
 
 def test_wind_and_thrusters_that_come_seldom_are_held_to_the_start_and_motion_is_not(
@@ -100,11 +99,11 @@ def test_wind_and_thrusters_that_come_seldom_are_held_to_the_start_and_motion_is
     end_ns = int(voyage.series["heading_deg"].measured_ns[0]) + 100 * NANO + 400_000_000
     before = until(voyage, end_ns)
     slow = until(before, end_ns - 2 * NANO, ("wind_speed_mps", "port_rpm"))
-    foretold = predict_now(slow, 15, plant)
-    assert foretold.prediction.at.value == end_ns // NANO * NANO
-    assert foretold.held == ("wind_speed_mps", "port_rpm")
+    forecast = predict_now(slow, 15, plant)
+    assert forecast.prediction.at.value == end_ns // NANO * NANO
+    assert forecast.held == ("wind_speed_mps", "port_rpm")
     series = slow.series["port_rpm"]
-    assert foretold.table["port_rpm"].loc[foretold.prediction.at] == pytest.approx(series.value[-1], abs=1e-9)
+    assert forecast.table["port_rpm"].loc[forecast.prediction.at] == pytest.approx(series.value[-1], abs=1e-9)
     late = until(before, end_ns - 2 * NANO, ("north_m",))
     assert newest_second_ns(late) == end_ns // NANO * NANO - 2 * NANO
     assert predict_now(late, 15, plant).held == ()
@@ -138,7 +137,7 @@ def test_less_than_a_whole_second_is_nothing_to_start_from(voyage: Recording, pl
 
 def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
     """A recorder that gives a file up says part of it again in the next."""
-    recent, once = Recent(1e6), Recent(1e6)
+    recent, once = RecentSamples(1e6), RecentSamples(1e6)
     begin = int(voyage.series["north_m"].measured_ns[0])
     samples = pieces(until(voyage, begin + 30 * NANO))
     once.add(samples)
@@ -151,7 +150,7 @@ def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
 
 
 def test_only_the_last_seconds_are_kept(voyage: Recording) -> None:
-    recent = Recent(75.0)
+    recent = RecentSamples(75.0)
     recent.add(pieces(voyage))
     for name, each in recent.recording(voyage.trial, Path()).series.items():
         newest = int(voyage.series[name].received_ns.max())
@@ -162,20 +161,20 @@ def test_only_the_last_seconds_are_kept(voyage: Recording) -> None:
 
 
 def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: TrainedCalibrator) -> None:
-    foretold = predict_now(at_rest(75.0), SMALL_HORIZON_S, small.plant, small)
-    prediction = foretold.prediction
-    mean = 300.0, Mean(0, 0)
-    body = body_of(prediction, foretold.held, ORIGIN, ("x" * 300, "y"), 80 * NANO, 0.25, None, mean)
+    forecast = predict_now(recording_at_rest(75.0), SMALL_HORIZON_S, small.plant, small)
+    prediction = forecast.prediction
+    mean = 300.0, MeanErrors(0, 0)
+    body = message_body(prediction, forecast.held, ORIGIN, ("x" * 300, "y"), 80 * NANO, 0.25, None, mean)
     assert schema_violation(body, PREDICTION) == ""
     assert (body["start"], body["made_at"], body["horizon_s"]) == (75.0, 80.0, SMALL_HORIZON_S)
     track = body["track"]
     assert {len(each) for each in track.values()} == {SMALL_HORIZON_S + 1}
     assert track["band_m"][0] == 0.0
     assert track["latitude_deg"][0] == pytest.approx(ORIGIN[0], abs=1e-4)
-    nowhere = body_of(prediction, (), None, ("x", "y"), 0, 0.0, None, mean)
+    nowhere = message_body(prediction, (), None, ("x", "y"), 0, 0.0, None, mean)
     assert schema_violation(nowhere, PREDICTION) == ""
     assert nowhere["track"]["latitude_deg"] == []
-    assert geojson_of(prediction, None) == ""
+    assert track_geojson(prediction, None) == ""
 
 
 def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: TrainedCalibrator) -> None:
@@ -183,8 +182,8 @@ def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: Trai
 
     from acquisition.core.tangent_plane import TangentPlane
 
-    prediction = predict_now(at_rest(75.0), SMALL_HORIZON_S, small.plant, small).prediction
-    line, region = json.loads(geojson_of(prediction, ORIGIN))["features"]
+    prediction = predict_now(recording_at_rest(75.0), SMALL_HORIZON_S, small.plant, small).prediction
+    line, region = json.loads(track_geojson(prediction, ORIGIN))["features"]
     plane = TangentPlane(*ORIGIN)
     for (longitude, latitude), (north_m, east_m, _) in zip(
         line["geometry"]["coordinates"], prediction.track, strict=True

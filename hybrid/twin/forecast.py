@@ -1,22 +1,30 @@
-"""One prediction from the newest second of what was measured, as ``seatrial predict`` makes it of a recording.
+"""The samples of the last minute, and a prediction from their newest whole second, as ``seatrial predict`` makes
+it.
 
-Nothing lies ahead of that second but what has come since, less than a second. So the filter that brings the
-channels to 1 Hz is one-sided there, and the state that reference, constant velocity and networks start from is that
-of :mod:`analysis.estimation.local_polynomial`: less certain than the one that a recording gives afterwards.
+Nothing was measured after that second but in the fraction of a second since. So the filter that brings the channels
+to 1 Hz is one-sided there, and the start state of reference, constant velocity and networks is the one-sided local
+polynomial of :mod:`analysis.estimation.local_polynomial`: less certain than the state that a recording gives
+afterwards.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import NAMES, POSE, VELOCITY
 from acquisition.core.errors import DataShortageError
 from acquisition.core.frames import Quality
+from acquisition.recording.batches import Samples
 from acquisition.recording.reader import Recording, Series
+from acquisition.recording.trial import Trial
 from analysis.tables.resample import own_gap_s, resample_recording
 from analysis.tables.time_index import NANO
 from hybrid.vessel.plant import Plant
@@ -25,12 +33,13 @@ from hybrid.workflows.predict import Prediction, predict
 if TYPE_CHECKING:
     from hybrid.calibrators.artefact import TrainedCalibrator
 
+_SOURCE = ("",)
 MOTION = (*POSE, *VELOCITY)
 """What must have been measured up to the start; wind and thrusters are held anyhow, and may be older."""
 
 
 @dataclass(frozen=True, slots=True)
-class Foretold:
+class Forecast:
     """A prediction, the 1 Hz table that it was made of, and the channels that were held to its start."""
 
     prediction: Prediction
@@ -49,9 +58,9 @@ def newest_second_ns(recording: Recording) -> int | None:
 
 
 def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
-    """Those of the 13 channels that have nothing to say at a second: never came, or too long ago.
+    """Those of the 13 channels without a value at a second: never received, or too long before it.
 
-    Without a second (None) those that never came.
+    Without a second (None) those that were never received.
     """
     return [
         name
@@ -67,7 +76,7 @@ def predict_now(
     plant: Plant,
     trained: TrainedCalibrator | None = None,
     at_ns: int | None = None,
-) -> Foretold:
+) -> Forecast:
     """Predict from the newest whole second of the last minute or so, or from the second ``at_ns``.
 
     Raises :class:`DataShortageError` naming the channels that are missing, :class:`InputError` where one has a gap
@@ -79,13 +88,13 @@ def predict_now(
         raise DataShortageError(f"{', '.join(missing)} missing", fix="see what `seatrial record --check` says")
     if start_ns is None:
         raise DataShortageError("no whole second of the ship's motion", fix="wait for more")
-    filled, held = held_until(recording, start_ns)
+    filled, held = hold_until(recording, start_ns)
     table = resample_recording(filled)
     at = pd.Timestamp(start_ns, unit="ns", tz="UTC")
-    return Foretold(predict(table, at, horizon_s, plant, trained), table, held)
+    return Forecast(predict(table, at, horizon_s, plant, trained), table, held)
 
 
-def held_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
+def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
     """Wind and thrusters held from their newest sample to a second, where that is later; and which these are."""
     series, held = dict(recording.series), []
     for name in NAMES:
@@ -122,3 +131,78 @@ def _longest_hold_ns(series: Series) -> float:
     """As long a gap as resampling bridges in this channel [ns]."""
     apart = np.diff(np.sort(series.measured_ns))
     return own_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
+
+
+@dataclass(frozen=True, slots=True)
+class _ChannelSamples:
+    """Samples of one channel: times of measurement and of reception [ns], values and flags, all [n]."""
+
+    measured_ns: Ints
+    received_ns: Ints
+    value: Floats
+    quality: NDArray[np.uint8]
+
+    @classmethod
+    def of_samples(cls, samples: Samples) -> _ChannelSamples:
+        """A copy of what was read."""
+        return cls(
+            np.array(samples.measured_ns, np.int64),
+            np.array(samples.received_ns, np.int64),
+            np.array(samples.value, np.float64),
+            np.array(samples.quality, np.uint8),
+        )
+
+    def subset(self, which: Bools) -> _ChannelSamples:
+        """Some of the samples."""
+        if which.all():
+            return self
+        return _ChannelSamples(
+            self.measured_ns[which], self.received_ns[which], self.value[which], self.quality[which]
+        )
+
+    def append(self, other: _ChannelSamples) -> _ChannelSamples:
+        """These samples and later ones."""
+        return _ChannelSamples(
+            np.concatenate([self.measured_ns, other.measured_ns]),
+            np.concatenate([self.received_ns, other.received_ns]),
+            np.concatenate([self.value, other.value]),
+            np.concatenate([self.quality, other.quality]),
+        )
+
+
+class RecentSamples:
+    """The samples received in the last ``keep_s`` seconds before the newest one, by channel."""
+
+    def __init__(self, keep_s: float) -> None:
+        self._keep_ns = round(keep_s * 1e9)
+        self._samples: dict[str, _ChannelSamples] = {}
+        self.newest_received_ns = 0
+
+    def clear(self) -> None:
+        """Drop all samples."""
+        self._samples.clear()
+        self.newest_received_ns = 0
+
+    def add(self, samples: Mapping[str, Samples], *, again: bool = False) -> None:
+        """Append samples by channel; with ``again`` those that are here already are passed over."""
+        for name, each in samples.items():
+            added, known = _ChannelSamples.of_samples(each), self._samples.get(name)
+            if again and known is not None and known.received_ns.size:
+                added = added.subset(added.received_ns > known.received_ns.max())
+            if added.received_ns.size:
+                self.newest_received_ns = max(self.newest_received_ns, int(added.received_ns.max()))
+            self._samples[name] = added if known is None else known.append(added)
+        oldest_ns = self.newest_received_ns - self._keep_ns
+        self._samples = {name: each.subset(each.received_ns >= oldest_ns) for name, each in self._samples.items()}
+
+    def recording(self, trial: Trial, path: Path) -> Recording:
+        """All of it as a recording that has just been read; it does not say which source a sample came from."""
+        series = {
+            name: Series(
+                each.measured_ns, each.received_ns, each.value, each.quality, _SOURCE,
+                np.zeros(each.value.size, np.int32),
+            )
+            for name, each in self._samples.items()
+            if each.value.size
+        }  # fmt: skip
+        return Recording(path, trial, series, {}, [], 0, False, 0, self.newest_received_ns)
