@@ -334,8 +334,8 @@ def test_nothing_after_the_start_is_looked_at(
     track = windows.track.copy()
     track[:, 1:] = random.normal(0.0, 1e3, track[:, 1:].shape)
     alone = reference(windows, plant)
-    for say in (learned.predict, learned.spread, learned.outside):
-        assert np.array_equal(say(windows, alone), say(replace(windows, track=track), alone))
+    for each in (learned.predict, learned.uncertainty, learned.outside_domain):
+        assert np.array_equal(each(windows, alone), each(replace(windows, track=track), alone))
 
 
 @settings(max_examples=10, deadline=None)
@@ -388,9 +388,9 @@ def test_a_window_is_predicted_alone_as_among_others(
 ) -> None:
     windows = noisy(voyages(truth, 6, SECONDS, seed=3))
     alone = reference(windows, plant)
-    for say in (learned.predict, learned.spread, learned.outside):
-        single = [say(windows.subset(np.array([row])), alone[[row]])[0] for row in range(6)]
-        assert np.stack(single) == pytest.approx(say(windows, alone), rel=1e-9)
+    for each in (learned.predict, learned.uncertainty, learned.outside_domain):
+        single = [each(windows.subset(np.array([row])), alone[[row]])[0] for row in range(6)]
+        assert np.stack(single) == pytest.approx(each(windows, alone), rel=1e-9)
 
 
 def test_what_the_training_hardly_varied_is_not_outside_at_once(
@@ -440,7 +440,7 @@ def test_legs_go_whole_and_every_member_lacks_some(sizes: list[int], seed: int) 
 def test_it_comes_back_to_the_bit(
     plant: Plant, truth: Plant, training: PredictionWindows, learned: AdaptiveCalibrator, tmp_path: Path
 ) -> None:
-    """Through its state, and through the files of an artefact: the same tracks, spread and flags."""
+    """Through its state, and through the files of an artefact: the same tracks, uncertainty and flags."""
     windows = noisy(voyages(truth, 12, SECONDS, seed=4))
     alone = reference(windows, plant)
     examples = training, reference(training, plant)
