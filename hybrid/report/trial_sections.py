@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
-    from hybrid.calibrators.calibrator import Ground
+    from hybrid.calibrators.calibrator import DomainOfApplicability
     from hybrid.workflows.validate import Validation
 
 __all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "events_of", "run_sheet"]  # for the template
@@ -165,7 +165,7 @@ def _share(value: float) -> str:
     return f"{value:.3f}" if np.isfinite(value) else "\u2013"
 
 
-def fallback_words(judged: Validation, training: Ground) -> str:
+def fallback_words(judged: Validation, training: DomainOfApplicability) -> str:
     """How many windows start beyond the training, in what, and which baseline speaks there."""
     names = [name for name, column in zip(training.names, training.outside.T, strict=True) if column.any()]
     spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
@@ -177,7 +177,7 @@ def fallback_words(judged: Validation, training: Ground) -> str:
     )
 
 
-def outside_words(judged: Validation, training: Ground) -> str:
+def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
     """How many windows lie outside the range of the training itself, and in what."""
     past = [name for name, column in zip(training.names, training.outside_range.T, strict=True) if column.any()]
     count = int(training.outside_range.any(axis=1).sum())
