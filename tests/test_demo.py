@@ -11,7 +11,7 @@ from acquisition.recording.reader import read_recording
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(1800)
 def test_the_demo_loses_nothing_and_beats_the_reference(tmp_path: Path) -> None:
     """Every played value is recorded, and the calibrator is better than its reference on the unseen voyage."""
     from hybrid.workflows.demo import demonstrate

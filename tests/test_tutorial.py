@@ -59,7 +59,7 @@ def typed(text: str, folder: Path, environment: dict[str, str]) -> str:
     """Run a block as a shell does; what it prints."""
     done = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", text], cwd=folder, env=environment, capture_output=True, text=True,
-        timeout=170, check=False,
+        timeout=590, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr or done.stdout
     return done.stdout + done.stderr

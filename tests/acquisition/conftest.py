@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import orjson
 import pandas as pd
 import pytest
 
 from acquisition.core.channels import NAMES
+from acquisition.core.errors import InputError
 from acquisition.emulator.null_modem import NullModem
+from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.recording.schemas import HEALTH_TOPIC
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 
@@ -82,12 +88,78 @@ def config_text(section: str, channels: tuple[str, ...] = NAMES, clock: str = "s
     )
 
 
-def wait_for(condition: Callable[[], bool], longest_s: float = 10.0) -> None:
+PATIENCE_S = 300.0
+"""Longer than a busy machine needs for anything that is waited for; nothing waits longer than it has to."""
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
     """Wait until something has come true."""
-    until_s = time.monotonic() + longest_s
+    until_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < until_s, "it never came true"
         time.sleep(0.01)
+
+
+def recorded_count(folder: Path, channel: str = "heading_deg") -> int:
+    """The number of a channel's values in the files of a recorder that is still at work."""
+    count = 0
+    for path in folder.glob("*.mcap"):
+        with suppress(InputError, KeyError):  # there is nothing in it yet
+            count += read_recording(path).series[channel].value.size
+    return count
+
+
+def open_sources(folder: Path) -> set[str]:
+    """The sources that a recorder at work has called open in its files, which it does once a second."""
+    health = []
+    for path in folder.glob("*.mcap"):
+        with suppress(InputError):
+            health += [orjson.loads(each.data) for each in MessageStream(path) if each.topic == HEALTH_TOPIC]
+    return {each["source"] for each in health if each["state"] in ("open", "silent")}
+
+
+class Sleeper(threading.Thread):
+    """Measures for how long this machine holds up a program that only sleeps."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self._ending = threading.Event()
+        self.worst_s = 0.0
+
+    def run(self) -> None:
+        while not self._ending.is_set():
+            began_s = time.monotonic()
+            time.sleep(0.005)
+            self.worst_s = max(self.worst_s, time.monotonic() - began_s - 0.005)
+
+    def __enter__(self) -> Sleeper:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ending.set()
+        self.join()
+
+
+class SimulatedClock:
+    """Stands in for a module's ``time``: its seconds pass while somebody sleeps, and then at once."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def monotonic_ns(self) -> int:
+        return round(self.now_s * 1e9)
+
+    def sleep(self, duration_s: float) -> None:
+        self.now_s += duration_s
+
+
+@pytest.fixture
+def clock() -> SimulatedClock:
+    return SimulatedClock()
 
 
 @pytest.fixture

@@ -27,7 +27,17 @@ from acquisition.logger.derive import Derivation
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
-from tests.acquisition.conftest import DBC, ORIGIN, SIGNALS, config_text, free_port, voyage_table, write_voyage
+from tests.acquisition.conftest import (
+    DBC,
+    ORIGIN,
+    SIGNALS,
+    SimulatedClock,
+    config_text,
+    free_port,
+    voyage_table,
+    wait_for,
+    write_voyage,
+)
 
 SECTIONS = {
     "can": f'type = "can"\ninterface = "virtual"\nchannel = "x"\ndbc = "{DBC}"\n{SIGNALS}',
@@ -187,24 +197,29 @@ def test_a_recording_of_fixes_alone_needs_no_origin(tmp_path: Path) -> None:
     assert moments[0].fix_of == ("latitude_deg", "longitude_deg")
 
 
-def test_a_gateway_waits_for_the_logger_before_it_plays(tmp_path: Path) -> None:
+def test_a_gateway_waits_for_the_logger_before_it_plays(
+    tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The wait does not count as delay: nothing is sent in a rush afterwards."""
+    monkeypatch.setattr("acquisition.emulator.emulate.time", clock)
     port = free_port(socket.SOCK_STREAM)
     (tmp_path / "tcp.toml").write_text(config_text(f'type = "tcp"\nport = {port}\n'))
     write_voyage(tmp_path / "voyage.mcap", duration_s=1.0)
     got: list[bytes] = []
 
     def listen() -> None:
-        threading.Event().wait(0.5)
-        with socket.create_connection(("127.0.0.1", port)) as client, client.makefile("rb") as lines:
-            got.extend(lines)
+        clock.sleep(30.0)
+        with socket.socket() as client:
+            wait_for(lambda: client.connect_ex(("127.0.0.1", port)) == 0)  # the gateway is there
+            with client.makefile("rb") as lines:
+                got.extend(lines)
 
     thread = threading.Thread(target=listen)
     thread.start()
     played = emulate(tmp_path / "voyage.mcap", load_config(tmp_path / "tcp.toml"), speed=10.0)
     thread.join()
     assert len(got) == played.packets
-    assert played.latest_s < 0.2
+    assert played.latest_s == pytest.approx(0.0, abs=1e-9)
 
 
 def test_nobody_comes_to_the_gateway(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,11 +230,26 @@ def test_nobody_comes_to_the_gateway(tmp_path: Path, monkeypatch: pytest.MonkeyP
         emulate(tmp_path / "voyage.mcap", load_config(tmp_path / "tcp.toml"))
 
 
-def test_played_pace_is_that_of_the_recording(tmp_path: Path) -> None:
+def test_played_pace_is_that_of_the_recording(
+    tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every moment is sent at its time, four times as fast, also after one that took long to send."""
+    monkeypatch.setattr("acquisition.emulator.emulate.time", clock)
+    began_s, sent_s = clock.now_s, list[float]()
+
+    def progress(share: float) -> None:
+        sent_s.append(clock.now_s - began_s)
+        clock.sleep(0.06 if len(sent_s) == 5 else 0.0)
+
     write_voyage(tmp_path / "voyage.mcap", duration_s=2.0)
     (tmp_path / "file.toml").write_text(config_text('type = "file"\npath = "sent.log"\n'))
-    played = emulate(tmp_path / "voyage.mcap", load_config(tmp_path / "file.toml"), speed=4.0)
-    assert np.isclose(played.duration_s, 1.9 / 4.0, atol=0.1)
+    played = emulate(tmp_path / "voyage.mcap", load_config(tmp_path / "file.toml"), 4.0, progress)
+    planned_s = np.arange(20) * 0.1 / 4.0
+    late = [5, 6]  # those that were due while the fifth was sent
+    assert np.delete(sent_s, late) == pytest.approx(np.delete(planned_s, late))
+    assert np.take(sent_s, late) == pytest.approx(planned_s[4] + 0.06)
+    assert played.latest_s == pytest.approx(0.06 - 0.025)
+    assert played.duration_s == pytest.approx(1.9 / 4.0)
 
 
 def test_encoding_and_decoding_at_the_same_time_lose_nothing(sources: dict[str, AnySource]) -> None:

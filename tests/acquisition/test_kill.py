@@ -19,7 +19,7 @@ from acquisition.encoders.nmea0183 import sentence
 from acquisition.recording.messages import frame_of
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import RAW_PREFIX
-from tests.acquisition.conftest import config_text, free_port
+from tests.acquisition.conftest import PATIENCE_S, config_text, free_port
 from tests.acquisition.test_record_command import start_recorder
 
 CONTRACT_S = 0.2
@@ -170,7 +170,7 @@ def kill_in_a_split(kill: Kill, part: int, later_s: float) -> Aftermath:
     """As a part appears, or a moment later: those before it are closed well and nothing is missing between them."""
 
     def part_appears(folder: Path) -> None:
-        until_s = time.monotonic() + 10.0
+        until_s = time.monotonic() + PATIENCE_S
         while len(list(folder.iterdir())) < part and time.monotonic() < until_s:
             time.sleep(0.0002)
         time.sleep(later_s)
@@ -178,7 +178,7 @@ def kill_in_a_split(kill: Kill, part: int, later_s: float) -> Aftermath:
     aftermath = kill(f"split{1e6 * later_s:.0f}", 1300.0, part_appears, "[recording]\nsplit_mb = 0.001\n")
     *whole, last = aftermath.paths
     print(f"killed {1e3 * later_s:.1f} ms after part {part} appeared: {aftermath}")  # noqa: T201
-    assert len(whole) == part - 1
+    assert len(whole) >= part - 1  # on a busy machine more of them before the kill
     assert all(read_recording(path).closed for path in whole)
     assert not last.stat().st_size or not read_recording(last).closed
     assert_contract(aftermath)

@@ -19,7 +19,7 @@ from acquisition.logger.live.foxglove import LiveView
 from acquisition.logger.requests import running_recorders, send_prediction
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import schema_of
-from tests.acquisition.conftest import free_port, wait_for
+from tests.acquisition.conftest import PATIENCE_S, free_port, recorded_count, wait_for
 from tests.acquisition.test_predictions import BODY, GEOJSON, Recording
 
 websockets = pytest.importorskip("websockets.sync.client")
@@ -39,7 +39,7 @@ class Watched(Recording):
         super().__init__(folder, f"[live]\nport = {self.live_port}\n")
 
     def viewer(self) -> Any:
-        until_s = time.monotonic() + 10
+        until_s = time.monotonic() + PATIENCE_S
         while True:
             try:
                 return websockets.connect(f"ws://127.0.0.1:{self.live_port}", subprotocols=["foxglove.sdk.v1"])
@@ -61,10 +61,10 @@ def test_a_viewer_sees_channels_with_schemas_and_values(recording: Watched) -> N
     with recording.viewer() as viewer:
         topics: dict[int, str] = {}
         values: list[float] = []
-        until_s = time.monotonic() + 45
+        until_s = time.monotonic() + PATIENCE_S
         while len(values) < 5 and time.monotonic() < until_s:
             recording.say(1)
-            said = viewer.recv(timeout=5)
+            said = viewer.recv(timeout=PATIENCE_S)
             if isinstance(said, str):
                 for channel in json.loads(said).get("channels", []):
                     topics[channel["id"]] = channel["topic"]
@@ -94,11 +94,11 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
     running.thread.start()
     try:
         with running.viewer() as viewer:
-            wait_for(lambda: bool(running_recorders()), 20.0)
+            wait_for(lambda: bool(running_recorders()))
             assert send_prediction(running_recorders()[0][0], BODY, GEOJSON) == ""  # it makes the topics known
             channels = {}
             while len(channels) < 2:
-                said = viewer.recv(timeout=20)
+                said = viewer.recv(timeout=PATIENCE_S)
                 for each in json.loads(said).get("channels", []) if isinstance(said, str) else []:
                     if each["topic"].startswith("/prediction"):
                         channels[each["topic"]] = each
@@ -107,7 +107,7 @@ def test_a_viewer_sees_predictions_and_their_track_on_the_map(
                 json.dumps({"op": "subscribe", "subscriptions": [wanted(each) for each in channels.values()]})
             )
             found: dict[int, Any] = {}
-            until_s = time.monotonic() + 30.0
+            until_s = time.monotonic() + PATIENCE_S
             while len(found) < 2 and time.monotonic() < until_s:
                 send_prediction(running_recorders()[0][0], BODY, GEOJSON)  # may be refused: two a second are taken
                 with suppress(TimeoutError):
@@ -126,6 +126,7 @@ def test_a_viewer_that_reads_nothing_costs_the_recording_nothing(recording: Watc
         for _ in range(50):
             recording.say(100)
             time.sleep(0.01)
+        wait_for(lambda: recorded_count(recording.folder / "out") == 5000)
         recording.stop.set()
         recording.thread.join()
     found = read_recording(recording.paths[0])

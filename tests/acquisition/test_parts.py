@@ -22,6 +22,7 @@ from acquisition.recording import parts as parts_module
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from acquisition.recording.trial import Trial
+from tests.acquisition.conftest import PATIENCE_S
 
 START_NS = 1_790_000_000_000_000_000
 TRIAL = Trial(name="parts", vessel="gunnerus_long", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
@@ -432,14 +433,14 @@ def test_a_slow_disk_does_not_hold_up_what_is_handed_to_the_system(
 
     def fdatasync(descriptor: int) -> None:
         asked.set()
-        assert answer.wait(20)
+        assert answer.wait(PATIENCE_S)
         real(descriptor)
 
     recorded = Recorded(tmp_path)
     monkeypatch.setattr(storage.os, "fdatasync", fdatasync)
     recorded.write(100)
     recorded.parts.sync_soon()
-    assert asked.wait(20)
+    assert asked.wait(PATIENCE_S)
     for _ in range(3):
         recorded.write(100)
         recorded.parts.flush()

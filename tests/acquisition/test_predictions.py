@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 from acquisition.config.configuration import load_config
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.health import Health
-from acquisition.logger.local_socket import MOST_BYTES, PATIENCE_S, LocalServer, ask
+from acquisition.logger.local_socket import MOST_BYTES, LocalServer, ask
 from acquisition.logger.marks import send_mark
 from acquisition.logger.predictions import Predictions, schema_violation
 from acquisition.logger.record import record
@@ -30,7 +30,7 @@ from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.recover import recover
 from seatrial import app
-from tests.acquisition.conftest import config_text, free_port, wait_for
+from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, free_port, wait_for
 
 BODY: dict[str, Any] = {
     "start": 1_790_000_000.0, "made_at": 1_790_000_000.4, "latency_s": 0.2, "horizon_s": 2, "method": "reference",
@@ -153,16 +153,19 @@ def test_what_is_longer_than_the_limit_is_not_heard_to_its_end(ear: Ear) -> None
     assert send_mark("after", ear.hearing.path.parent) == 1
 
 
-def test_more_than_two_a_second_are_refused_and_never_pile_up(ear: Ear) -> None:
-    started_s = time.monotonic()
-    answers = []
-    while time.monotonic() - started_s < 1.5:
-        answers.append(send_prediction(ear.hearing.path, BODY))
-        ear.predictions.take()  # the recorder has nothing else to do
-    taken = answers.count("")
-    assert 4 <= taken <= 4 + 2 * (time.monotonic() - started_s) + 1
-    assert len(answers) > taken
-    assert ear.health.predictions_refused == len(answers) - taken
+def test_more_than_two_a_second_are_refused_and_never_pile_up(
+    tmp_path: Path, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four are taken at once, then two a second."""
+    monkeypatch.setattr("acquisition.logger.predictions.time", clock)
+    ear, answers = Ear(tmp_path), list[str]()
+    with ear.hearing:
+        for _ in range(160):
+            clock.sleep(0.01)
+            answers.append(send_prediction(ear.hearing.path, BODY))
+            ear.predictions.take()  # the recorder has nothing else to do
+    assert answers.count("") == 4 + 3
+    assert ear.health.predictions_refused == 160 - 7
     assert set(answers) == {"", "more than 2 predictions a second"}
 
 
@@ -173,29 +176,30 @@ def test_a_recorder_that_does_not_come_by_holds_a_few_and_no_more(ear: Ear) -> N
     assert len(ear.predictions.take()) == 4
 
 
-def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(ear: Ear) -> None:
-    """As many as there may be at once, and more: a mark is heard within a fraction of a second all the same."""
+def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(
+    ear: Ear, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As many as there may be at once, and more: a mark is heard while they are still waited for."""
+    monkeypatch.setattr("acquisition.logger.local_socket.PATIENCE_S", 10 * PATIENCE_S)
     with ExitStack() as stack:
         for _ in range(40):
             client = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
             client.connect(str(ear.hearing.path))
             with suppress(OSError):  # it had to go to make room
                 client.sendall(b'{"prediction": {')
-        started_s = time.monotonic()
         assert send_mark("start", ear.hearing.path.parent) == 1
-        assert time.monotonic() - started_s < PATIENCE_S / 4
     assert ear.marks == ["start"]
 
 
 def test_a_client_that_stalls_is_parted_with(ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("acquisition.logger.local_socket.PATIENCE_S", 0.6)
+    began_s = time.monotonic()
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.connect(str(ear.hearing.path))
         client.sendall(b"{")
-        client.settimeout(10.0)
-        started_s = time.monotonic()
+        client.settimeout(PATIENCE_S)
         assert client.recv(10) == b""
-        assert 0.5 <= time.monotonic() - started_s < 3.0
+    assert time.monotonic() - began_s >= 0.6
 
 
 def test_every_viewer_can_read_the_schema() -> None:

@@ -20,7 +20,15 @@ from acquisition.emulator.emulate import emulate
 from acquisition.emulator.null_modem import NullModem
 from acquisition.logger.record import record
 from acquisition.recording.reader import read_recording
-from tests.acquisition.conftest import config_text, free_port, write_voyage
+from tests.acquisition.conftest import (
+    PATIENCE_S,
+    config_text,
+    free_port,
+    open_sources,
+    recorded_count,
+    wait_for,
+    write_voyage,
+)
 
 ROOT = Path(__file__).parents[2]
 UDP_CHANNELS = ("heading_deg", "yaw_rate_dps", "surge_mps", "sway_mps")
@@ -51,9 +59,9 @@ def test_signals_end_a_recording_cleanly(tmp_path: Path, number: signal.Signals)
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=3.0)
     process = start_recorder(config, tmp_path / "out")
     emulate(tmp_path / "voyage.mcap", load_config(config), speed=3.0)
-    time.sleep(0.3)
+    wait_for(lambda: recorded_count(tmp_path / "out") == len(table))
     process.send_signal(number)
-    stdout, _ = process.communicate(timeout=20)
+    stdout, _ = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0
     recording = read_recording(stdout.strip())
     assert recording.closed
@@ -72,7 +80,7 @@ def test_a_terminal_is_left_as_it_was(tmp_path: Path) -> None:
     os.close(far)
     shown = _read_until(near, b"waiting")
     process.send_signal(signal.SIGINT)
-    stdout, _ = process.communicate(timeout=20)
+    stdout, _ = process.communicate(timeout=PATIENCE_S)
     shown += _read_until(near, b"the end")
     os.close(near)
     assert process.returncode == 0
@@ -86,7 +94,7 @@ def test_a_terminal_is_left_as_it_was(tmp_path: Path) -> None:
 
 def _read_until(descriptor: int, wanted: bytes) -> bytes:
     """What a terminal shows, up to ``wanted`` or its end."""
-    shown, until_s = b"", time.monotonic() + 15
+    shown, until_s = b"", time.monotonic() + PATIENCE_S
     while wanted not in shown and time.monotonic() < until_s:
         readable, _, _ = select.select([descriptor], [], [], 0.5)
         try:
@@ -101,6 +109,7 @@ def test_a_kill_loses_no_more_than_what_was_not_yet_flushed(tmp_path: Path) -> N
     write_voyage(tmp_path / "voyage.mcap", duration_s=2.0, rate_hz=20.0)
     process = start_recorder(config, tmp_path / "out")
     emulate(tmp_path / "voyage.mcap", load_config(config), speed=1.0)
+    wait_for(lambda: recorded_count(tmp_path / "out") >= 40 - 20 * 0.5)
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
     (path,) = (tmp_path / "out").glob("*.mcap")
@@ -133,9 +142,9 @@ def test_a_port_in_use(tmp_path: Path) -> None:
     port = free_port()
     config = load_config(config_file(tmp_path, f'type = "udp"\nport = {port}\n'))
     stop = threading.Event()
-    first = threading.Thread(target=record, args=(config, tmp_path / "a", 10.0, stop))
+    first = threading.Thread(target=record, args=(config, tmp_path / "a", PATIENCE_S, stop))
     first.start()
-    time.sleep(0.3)
+    wait_for(lambda: open_sources(tmp_path / "a") == {"line"})
     with pytest.raises(SourceError, match="cannot be listened on"):
         record(config, tmp_path / "b", duration_s=1.0)
     stop.set()
@@ -153,6 +162,12 @@ def test_a_file_source_ends_the_recording_by_itself(tmp_path: Path) -> None:
     assert health.sources["line"].refused == 1
 
 
+def told(folder: Path) -> str:
+    """The events in the file of a recorder that is still at work."""
+    (path,) = folder.glob("*.mcap")
+    return " | ".join(text for _, text in read_recording(path).events)
+
+
 def test_a_serial_line_that_fails_does_not_stop_the_others(tmp_path: Path) -> None:
     """The line is pulled while it records; the other line's samples and the event are in the file."""
     port = free_port()
@@ -165,14 +180,14 @@ def test_a_serial_line_that_fails_does_not_stop_the_others(tmp_path: Path) -> No
         sender = tmp_path / "send.toml"
         sender.write_text(config_text(f'type = "udp"\nport = {port}\n', UDP_CHANNELS))
         stop = threading.Event()
-        found: list[Path] = []
-        thread = threading.Thread(target=lambda: found.extend(record(config, tmp_path / "out", 30.0, stop)[0]))
+        thread = threading.Thread(target=record, args=(config, tmp_path / "out", PATIENCE_S, stop))
         thread.start()
-        time.sleep(0.5)
+        wait_for(lambda: open_sources(tmp_path / "out") == {"line", "pulled"})
     emulate(tmp_path / "voyage.mcap", load_config(sender), speed=2.0)
-    time.sleep(0.3)
+    wait_for(lambda: recorded_count(tmp_path / "out") == 20 and "serial line failed" in told(tmp_path / "out"))
     stop.set()
     thread.join()
-    recording = read_recording(found[0])
+    (path,) = (tmp_path / "out").glob("*.mcap")
+    recording = read_recording(path)
     assert recording.series["heading_deg"].value.size == 20
     assert any("serial line failed" in text for _, text in recording.events)

@@ -17,7 +17,18 @@ from acquisition.emulator.emulate import Playback, emulate
 from acquisition.emulator.null_modem import NullModem
 from acquisition.logger.record import record
 from acquisition.recording.reader import Recording, Series, read_recording
-from tests.acquisition.conftest import DBC, SIGNALS, config_text, free_port, write_voyage
+from tests.acquisition.conftest import (
+    DBC,
+    PATIENCE_S,
+    SIGNALS,
+    Sleeper,
+    config_text,
+    free_port,
+    open_sources,
+    recorded_count,
+    wait_for,
+    write_voyage,
+)
 
 # Half a step of each wire format, in the channel's unit, and a little for floating point.
 _METRE_PER_1E7_DEG = 0.0112
@@ -65,21 +76,23 @@ def play_and_record(
     voyage: Path, sending: TrialConfig, receiving: TrialConfig, folder: Path, speed: float
 ) -> tuple[Playback, Recording]:
     """Record in this process while the emulator plays beside it; stop when the last frame has arrived."""
-    stop = threading.Event()
+    stop, out = threading.Event(), folder / "recorded"
     played: list[Playback] = []
 
     def play() -> None:
         try:
-            threading.Event().wait(0.3)  # the recorder opens its lines first
+            wait_for(lambda: open_sources(out) == {"line"})
             played.append(emulate(voyage, sending, speed))
-            threading.Event().wait(0.5)
+            wait_for(lambda: all(recorded_count(out, name) >= count for name, count in played[0].counts.items()))
         finally:
             stop.set()
 
     thread = threading.Thread(target=play)
-    thread.start()
-    (path,), _ = record(receiving, folder, duration_s=120, stop=stop)
-    thread.join()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("acquisition.logger.maintenance._HEALTH_EVERY_S", 0.1)
+        thread.start()
+        (path,), _ = record(receiving, out, duration_s=PATIENCE_S, stop=stop)
+        thread.join()
     return played[0], read_recording(path)
 
 
@@ -145,22 +158,25 @@ def test_source_clock_restores_the_played_times(kind: str, tmp_path: Path, null_
     """Played 30 times as fast, a line that announces its time is stamped with the times of the voyage."""
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=60.0)
     sending, receiving = transport(kind, tmp_path, null_modem, "source")
-    _, recording = play_and_record(tmp_path / "voyage.mcap", sending, receiving, tmp_path, 30.0)
+    with Sleeper() as machine:
+        _, recording = play_and_record(tmp_path / "voyage.mcap", sending, receiving, tmp_path, 30.0)
     sent_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     for name in NAMES:
         late_ms = np.abs(recording.series[name].measured_ns - sent_ns) / 1e6
-        assert np.quantile(late_ms, 0.99) < 20.0, f"{name}: {late_ms.max()} ms"
+        assert np.quantile(late_ms, 0.99) < 20.0 + 1e3 * machine.worst_s, f"{name}: {late_ms.max()} ms"
 
 
 def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: NullModem) -> None:
     """At speed 1, without any source clock, samples are stamped within 20 ms of when they were due."""
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=4.0, rate_hz=20.0)
     sending, receiving = transport("can", tmp_path, null_modem, "receiver")
-    _, recording = play_and_record(tmp_path / "voyage.mcap", sending, receiving, tmp_path, 1.0)
+    with Sleeper() as machine:
+        _, recording = play_and_record(tmp_path / "voyage.mcap", sending, receiving, tmp_path, 1.0)
     sent_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     for name in NAMES:
         offset_ms = (recording.series[name].measured_ns - sent_ns) / 1e6
-        assert np.quantile(np.abs(offset_ms - np.median(offset_ms)), 0.95) < 20.0, name
+        late_ms = np.quantile(np.abs(offset_ms - np.median(offset_ms)), 0.95)
+        assert late_ms < 20.0 + 1e3 * machine.worst_s, name
 
 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
@@ -178,12 +194,12 @@ def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     def serve() -> None:
         for moment in moments:
             outlet.send(encoder.encode(moment))
-        threading.Event().wait(0.5)
+        wait_for(lambda: all(recorded_count(tmp_path / "recorded", name) >= len(table) for name in NAMES))
         stop.set()
 
     thread = threading.Thread(target=serve)
     thread.start()
-    (path,), _ = record(receiving, tmp_path, duration_s=30, stop=stop)
+    (path,), _ = record(receiving, tmp_path / "recorded", duration_s=PATIENCE_S, stop=stop)
     thread.join()
     outlet.close()
     assert_same_values(table, read_recording(path).series, NMEA0183_STEP)

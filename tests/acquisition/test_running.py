@@ -7,6 +7,7 @@ import json
 import logging
 import os
 import pty
+import re
 import signal
 import socket
 import subprocess
@@ -34,7 +35,7 @@ from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.reader import read_recording
 from acquisition.sources.network import TcpLines, UdpLines
 from seatrial import app
-from tests.acquisition.conftest import config_text, free_port, wait_for
+from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, recorded_count, wait_for
 
 ROOT = Path(__file__).parents[2]
 
@@ -65,7 +66,7 @@ class Process:
 
     def end(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, list[str]]:
         self.process.send_signal(number)
-        stdout, _ = self.process.communicate(timeout=20)
+        stdout, _ = self.process.communicate(timeout=PATIENCE_S)
         self.errors.close()
         return self.process.returncode, stdout.splitlines()
 
@@ -148,6 +149,7 @@ def test_a_mark_of_any_letters_is_heard(tmp_path: Path, text: str, heard: str) -
 @pytest.mark.parametrize("apart_s", [-3600, 3600, 10**30])
 def test_a_mark_that_cannot_be_of_that_moment_is_of_now(tmp_path: Path, apart_s: int) -> None:
     moments: list[int] = []
+    began_ns = time.monotonic_ns()
     with hearing(lambda text, at_ns: moments.append(at_ns), tmp_path) as server:
         message = {"text": "\ud800", "monotonic_ns": time.monotonic_ns() + apart_s * 10**9}
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
@@ -156,15 +158,15 @@ def test_a_mark_that_cannot_be_of_that_moment_is_of_now(tmp_path: Path, apart_s:
             client.shutdown(socket.SHUT_WR)
             assert client.recv(16) == b"ok"
     (moment,) = moments
-    assert abs(moment - time.monotonic_ns()) < 5e9
+    assert began_ns <= moment <= time.monotonic_ns()
 
 
 def test_the_end_of_a_recording_as_json(tmp_path: Path) -> None:
     running = Process(tmp_path, "--json")
-    wait_for(lambda: "recording to" in running.log(), 20.0)
+    wait_for(lambda: "recording to" in running.log())
     for _ in range(3):
         say(running.port)
-    time.sleep(0.3)
+    wait_for(lambda: recorded_count(tmp_path / "out") == 3)
     code, (line,) = running.end()
     found = json.loads(line)
     assert code == 0
@@ -201,7 +203,7 @@ def test_a_broken_output_does_no_harm_to_a_recording(tmp_path: Path, redirection
     line = f'set -o pipefail; "$0" seatrial.py record {tmp_path}/trial.toml -o {tmp_path}/out --duration 0.6'
     done = subprocess.run(
         ["bash", "-c", f"{line} {redirection}", sys.executable],
-        capture_output=True, text=True, cwd=ROOT, timeout=60, check=False,
+        capture_output=True, text=True, cwd=ROOT, timeout=PATIENCE_S, check=False,
         env={**os.environ, "SEATRIAL_RUNTIME": str(tmp_path / "run")},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -225,7 +227,7 @@ def test_log_lines_are_json_from_the_first_to_the_last(tmp_path: Path) -> None:
     running = Process(tmp_path, "--log", "json")
     wait_for(lambda: "recording to" in running.log())
     say(running.port)
-    time.sleep(0.3)
+    wait_for(lambda: recorded_count(tmp_path / "out") == 1)
     code, _ = running.end()
     lines = [json.loads(line) for line in running.log().splitlines()]
     assert code == 0
@@ -239,7 +241,7 @@ def test_a_log_that_nobody_reads_does_not_hold_up_the_recording() -> None:
         """A pipe whose reader sleeps."""
 
         def write(self, text: str) -> int:
-            reader_wakes.wait(20)
+            reader_wakes.wait(PATIENCE_S)
             return super().write(text)
 
     reader_wakes, stream = threading.Event(), Stuck()
@@ -257,7 +259,7 @@ def test_a_supervisor_is_told(tmp_path: Path) -> None:
     """READY when the sources are open, then the watchdog's sign of life with a status, then STOPPING."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as supervisor:
         supervisor.bind(str(tmp_path / "notify"))
-        supervisor.settimeout(20)
+        supervisor.settimeout(PATIENCE_S)
         running = Process(tmp_path, NOTIFY_SOCKET=str(tmp_path / "notify"))
         assert supervisor.recv(1000) == b"READY=1"
         sign = supervisor.recv(1000).decode()
@@ -302,8 +304,7 @@ def test_a_check_says_what_is_missing_and_why(tmp_path: Path) -> None:
         talker.join()
     problems = {each.name: each.problem for each in found.channels}
     assert list(problems) == list(NAMES)
-    assert problems["heading_deg"].startswith("comes 1")
-    assert problems["heading_deg"].endswith("instead of 50")
+    assert re.fullmatch(r"comes 1?\d\.\d times a second instead of 50", problems["heading_deg"])
     assert problems["yaw_rate_dps"] == "nothing at all comes from 'quiet'"
     assert problems["tunnel_rpm"] == "source 'gone' cannot be opened"
     assert problems["north_m"] == "no source provides it"
@@ -354,11 +355,11 @@ def test_keys_set_marks(tmp_path: Path) -> None:
             pass
 
     threading.Thread(target=watch, daemon=True).start()
-    wait_for(lambda: b"waiting" in shown.getvalue(), 20.0)
+    wait_for(lambda: b"waiting" in shown.getvalue())
     os.write(near, b"zmqm")
-    wait_for(lambda: b"mark 2" in shown.getvalue(), 20.0)
+    wait_for(lambda: b"mark 2" in shown.getvalue())
     process.send_signal(signal.SIGINT)
-    stdout, _ = process.communicate(timeout=20)
+    stdout, _ = process.communicate(timeout=PATIENCE_S)
     assert __import__("termios").tcgetattr(far) == before
     os.close(far)
     texts = [text for _, text in read_recording(stdout.strip()).events]
