@@ -179,7 +179,7 @@ def manoeuvres(
     from rich.console import Console
 
     from acquisition.core.progress import bar
-    from analysis.manoeuvres.report import manoeuvres_of, screen, summary, write_report
+    from analysis.manoeuvres.report import manoeuvres_of, summary, terminal_tables, write_report
 
     with bar("manoeuvres") as progress:
         found = []
@@ -190,7 +190,7 @@ def manoeuvres(
         typer.echo(json.dumps(summary(found, length)))
     elif output is None:
         for each in found:
-            Console().print(screen(each, every=every))
+            Console().print(terminal_tables(each, every=every))
     if output is not None:
         for path in write_report(found, output, length):
             typer.echo(path, err=as_json)

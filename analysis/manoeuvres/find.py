@@ -16,13 +16,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre
-from analysis.manoeuvres.limits import beside_limits
+from analysis.manoeuvres.indices import Manoeuvre, add_limits
+from analysis.manoeuvres.measures import WIDEST_S, smooth_motion
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from analysis.manoeuvres.noise import WIDEST_S, smoothed
-from analysis.manoeuvres.segments import Plateau, one_order_each, plateaus, tolerance_of
-from analysis.manoeuvres.straight_runs import accelerations, speed_runs, stops
-from analysis.manoeuvres.thruster_tests import thruster_tests
+from analysis.manoeuvres.segments import Plateau, merge_corrections, plateaus, tolerance_of
+from analysis.manoeuvres.straight_runs import find_accelerations, find_speed_runs, find_stops
+from analysis.manoeuvres.thruster_tests import find_thruster_tests
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
 from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
 
@@ -81,29 +80,29 @@ def find_manoeuvres(
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         return ()
     marks = marks_of(events)
-    smooth = smoothed(motion, max(WIDEST_S, 3 * motion.step_s))
+    smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
     fastest = float(np.percentile(smooth.speed_mps[motion.known], 98)) if motion.known.any() else 0.0
-    steered, taken = _steered(motion, fastest, length_m, marks)
-    tests = thruster_tests(motion, smooth, ~taken, length_m)
+    steered, taken = _zigzags_and_turns(motion, fastest, length_m, marks)
+    tests = find_thruster_tests(motion, smooth, ~taken, length_m)
     for each in tests:
         taken |= _rows_of(motion, each)
     straight = [
-        *stops(motion, smooth, ~taken, fastest, length_m),
-        *accelerations(motion, smooth, ~taken, fastest, length_m),
+        *find_stops(motion, smooth, ~taken, fastest, length_m),
+        *find_accelerations(motion, smooth, ~taken, fastest, length_m),
     ]
-    running = speed_runs(motion, smooth, ~taken, fastest, length_m)
+    running = find_speed_runs(motion, smooth, ~taken, fastest, length_m)
     every = sorted([*steered, *tests, *straight, *running], key=lambda each: each.start)
-    named = (_named(each, marks) for each in every if _measured(motion, each))
-    return beside_limits(named, length_m)
+    named = (_apply_mark(each, marks) for each in every if _is_measured(motion, each))
+    return add_limits(named, length_m)
 
 
-def _steered(
+def _zigzags_and_turns(
     motion: Motion, fastest: float, length_m: float | None, marks: Sequence[Mark]
 ) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
     """Zigzags and turns, and the rows that they take."""
     helm = helm_of(motion)
     held = held_helm(motion, helm)
-    chains = [chain for chain in zigzag_chains(motion, held, 2) if _believed(motion, chain, marks)]
+    chains = [chain for chain in zigzag_chains(motion, held, 2) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
     found = [zigzag(motion, helm, chain, length_m) for chain in chains]
     found += [turning_circle(motion, helm, each, length_m) for each in held if each.first not in swings
@@ -128,13 +127,13 @@ def held_helm(motion: Motion, helm: Floats) -> list[Plateau]:
     return [
         replace(each, first=each.first + offset, end=each.end + offset)
         for offset, end in stretches(~motion.broken)
-        for each in one_order_each(plateaus(helm[offset:end], motion.step_s, tolerance), motion.step_s)
+        for each in merge_corrections(plateaus(helm[offset:end], motion.step_s, tolerance), motion.step_s)
         if least <= abs(each.level) <= _WIDEST_HELM_DEG
         and each.spread <= _STEADY_HELM_SHARE * abs(each.level) + _STEADY_HELM_DEG
     ]
 
 
-def _believed(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
+def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
     """Two swings are a zigzag only where somebody said so."""
     start = motion.utc(float(motion.time_s[chain[0].first]))
     marked = any("zig" in mark.text.lower() and mark.covers(start) for mark in marks)
@@ -146,21 +145,21 @@ def _rows_of(motion: Motion, each: Manoeuvre) -> NDArray[np.bool_]:
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
 
 
-def _measured(motion: Motion, each: Manoeuvre) -> bool:
+def _is_measured(motion: Motion, each: Manoeuvre) -> bool:
     """Whether the recording has hardly a hole in it."""
     return bool(motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE)
 
 
-def _named(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
+def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:
     """A manoeuvre with the name that the crew gave it; a marked turn counts as a circle however short it is."""
     text = next((mark.text for mark in marks if mark.covers(each.start) and mark.text), "")
-    if not text or not _alike(each.kind, text):
+    if not text or not _fits_kind(each.kind, text):
         return each
     kind = "turning_circle" if each.kind == "course_change" else each.kind
     return replace(each, kind=kind, name=text)
 
 
-def _alike(kind: str, text: str) -> bool:
+def _fits_kind(kind: str, text: str) -> bool:
     words = {
         "zigzag": "zig",
         "turning_circle": "turn circle",

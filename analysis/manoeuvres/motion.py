@@ -120,7 +120,7 @@ class Motion:
 
 
 AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")
-MEASURED = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
+MEASURED_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
 def motion_of(table: pd.DataFrame) -> Motion:
@@ -136,19 +136,19 @@ def motion_of(table: pd.DataFrame) -> Motion:
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
     known = grid[[*POSE, *VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
-    yaw_rate = filled(grid["yaw_rate_dps"].to_numpy())
+    yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
-    surge, sway = (filled(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
-    reckoned, apart = _reckoned_and_apart(grid, np.deg2rad(turned), surge, sway, step_s)
-    off_course = filled(unwrap(grid["heading_deg"].to_numpy() - _integral(yaw_rate, step_s)))
+    surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
+    reckoned, apart = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
+    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - _integral(yaw_rate, step_s)))
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
-    slow = [_smooth_between(rest, broken, step_s) for rest in apart]
+    slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     spread = float(np.hypot(_wander_m(apart[0] - slow[0], step_s), _wander_m(apart[1] - slow[1], step_s)))
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
     helm, thrust, port_rpm, starboard_rpm = _drives(grid)
-    tunnel = filled(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
+    tunnel = fill_gaps(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
     return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, port_rpm,
                   starboard_rpm, tunnel, known & ~broken, broken, spread, orders_are_events(table))  # fmt: skip
 
@@ -161,7 +161,7 @@ def orders_are_events(table: pd.DataFrame) -> bool:
     return bool(mended & set(AZIMUTHS)) or bool(check_orders(angles).findings)
 
 
-def filled(values: Floats) -> Floats:
+def fill_gaps(values: Floats) -> Floats:
     """``values`` with NaN bridged by straight lines; all zero where nothing is known."""
     present = np.isfinite(values)
     if present.all():
@@ -194,7 +194,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     rows = np.flatnonzero(np.isfinite(heading))
     seconds = times_ns(table)[rows] / NANO
     seconds = seconds - seconds[0]
-    yaw_rate = filled(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
+    yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
     integral = np.append(0.0, np.cumsum(0.5 * (yaw_rate[1:] + yaw_rate[:-1]) * np.diff(seconds)))
     turned = np.deg2rad(heading[rows] - integral)
     middle = np.arctan2(running_median(np.sin(turned), 9), running_median(np.cos(turned), 9))
@@ -213,16 +213,16 @@ def _integral(rate: Floats, step_s: float) -> Floats:
 def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:
     """The heading without jumps of a turn; over gaps it follows the yaw rate."""
     integral = _integral(yaw_rate_dps, step_s)
-    return np.asarray(integral + filled(unwrap(wrap_360(heading_deg - integral))))
+    return np.asarray(integral + fill_gaps(unwrap(wrap_360(heading_deg - integral))))
 
 
-def _reckoned_and_apart(
+def _dead_reckoning(
     grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """The path reckoned from speed and heading, north and east [m], and how far the positions are from it."""
     north = _integral(surge * np.cos(heading) - sway * np.sin(heading), step_s)
     east = _integral(surge * np.sin(heading) + sway * np.cos(heading), step_s)
-    apart = [running_median(filled(grid[name].to_numpy() - reckoned), 5)
+    apart = [running_median(fill_gaps(grid[name].to_numpy() - reckoned), 5)
              for name, reckoned in (("north_m", north), ("east_m", east))]  # fmt: skip
     return (north, east), (apart[0], apart[1])
 
@@ -236,7 +236,7 @@ def _jumps(values: Floats, step_s: float, least: float) -> NDArray[np.bool_]:
     return change > max(least, _JUMP_SHARE * float(np.percentile(change, 90)))
 
 
-def _smooth_between(values: Floats, broken: NDArray[np.bool_], step_s: float) -> Floats:
+def _smooth_pieces(values: Floats, broken: NDArray[np.bool_], step_s: float) -> Floats:
     """``values`` smoothed, each piece between breaks by itself."""
     result = values.copy()
     for first, end in stretches(~broken):
@@ -269,16 +269,16 @@ def _drives(grid: pd.DataFrame) -> tuple[Floats, Floats, Floats, Floats]:
         if f"{side}_rpm" not in grid:
             shafts.append(np.zeros(len(grid)))
             continue
-        rpm = filled(grid[f"{side}_rpm"].to_numpy())
+        rpm = fill_gaps(grid[f"{side}_rpm"].to_numpy())
         # Where an angle is missing the shaft still pushes: straight ahead is the least that can be said.
-        angle = np.deg2rad(_held(grid, f"{side}_angle_deg"))
+        angle = np.deg2rad(_hold(grid, f"{side}_angle_deg"))
         push = rpm * np.abs(rpm)
         ahead, aside = ahead + push * np.cos(angle), aside + push * np.sin(angle)
         shafts.append(rpm)
     return wrap_180(np.rad2deg(np.arctan2(aside, ahead))), ahead, shafts[0], shafts[1]
 
 
-def _held(grid: pd.DataFrame, name: str) -> Floats:
+def _hold(grid: pd.DataFrame, name: str) -> Floats:
     if name not in grid:
         return np.zeros(len(grid))
-    return filled(unwrap(grid[name].to_numpy()))
+    return fill_gaps(unwrap(grid[name].to_numpy()))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class RecordingManoeuvres:
     """What one recording holds."""
 
     recording: str
@@ -32,7 +32,7 @@ class Found:
     manoeuvres: tuple[Manoeuvre, ...]
 
 
-def manoeuvres_of(path: Path, length_m: float | None = None) -> Found:
+def manoeuvres_of(path: Path, length_m: float | None = None) -> RecordingManoeuvres:
     """The manoeuvres of a recording, its event marks heard. Raises :class:`InputError`, and
     :class:`DataShortageError` for a recording without channels."""
     from acquisition.recording.reader import read_recording
@@ -40,10 +40,10 @@ def manoeuvres_of(path: Path, length_m: float | None = None) -> Found:
 
     recording = read_recording(path)
     table = table_of(recording)
-    return Found(str(path), table, find_manoeuvres(table, length_m, recording.events))
+    return RecordingManoeuvres(str(path), table, find_manoeuvres(table, length_m, recording.events))
 
 
-def summary(found: Iterable[Found], length_m: float | None = None) -> dict[str, Any]:
+def summary(found: Iterable[RecordingManoeuvres], length_m: float | None = None) -> dict[str, Any]:
     """All recordings with the keys of the contract."""
     return {
         "recordings": [{"recording": each.recording, "manoeuvres": as_json(each.manoeuvres)} for each in found],
@@ -52,10 +52,10 @@ def summary(found: Iterable[Found], length_m: float | None = None) -> dict[str, 
     }
 
 
-def words(name: str) -> str:
+def plain_name(name: str) -> str:
     """The name of an index or setting for people.
 
-    >>> words("tactical_diameter_m_current_removed")
+    >>> plain_name("tactical_diameter_m_current_removed")
     'tactical diameter, current removed'
     """
     plain, removed = name.removesuffix("_current_removed"), name.endswith("_current_removed")
@@ -66,7 +66,7 @@ def words(name: str) -> str:
     return plain.replace("_", " ") + (", current removed" if removed else "")
 
 
-def cells(index: Index) -> tuple[str, str, str, str]:
+def index_cells(index: Index) -> tuple[str, str, str, str]:
     """Value, interval, lengths and limit of an index as text, with digits that the interval bears."""
     width = 0.5 * (index.high - index.low)
     digits = _digits(width, 2) if width > 0 else _digits(index.value, 4)
@@ -93,7 +93,7 @@ _SECONDARY = re.compile(
 
 def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
     """One row an index; without ``every`` the first two overshoots stand for all, and the main indices."""
-    return [[words(name), *cells(index)] for name, index in manoeuvre.indices.items()
+    return [[plain_name(name), *index_cells(index)] for name, index in manoeuvre.indices.items()
             if every or not _SECONDARY.search(name)]  # fmt: skip
 
 
@@ -104,26 +104,26 @@ def headline(manoeuvre: Manoeuvre) -> str:
     return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.name}{side}, {seconds:.0f} s"
 
 
-def said(name: str, value: float) -> str:
+def setting_text(name: str, value: float) -> str:
     """A setting with its unit, to three digits.
 
-    >>> said("port_rpm", 160.04), said("half_command_s", 0.8581), said("swings", 4.0)
+    >>> setting_text("port_rpm", 160.04), setting_text("half_command_s", 0.8581), setting_text("swings", 4.0)
     ('port 160 rpm', 'half command 0.858 s', 'swings 4')
     """
     digits = _digits(value, 3) if value % 1.0 else 0
-    return f"{words(name)} {value:.{digits}f} {unit_of(name)}".strip()
+    return f"{plain_name(name)} {value:.{digits}f} {unit_of(name)}".strip()
 
 
 def subline(manoeuvre: Manoeuvre) -> str:
     """Settings, current and notes."""
-    parts = [said(name, value) for name, value in manoeuvre.settings.items()]
+    parts = [setting_text(name, value) for name, value in manoeuvre.settings.items()]
     if manoeuvre.current:
         each = manoeuvre.current.as_json()
         parts.append(f"drift {each['speed_mps']:.2f} m/s to {each['direction_deg']:.0f} deg")
     return "; ".join([", ".join(parts), *manoeuvre.notes])
 
 
-def screen(found: Found, *, every: bool = False) -> Group:
+def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group:
     """A table a manoeuvre for the terminal, of the main indices or of ``every`` one."""
     from rich.console import Group
     from rich.table import Table
@@ -162,7 +162,9 @@ def counted_text(number: int, kind: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-def write_report(found: Sequence[Found], folder: Path, length_m: float | None = None) -> tuple[Path, Path]:
+def write_report(
+    found: Sequence[RecordingManoeuvres], folder: Path, length_m: float | None = None
+) -> tuple[Path, Path]:
     """Write ``manoeuvres.json`` and ``manoeuvres.html``, a picture of each manoeuvre in it.
 
     Raises :class:`StorageError`.
@@ -172,9 +174,9 @@ def write_report(found: Sequence[Found], folder: Path, length_m: float | None = 
     plain = folder / "manoeuvres.json"
     with in_place_of(plain) as partial:
         content = summary(found, length_m)
-        for each, said in zip(found, content["recordings"], strict=True):
+        for each, entry in zip(found, content["recordings"], strict=True):
             provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))
-            said |= {"recording": provenance["recording"], "provenance": provenance}
+            entry |= {"recording": provenance["recording"], "provenance": provenance}
         partial.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     page = render(
         "manoeuvres.html", title="Manoeuvres", found=found, length_m=length_m,

@@ -44,7 +44,7 @@ def plateaus(values: Floats, step_s: float, tolerance: float, least_s: float = 2
     found = [
         _plateau(calm, first, end) for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
-    return _joined(calm, found, tolerance, round(_BRIDGE_S / step_s))
+    return _merge_plateaus(calm, found, tolerance, round(_BRIDGE_S / step_s))
 
 
 def _plateau(values: Floats, first: int, end: int) -> Plateau:
@@ -52,7 +52,7 @@ def _plateau(values: Floats, first: int, end: int) -> Plateau:
     return Plateau(first, end, float(middle), float(high - low))
 
 
-def _joined(values: Floats, found: list[Plateau], tolerance: float, bridge: int) -> list[Plateau]:
+def _merge_plateaus(values: Floats, found: list[Plateau], tolerance: float, bridge: int) -> list[Plateau]:
     joined: list[Plateau] = []
     for each in found:
         last = joined[-1] if joined else None
@@ -63,18 +63,18 @@ def _joined(values: Floats, found: list[Plateau], tolerance: float, bridge: int)
     return joined
 
 
-def alike(one_deg: float, other_deg: float) -> bool:
+def is_same_order(one_deg: float, other_deg: float) -> bool:
     """Whether two helms are one order to the hand that gives it."""
     return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG
 
 
-def one_order_each(found: list[Plateau], step_s: float) -> list[Plateau]:
+def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
     """Plateaus of helm with those joined that are one order: a short one just before or after a long one at nearly
     the same angle, where the hand went too far and came back."""
     joined: list[Plateau] = []
     for each in found:
         last = joined[-1] if joined else None
-        if last and _one_order(last, each, round(_BRIDGE_S / step_s)):
+        if last and _is_correction(last, each, round(_BRIDGE_S / step_s)):
             longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
             joined[-1] = replace(longer, first=last.first, end=each.end)
         else:
@@ -82,10 +82,10 @@ def one_order_each(found: list[Plateau], step_s: float) -> list[Plateau]:
     return joined
 
 
-def _one_order(last: Plateau, each: Plateau, bridge: int) -> bool:
+def _is_correction(last: Plateau, each: Plateau, bridge: int) -> bool:
     short, long = sorted((last.end - last.first, each.end - each.first))
     near = each.first - last.end <= bridge and short <= _BLINK_SHARE * long
-    return near and last.level * each.level > 0 and alike(last.level, each.level)
+    return near and last.level * each.level > 0 and is_same_order(last.level, each.level)
 
 
 def execute_s(
@@ -119,7 +119,7 @@ def _last_crossing(share: Floats, level: float) -> float:
     return row + float((level - share[row]) / (share[row + 1] - share[row]))
 
 
-def counted(motion: Motion, both: Floats) -> Floats:
+def counting_times(motion: Motion, both: Floats) -> Floats:
     """The moments that indices count from, of those of first change and of half way [2, ...].
 
     The first change of a command is its execute. Between two events nobody knows when a lever began to move, and
@@ -128,7 +128,7 @@ def counted(motion: Motion, both: Floats) -> Floats:
     return np.asarray(both[1 if motion.orders_are_events else 0])
 
 
-def the_other(motion: Motion, both: Floats) -> tuple[Floats, str]:
+def alternative_times(motion: Motion, both: Floats) -> tuple[Floats, str]:
     """The moments that indices do not count from, and the name of what does: it stands beside the main one."""
     return (both[0], "first_change") if motion.orders_are_events else (both[1], "half_command")
 

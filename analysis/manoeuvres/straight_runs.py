@@ -10,12 +10,18 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import circular_mean, difference, wrap_360
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Index, Manoeuvre, index_of, with_limits
-from analysis.manoeuvres.limits import TRACK_REACH_LENGTHS
+from analysis.manoeuvres.indices import TRACK_REACH_LENGTHS, Index, Manoeuvre, index_of, with_limits
+from analysis.manoeuvres.measures import (
+    along_and_across,
+    approach_settings,
+    bootstrap_indices,
+    crossing_s,
+    distance_m,
+    half_width_s,
+    level_before,
+)
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
-from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
 from analysis.manoeuvres.segments import Plateau, execute_s, plateaus, tolerance_of
-from analysis.manoeuvres.tracks import along_and_across, approach_settings, crossing_s, distance_m, level_before
 
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0
@@ -64,7 +70,7 @@ def steady_rows(smooth: Motion, fastest_mps: float) -> NDArray[np.bool_]:
     return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * fastest_mps)
 
 
-def speed_runs(
+def find_speed_runs(
     motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
 ) -> list[Manoeuvre]:
     """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked."""
@@ -78,7 +84,7 @@ def speed_runs(
         inside[held.first : held.end] = good[held.first : held.end]
         found += [_speed_run(motion, first, end, length_m)
                   for first, end in stretches(inside, round(_LEAST_RUN_S / motion.step_s))]  # fmt: skip
-    return _paired(sorted(found, key=lambda each: each.start))
+    return _pair_reciprocal(sorted(found, key=lambda each: each.start))
 
 
 def _speed_run(motion: Motion, first: int, end: int, length_m: float | None) -> Manoeuvre:
@@ -106,7 +112,7 @@ def _mean_of_blocks(values: Floats, blocks: int = 6) -> tuple[float, float]:
     return float(values.mean()), 2.57 * float(np.std(means, ddof=1)) / np.sqrt(blocks)
 
 
-def _paired(runs: list[Manoeuvre]) -> list[Manoeuvre]:
+def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:
     """Runs on reciprocal courses at one shaft speed get the speed through the water that the two together give.
 
     Of several partners the nearest in time counts; each run has one pair at most.
@@ -154,7 +160,7 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
     return steps
 
 
-def accelerations(
+def find_accelerations(
     motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
 ) -> list[Manoeuvre]:
     """More thrust on a straight course, until the speed is steady."""
@@ -176,7 +182,7 @@ def accelerations(
     return found
 
 
-def stops(
+def find_stops(
     motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
 ) -> list[Manoeuvre]:
     """Thrust taken off or reversed with way on the ship, until she has lost two fifths of it and more."""
@@ -200,7 +206,7 @@ def _change_of_speed(
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     width = half_width_s(part, (end - start) / 2.0)
-    found = measured_with_intervals(part, np.array([start, end]), width, measure)
+    found = bootstrap_indices(part, np.array([start, end]), width, measure)
     indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
     limit = TRACK_REACH_LENGTHS * length_m if length_m and reverse and kind == "stopping" else None

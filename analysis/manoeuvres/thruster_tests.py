@@ -7,9 +7,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Manoeuvre, index_of
+from analysis.manoeuvres.measures import along_and_across, bootstrap_indices, half_width_s
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
-from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
-from analysis.manoeuvres.tracks import along_and_across
 
 _RUNNING_SHARE, _IDLE_SHARE = 0.2, 0.08
 _NOISE_SIGMAS = 10.0
@@ -26,7 +25,7 @@ def _running(values: Floats, largest: float) -> tuple[NDArray[np.bool_], NDArray
     return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
 
 
-def _bridged(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+def _bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     """``true`` with breaks of no more than ``rows`` closed."""
     result = true.copy()
     for first, end in stretches(~true):
@@ -35,7 +34,7 @@ def _bridged(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     return result
 
 
-def thruster_tests(
+def find_thruster_tests(
     motion: Motion, smooth: Motion, free: NDArray[np.bool_], length_m: float | None
 ) -> list[Manoeuvre]:
     """One shaft alone for a quarter of a minute and more, and every run of the tunnel thruster."""
@@ -51,11 +50,11 @@ def thruster_tests(
         "tunnel thruster to port": tunnel & (motion.tunnel_rpm < 0) & (both | (port_idle & starboard_idle)),
     }
     crab = _crabbing_rows(smooth, port | starboard | tunnel)
-    found = _tests_of(motion, "crabbing", "crabbing", _bridged(crab & free, round(_BRIDGE_S / motion.step_s)),
+    found = _tests_of(motion, "crabbing", "crabbing", _bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
                       _CRAB_LEAST_S, length_m)  # fmt: skip
     found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
     for name, true in cases.items():
-        rows = _bridged(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
+        rows = _bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
         found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S, length_m)
     return found
 
@@ -78,7 +77,7 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: 
     part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)
     width = half_width_s(part, (span[1] - span[0]) / 2.0)
-    found = measured_with_intervals(part, span, width, drift_indices, _UNSURE_ROWS)
+    found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS)
     turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
     sideways = aside if kind == "crabbing" else turned
     return Manoeuvre(

@@ -2,26 +2,33 @@
 
 Advance and transfer are measured along and across the heading of the approach, from the execute to where the
 heading has changed by 90 deg; the tactical diameter is the way across when it has changed by 180 deg.
+
+The drift: in steady turning a ship comes back to the same point of the water after each turn, so that the way
+between two points of the track one turn apart, over the time between them, is the velocity of the water, with
+what the wind adds to it (ITTC 7.5-04-02-01, correction for drift). All pairs of the steady part count.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.current import LEAST_TURN_DEG, current_of, drift_pairs, without_current
-from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
-from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.noise import half_width_s, measured_with_intervals, smoothed
-from analysis.manoeuvres.segments import Plateau, counted, event_notes, execute_s, the_other
-from analysis.manoeuvres.tracks import (
+from analysis.manoeuvres.indices import Current, Manoeuvre, index_of, nominal_deg
+from analysis.manoeuvres.measures import (
     along_and_across,
     approach_of,
     approach_settings,
+    bootstrap_indices,
     crossing_s,
     distance_m,
+    half_width_s,
     level_before,
+    smooth_motion,
 )
+from analysis.manoeuvres.motion import Motion
+from analysis.manoeuvres.segments import Plateau, alternative_times, counting_times, event_notes, execute_s
 
 LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
 _MARGIN_S = 20.0
@@ -52,7 +59,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
     quarter_s = (end - start) * min(1.0, 90.0 / abs(turned))
     width = half_width_s(part, quarter_s)
-    found = measured_with_intervals(part, np.array([start, half, end]), width, circle_indices)
+    found = bootstrap_indices(part, np.array([start, half, end]), width, circle_indices)
     settings = {
         "azimuth_deg": each.level,
         "turned_deg": abs(turned),
@@ -70,7 +77,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         side="starboard" if turned > 0 else "port",
         settings=settings,
         indices=indices,
-        current=current_of(smoothed(part, width), start, end),
+        current=current_of(smooth_motion(part, width), start, end),
         notes=event_notes(motion),
     )
 
@@ -83,8 +90,8 @@ def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     orders are known from events only.
     """
     start, end = float(executes[0]), float(executes[2])
-    count = float(counted(motion, executes))
-    beside, name = the_other(motion, executes)
+    count = float(counting_times(motion, executes))
+    beside, name = alternative_times(motion, executes)
     values = _indices_over_ground(motion, start, count, end)
     if "advance_m" in values:
         values[f"advance_{name}_m"] = values["advance_m"] - distance_m(motion, count, float(beside))
@@ -92,7 +99,7 @@ def circle_indices(motion: Motion, executes: Floats) -> dict[str, float]:
     if turned >= LEAST_TURN_DEG:
         north, east = drift_pairs(motion, start, end)
         if north.size:
-            water = without_current(motion, float(north.mean()), float(east.mean()), start)
+            water = remove_current(motion, float(north.mean()), float(east.mean()), start)
             values |= {name + REMOVED: each for name, each in _indices_over_ground(water, start, count, end).items()
                        if not name.endswith(("_s", "_dps"))}  # fmt: skip
     return values
@@ -140,3 +147,50 @@ def _steady(motion: Motion, turned: Floats, half_s: float, end: float, approach_
         "drift_angle_deg": float(side * drift),
         "speed_loss": 1.0 - speed / approach_mps,
     }
+
+
+LEAST_TURN_DEG = 510.0
+_STEADY_AFTER_DEG = 120.0
+_FEWEST_PAIRS = 10
+
+
+def drift_pairs(motion: Motion, start: float, end: float) -> tuple[Floats, Floats]:
+    """Drift north and east [m/s] from every pair of rows one turn apart, once the turn has settled."""
+    inside = motion.between(start, end)
+    turned = np.maximum.accumulate(np.abs(inside.heading_deg - inside.heading_deg[0]))
+    rising = turned + 1e-9 * np.arange(turned.size)
+    later = np.flatnonzero(turned >= _STEADY_AFTER_DEG + 360.0)
+    then_s = np.interp(turned[later] - 360.0, rising, inside.time_s)
+    span = inside.time_s[later] - then_s
+    north = inside.north_m[later] - np.interp(then_s, inside.time_s, inside.north_m)
+    east = inside.east_m[later] - np.interp(then_s, inside.time_s, inside.east_m)
+    return north / span, east / span
+
+
+def current_of(motion: Motion, start: float, end: float) -> Current | None:
+    """The drift with its interval, None where the ship turned less than 510 deg."""
+    turned = abs(motion.at("heading_deg", end) - motion.at("heading_deg", start))
+    if turned < LEAST_TURN_DEG:
+        return None
+    north, east = drift_pairs(motion, start, end)
+    if north.size < _FEWEST_PAIRS:
+        return None
+    return Current(float(north.mean()), float(east.mean()), _half_interval(north), _half_interval(east))
+
+
+def _half_interval(values: Floats) -> float:
+    """Half of the 95 % interval: pairs of one circle share their points, so that their spread is not divided."""
+    return float(1.96 * np.std(values))
+
+
+def remove_current(motion: Motion, north_mps: float, east_mps: float, start: float) -> Motion:
+    """The motion through the water: path and speeds less a steady current, the path unchanged at ``start``."""
+    passed = motion.time_s - start
+    heading = np.deg2rad(motion.heading_deg)
+    return replace(
+        motion,
+        north_m=motion.north_m - north_mps * passed,
+        east_m=motion.east_m - east_mps * passed,
+        surge_mps=motion.surge_mps - north_mps * np.cos(heading) - east_mps * np.sin(heading),
+        sway_mps=motion.sway_mps + north_mps * np.sin(heading) - east_mps * np.cos(heading),
+    )

@@ -13,10 +13,25 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
+from analysis.manoeuvres.measures import (
+    approach_of,
+    approach_settings,
+    bootstrap_indices,
+    crossing_s,
+    distance_m,
+    half_width_s,
+    level_before,
+    peak,
+)
 from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.noise import half_width_s, measured_with_intervals
-from analysis.manoeuvres.segments import Plateau, alike, counted, event_notes, execute_s, the_other
-from analysis.manoeuvres.tracks import approach_of, approach_settings, crossing_s, distance_m, level_before, peak
+from analysis.manoeuvres.segments import (
+    Plateau,
+    alternative_times,
+    counting_times,
+    event_notes,
+    execute_s,
+    is_same_order,
+)
 
 FEWEST_SWINGS = 3
 _LONGEST_PAUSE_S = 8.0
@@ -38,7 +53,7 @@ def zigzag_chains(motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_
             chains[-1].append(each)
         else:
             chains.append([each])
-    return [chain for chain in chains if len(chain) >= fewest and _answered(motion, chain)]
+    return [chain for chain in chains if len(chain) >= fewest and _ship_answers(motion, chain)]
 
 
 def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
@@ -49,12 +64,12 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
         return False
     return (
         last.level * each.level < 0
-        and alike(last.level, -each.level)
+        and is_same_order(last.level, -each.level)
         and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s)
     )
 
 
-def _answered(motion: Motion, chain: list[Plateau]) -> bool:
+def _ship_answers(motion: Motion, chain: list[Plateau]) -> bool:
     """Whether the ship turns to the other side in each swing but the last, and none of them is a circle."""
     ends = np.array([each.end - 1 for each in chain])
     at_ends = motion.heading_deg[ends]
@@ -82,10 +97,10 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
 def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float | None) -> Manoeuvre:
     """The zigzag that a chain of swings is, with its indices."""
     both = executes_of(motion, helm, chain)
-    executes = counted(motion, both)
+    executes = counting_times(motion, both)
     part = motion.around(executes[0], executes[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
-    found = measured_with_intervals(part, both, half_width_s(part, swing_s), zigzag_indices)
+    found = bootstrap_indices(part, both, half_width_s(part, swing_s), zigzag_indices)
     settings = _settings(part, chain, both)
     indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
     angle, switch = settings["azimuth_deg"], settings["switch_deg"]
@@ -138,7 +153,7 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
     counts from half way, and the overshoot from the first change stands beside it. What was not reached is
     missing; after an approach that was not steady, all that hangs on the approach.
     """
-    executes = counted(motion, both)
+    executes = counting_times(motion, both)
     approach = approach_of(motion, both[0, 0])
     heading, steady = _deviation_deg(motion, executes, approach)
     values, beside = _overshoots(motion, heading, both)
@@ -171,7 +186,7 @@ def _deviation_deg(motion: Motion, executes: Floats, approach: Mapping[str, floa
 def _overshoots(motion: Motion, heading: Floats, both: Floats) -> tuple[dict[str, float], dict[str, float]]:
     """Every overshoot and the mean of three and more; beside them those from the other moment of the command, and
     the times it took to check the yaw."""
-    executes, others, name = counted(motion, both), *the_other(motion, both)
+    executes, others, name = counting_times(motion, both), *alternative_times(motion, both)
     swings = executes.size - 2
     values: dict[str, float] = {}
     beside: dict[str, float] = {}

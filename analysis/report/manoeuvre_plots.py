@@ -13,12 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.current import without_current
 from analysis.manoeuvres.indices import Manoeuvre
+from analysis.manoeuvres.measures import (
+    along_and_across,
+    approach_of,
+    crossing_s,
+    half_width_s,
+    peak,
+    smooth_motion,
+)
 from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.noise import half_width_s, smoothed
-from analysis.manoeuvres.report import cells, words
-from analysis.manoeuvres.tracks import along_and_across, approach_of, crossing_s, peak
+from analysis.manoeuvres.report import index_cells, plain_name
+from analysis.manoeuvres.turning_circle import remove_current
 from analysis.report.plots import FAINT, PALETTE, ship
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
@@ -42,7 +48,7 @@ def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float |
     """The picture of a manoeuvre, as its kind has it."""
     start, end = seconds_of(motion, manoeuvre)
     part = motion.around(start, end, _MARGIN_S)
-    smooth = smoothed(part, half_width_s(part, 0.1 * (end - start)))
+    smooth = smooth_motion(part, half_width_s(part, 0.1 * (end - start)))
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
     figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
     drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre, length_m)
@@ -130,7 +136,7 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: 
     current = manoeuvre.current
     main = shown
     if current:
-        main = without_current(shown, current.north_mps, current.east_mps, start)
+        main = remove_current(shown, current.north_mps, current.east_mps, start)
         left.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
     left.plot(*_across_ahead(main, start, ahead_deg), color=BLUE, linewidth=1.8,
               label="current removed" if current else "track")  # fmt: skip
@@ -244,7 +250,7 @@ def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
     """A manoeuvre's row in the table of all."""
     side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
     main = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _SECONDARY)]
-    indices = ", ".join(f"{words(name)} {cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
+    indices = ", ".join(f"{plain_name(name)} {index_cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
     return [f"{manoeuvre.start:%H:%M:%S}", f"{manoeuvre.name}{side}", f"{seconds:.0f} s", indices]
 

@@ -9,7 +9,7 @@ import pytest
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.segments import one_order_each, plateaus
+from analysis.manoeuvres.segments import merge_corrections, plateaus
 from analysis.tables.time_index import NANO, times_ns
 from hybrid.simulation.manoeuvres import Leg
 from hybrid.simulation.trial import simulate_trial
@@ -177,7 +177,7 @@ def test_a_hand_that_goes_too_far_and_comes_back_gives_one_order(side: float) ->
     """Five seconds at a helm larger by a sixth part no order; twice the helm, or the other side, is another."""
     helm = side * np.repeat([0.0, 11.7, 10.0, -11.7, -10.0, -20.0], [20, 10, 60, 10, 60, 60])
     held = [each for each in plateaus(helm, 0.5, 1.0) if each.level]
-    joined = one_order_each(held, 0.5)
+    joined = merge_corrections(held, 0.5)
     assert len(held) == 5
     assert [each.level * side for each in joined] == [10.0, -10.0, -20.0]
     assert [each.first for each in joined] == [held[0].first, held[2].first, held[4].first]

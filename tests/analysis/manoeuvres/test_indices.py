@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.manoeuvres import Manoeuvre, as_json, find_manoeuvres
+from analysis.manoeuvres.measures import bootstrap_indices, peak
 from analysis.manoeuvres.motion import Motion, motion_of
-from analysis.manoeuvres.noise import measured_with_intervals
-from analysis.manoeuvres.tracks import peak
 from analysis.manoeuvres.turning_circle import circle_indices
 from analysis.manoeuvres.zigzag import zigzag_indices
 from tests.analysis.conftest import table_at
@@ -187,7 +186,7 @@ def test_an_overshoot_is_not_biased_by_noise() -> None:
     apart, naive = [], []
     for seed in range(12):
         motion, executes = swinging(20.0, 0.5, seed)
-        found = measured_with_intervals(motion, np.stack([executes, executes]), 6.0, zigzag_indices)
+        found = bootstrap_indices(motion, np.stack([executes, executes]), 6.0, zigzag_indices)
         apart.append(found["overshoot_mean_deg"][0] - 10.0)
         naive.append(peak(motion.time_s, motion.heading_deg, 35.0, 60.0)[1] - 20.0)
     assert abs(np.mean(apart)) < 0.12

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from analysis.manoeuvres.indices import Manoeuvre, index_of
-from analysis.manoeuvres.limits import (
-    beside_limits,
+from analysis.manoeuvres.indices import (
+    Manoeuvre,
+    add_limits,
     first_overshoot_10_10_deg,
+    index_of,
     is_turning_test,
     overshoot_limit_deg,
     second_overshoot_10_10_deg,
@@ -41,7 +42,7 @@ def manoeuvre(kind: str, helm_deg: float, switch_deg: float = 0.0) -> Manoeuvre:
 
 def limits_by_name(*found: Manoeuvre) -> dict[str, dict[str, float]]:
     return {each.name: {name: index.limit for name, index in each.indices.items() if index.limit is not None}
-            for each in beside_limits(found, 100.0)}  # fmt: skip
+            for each in add_limits(found, 100.0)}  # fmt: skip
 
 
 def test_a_circle_is_the_turning_test_at_the_largest_helm_only() -> None:
@@ -53,7 +54,7 @@ def test_a_circle_is_the_turning_test_at_the_largest_helm_only() -> None:
 
 
 def test_the_largest_helm_is_that_of_all_manoeuvres_and_a_note_says_it() -> None:
-    alone, beside = beside_limits([manoeuvre("turning_circle", 28.0)], 100.0), beside_limits(
+    alone, beside = add_limits([manoeuvre("turning_circle", 28.0)], 100.0), add_limits(
         [manoeuvre("turning_circle", 28.0), manoeuvre("course_change", -45.0)], 100.0)  # fmt: skip
     assert alone[0].indices["advance_m"].limit == 450.0
     assert beside[0].indices["advance_m"].limit is None
@@ -77,7 +78,7 @@ def test_a_zigzag_has_the_limits_of_its_own_test() -> None:
 
 
 def test_without_a_length_no_limit_needs_one() -> None:
-    circle, twenty = beside_limits([manoeuvre("turning_circle", 35.0), manoeuvre("zigzag", 20.0, 20.0)], None)
+    circle, twenty = add_limits([manoeuvre("turning_circle", 35.0), manoeuvre("zigzag", 20.0, 20.0)], None)
     assert all(index.limit is None for index in circle.indices.values())
     assert circle.notes == ()
     assert twenty.indices["overshoot_1_deg"].limit == 25.0

@@ -18,7 +18,7 @@ from acquisition.recording.trial import Trial
 from analysis.manoeuvres import find_manoeuvres
 from analysis.manoeuvres.indices import index_of
 from analysis.manoeuvres.motion import motion_of
-from analysis.manoeuvres.report import cells, manoeuvres_of, subline, write_report
+from analysis.manoeuvres.report import index_cells, manoeuvres_of, subline, write_report
 from analysis.report.manoeuvre_plots import draw
 from analysis.report.plots import STYLE
 from seatrial import app
@@ -68,9 +68,9 @@ def test_settings_keep_their_units(recording: Path) -> None:
 
 def test_a_limit_is_shown_with_its_unit_and_in_lengths() -> None:
     advance = replace(index_of("advance_m", 100.0, 1.0, 50.0), limit=225.0)
-    assert cells(advance)[-1] == "225.0 m (4.5 L)"
+    assert index_cells(advance)[-1] == "225.0 m (4.5 L)"
     overshoot = replace(index_of("overshoot_1_deg", 8.0, 1.0, 50.0), limit=10.0)
-    assert cells(overshoot)[-1] == "10.0 deg"
+    assert index_cells(overshoot)[-1] == "10.0 deg"
 
 
 def test_a_report_that_fails_leaves_the_older_one(

@@ -1,0 +1,240 @@
+"""Measures of a smoothed manoeuvre (crossings, peaks, distances, the approach), and their intervals.
+
+Intervals come from a bootstrap with the noise's own spectrum. The measured motion is a smooth one and a
+remainder, noise and waves. Many times over a remainder of the same spectrum with other phases (Theiler et al.
+1992, Physica D 58) is laid on the smooth motion, the smoothing is done again and the index read off again. The
+spread of the results is the index's uncertainty, their mean less the value it started from is the error that the
+smoothing itself makes, and is taken off.
+
+The smoother has swallowed the slow part of the noise, so that the remainder lacks it; there its spectrum is taken
+to go on at the level it has just above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Floats
+from analysis.estimation.local_polynomial import local_quadratic
+from analysis.manoeuvres.indices import unit_of
+from analysis.manoeuvres.motion import MEASURED_COLUMNS, Motion
+from analysis.manoeuvres.segments import Plateau
+
+APPROACH_S = 10.0
+
+
+def level_before(motion: Motion, command: Floats, plateau: Plateau, seconds: float = 4.0) -> float:
+    """The level a command had shortly before it went to a plateau: the median of ``seconds`` before the change.
+
+    The change itself is where the command is nearer to the plateau than to where it was before.
+    """
+    rows = round(seconds / motion.step_s)
+    first = motion.row_before(plateau.first, 4.0 * seconds)
+    ahead = command[first : plateau.first + 1]
+    start = float(np.median(ahead[: max(rows, 1)]))
+    share = (ahead - start) / (plateau.level - start) if plateau.level != start else np.zeros(ahead.size)
+    under = np.flatnonzero(share < 0.2)
+    end = int(under[-1]) + 1 if under.size else 1
+    return float(np.median(ahead[max(0, end - max(rows, 1)) : end]))
+
+
+def approach_of(motion: Motion, execute: float) -> dict[str, float]:
+    """The mean state in the last seconds before an execute.
+
+    Speed, heading (also as it runs on without jumps), the turn of heading
+    and the change of speed in a second (how steady the approach was).
+    """
+    execute = float(np.clip(execute, motion.time_s[0], motion.time_s[-1]))
+    before = motion.between(execute - APPROACH_S, execute)
+    if before.time_s.size < 2:
+        before = motion.between(execute - 1.5 * motion.step_s, execute + 1.5 * motion.step_s)
+    heading = float(before.heading_deg.mean())
+    span = before.time_s - before.time_s.mean()
+    scale = float(np.sum(span**2)) or 1.0
+    return {
+        "approach_mps": float(before.speed_mps.mean()),
+        "approach_heading_deg": float(wrap_360(heading)),
+        "approach_unwrapped_deg": heading,
+        "approach_yaw_rate_dps": float(span @ before.heading_deg / scale),
+        "approach_acceleration_mps2": float(span @ before.speed_mps / scale),
+        "port_rpm": float(before.port_rpm.mean()),
+        "starboard_rpm": float(before.starboard_rpm.mean()),
+    }
+
+
+def approach_settings(motion: Motion, execute: float) -> dict[str, float]:
+    """The state before an execute as settings of a manoeuvre."""
+    state = approach_of(motion, execute)
+    return {name: value for name, value in state.items() if name != "approach_unwrapped_deg"}
+
+
+def crossing_s(time_s: Floats, values: Floats, level: float, start: float, end: float) -> float:
+    """When ``values`` first rise through ``level`` between two times, NaN where they do not."""
+    first, last = np.searchsorted(time_s, [start, end])
+    above = np.flatnonzero(values[first:last] >= level)
+    if not above.size:
+        return float("nan")
+    row = int(first + above[0])
+    if row == 0 or values[row - 1] >= level:
+        return float(time_s[row])
+    share = (level - values[row - 1]) / (values[row] - values[row - 1])
+    return float(time_s[row - 1] + share * (time_s[row] - time_s[row - 1]))
+
+
+def peak(time_s: Floats, values: Floats, start: float, end: float) -> tuple[float, float]:
+    """Time and height of the highest point between two times, by the parabola through it and its neighbours."""
+    first, last = np.searchsorted(time_s, [start, end])
+    if last - first < 1:
+        return float(start), float(np.interp(start, time_s, values))
+    row = int(first + np.argmax(values[first:last]))
+    if row == 0 or row + 1 >= values.size:
+        return float(time_s[row]), float(values[row])
+    left, top, right = values[row - 1 : row + 2]
+    bend = left - 2.0 * top + right
+    if bend >= 0.0:
+        return float(time_s[row]), float(top)
+    shift = float(np.clip(0.5 * (left - right) / bend, -1.0, 1.0))
+    return float(time_s[row] + shift * (time_s[1] - time_s[0])), float(top - 0.25 * (left - right) * shift)
+
+
+def distance_m(motion: Motion, start: float, end: float) -> float:
+    """The way along the track between two times [m], NaN where one of them is."""
+    if not np.isfinite(start + end):
+        return float("nan")
+    steps = np.hypot(np.diff(motion.north_m), np.diff(motion.east_m))
+    way = np.append(0.0, np.cumsum(steps))
+    return float(np.interp(end, motion.time_s, way) - np.interp(start, motion.time_s, way))
+
+
+def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: float) -> tuple[float, float]:
+    """Way ahead and to starboard of a heading, from where the ship was at ``start`` [m]."""
+    north = motion.at("north_m", time_s) - motion.at("north_m", start)
+    east = motion.at("east_m", time_s) - motion.at("east_m", start)
+    heading = np.deg2rad(heading_deg)
+    return (float(north * np.cos(heading) + east * np.sin(heading)),
+            float(east * np.cos(heading) - north * np.sin(heading)))  # fmt: skip
+
+
+REPLICATES = 48
+WIDEST_S = 8.0
+_FEWEST_ROWS = 3
+_TWO_SIDED_95 = 1.96
+_SEED = 137
+
+Measure = Callable[[Motion, Floats], dict[str, float]]
+"""Indices of a smooth motion, and of the times at which commands were changed [s]."""
+
+
+def half_width_s(motion: Motion, time_scale_s: float) -> float:
+    """A quarter of the time in which the manoeuvre does something, 8 s at most: slow enough for waves."""
+    return float(np.clip(time_scale_s / 4.0, _FEWEST_ROWS * motion.step_s, max(WIDEST_S, 3 * motion.step_s)))
+
+
+def smooth_motion(motion: Motion, half_width: float) -> Motion:
+    """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
+    rows = half_width / motion.step_s
+    return motion.measuring({name: _quadratic(getattr(motion, name), rows) for name in MEASURED_COLUMNS})
+
+
+def _quadratic(values: Floats, half_width: float) -> Floats:
+    """:func:`analysis.estimation.local_polynomial.local_quadratic` of values without holes: a convolution, and
+    at the ends the sums that the one-sided fits are. A manoeuvre is smoothed some fifty times over."""
+    reach = int(np.ceil(half_width))
+    if reach < 6 or values.size < 4 * reach:
+        return local_quadratic(values, half_width)
+    start, kernel = _weights(half_width)
+    smooth = np.empty_like(values)
+    smooth[reach:-reach] = np.convolve(values, kernel, mode="valid")
+    smooth[:reach] = start @ values[: 2 * reach]
+    smooth[-reach:] = (start @ values[: -2 * reach - 1 : -1])[::-1]
+    return smooth
+
+
+@lru_cache(maxsize=64)
+def _weights(half_width: float) -> tuple[Floats, Floats]:
+    """The fit at each of the first rows as a sum over the first values [reach, 2 reach], and at any row further
+    in as a sum over those around it [2 reach + 1]."""
+    reach = int(np.ceil(half_width))
+    offset = (np.arange(2 * reach + 1) - np.arange(reach + 1)[:, np.newaxis]) / half_width
+    weight = np.where(np.abs(offset) < 1.0, 0.5 + 0.5 * np.cos(np.pi * offset), 0.0)
+    powers = offset[..., np.newaxis] ** np.arange(3)
+    normal = np.einsum("rk,rki,rkj->rij", weight, powers, powers)
+    first = np.linalg.inv(normal)[:, 0, :]
+    sums = weight * np.einsum("ri,rki->rk", first, powers)
+    return sums[:-1, :-1], sums[-1]
+
+
+def bootstrap_indices(
+    motion: Motion,
+    executes_s: Floats,
+    half_width: float,
+    measure: Measure,
+    unsure_rows: float = 0.5,
+    seed: int = _SEED,
+) -> dict[str, tuple[float, float]]:
+    """Value and half of the 95 % interval of every index that ``measure`` reads off a motion.
+
+    The moments of the commands are only known to a row: each is moved about by ``unsure_rows``, and all together
+    by as much, since what the shape of a command between rows does to one it does to all.
+    """
+    random = np.random.default_rng(seed)
+    smooth = smooth_motion(motion, half_width)
+    values = measure(smooth, executes_s)
+    spectra = {name: _spectrum(getattr(motion, name) - getattr(smooth, name), half_width / motion.step_s)
+               for name in MEASURED_COLUMNS}  # fmt: skip
+    repeats = []
+    for _ in range(REPLICATES):
+        again = smooth_motion(_with_noise(smooth, spectra, random), half_width)
+        shifts = random.uniform(-1.0, 1.0, executes_s.shape) + random.uniform(-1.0, 1.0)
+        moved = executes_s + motion.step_s * unsure_rows * shifts
+        repeats.append(measure(again, moved))
+    path_within = _TWO_SIDED_95 * np.sqrt(2.0) * motion.path_sd_m  # both ends of a way are off
+    found = {}
+    for name, value in values.items():
+        believed, within = _without_bias(value, np.array([each.get(name, np.nan) for each in repeats]))
+        found[name] = believed, float(np.hypot(within, path_within)) if unit_of(name) == "m" else within
+    return found
+
+
+def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
+    """The value without the error of smoothing, and half of its interval.
+
+    The error is itself only an estimate: a half of it counts as one standard deviation.
+    """
+    repeats = repeats[np.isfinite(repeats)]
+    if not np.isfinite(value) or repeats.size < REPLICATES // 2:
+        return value, float("nan")
+    bias = float(np.median(repeats)) - value
+    return value - bias, _TWO_SIDED_95 * float(np.hypot(repeats.std(ddof=1), 0.5 * bias))
+
+
+def _with_noise(smooth: Motion, spectra: Mapping[str, Floats], random: np.random.Generator) -> Motion:
+    rows = smooth.time_s.size
+    return smooth.measuring(
+        {name: getattr(smooth, name) + _draw(spectra[name], rows, random) for name in MEASURED_COLUMNS}
+    )
+
+
+def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:
+    """A series of a given spectrum of amplitudes with random phases."""
+    parts = random.standard_normal((2, amplitude.size)) / np.sqrt(2.0)
+    return np.fft.irfft(amplitude * (parts[0] + 1j * parts[1]), size)
+
+
+def _spectrum(remainder: Floats, half_rows: float) -> Floats:
+    """The amplitudes of the noise from those of the remainder, its slow part filled in.
+
+    Below one cycle per half width the local fit follows; the octave above it gives the level there.
+    """
+    amplitude = np.abs(np.fft.rfft(remainder - remainder.mean()))
+    frequency = np.fft.rfftfreq(remainder.size)
+    edge = min(1.0 / max(half_rows, 1.0), 0.25)
+    above = (frequency >= edge) & (frequency < 2.0 * edge)
+    if above.any():
+        amplitude[frequency < edge] = np.sqrt(np.mean(amplitude[above] ** 2))
+    amplitude[0] = 0.0
+    return amplitude
