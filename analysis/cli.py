@@ -99,13 +99,13 @@ def export(
     from dataclasses import asdict
 
     from acquisition.recording.reader import read_recording
-    from analysis.prepare import Preparation, prepared
+    from analysis.prepare import Preparation, prepare
     from analysis.tables.export import export_table
     from analysis.tables.provenance import history_of
 
     expect_suffix(output, ".parquet", ".csv", ".mat")
     how = Preparation(rate, repair, remove_delays, smooth, flags)
-    table = prepared(read_recording(file), how)
+    table = prepare(read_recording(file), how)
     written, *beside = export_table(table, output, options=asdict(how))
     for step in history_of(table):
         if step["step"] in ("repair", "remove_delays"):
@@ -136,11 +136,11 @@ def windows(
 ) -> None:
     """Cut held windows out of recordings."""
     from acquisition.core.progress import bar
-    from analysis.windows.recordings import Cutting, windows_of_recordings, write_windows
+    from analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
 
     expect_suffix(output, ".parquet")
     repair = repair or rebuild_positions  # speeds are scaled before positions lean on them
-    how = Cutting(horizon, stride, keep_moving, repair, remove_delays, starts, rebuild_positions)
+    how = WindowOptions(horizon, stride, keep_moving, repair, remove_delays, starts, rebuild_positions)
     with bar("windows") as progress:
         found = windows_of_recordings(files, how, progress)
     write_windows(found, output)

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import pandas as pd
 
 from acquisition.recording.reader import Recording
-from analysis.tables.export import SIGMA_SUFFIX, with_flags
-from analysis.tables.provenance import with_step
+from analysis.tables.export import SIGMA_SUFFIX, add_flags
+from analysis.tables.provenance import add_step
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import table_of, without_delays
+from analysis.tables.table import remove_delays, table_of
 
 SMOOTHED_RATE_HZ = 1.0
 """The rate of a smoothed table for which none is given."""
@@ -36,7 +36,7 @@ class Preparation:
     flags: bool = False
 
 
-def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
+def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool = False) -> pd.DataFrame:
     """The recording's table, the steps that were done in its history.
 
     ``rebuild_positions``, with the repairs, takes the path that speeds and heading give for the positions
@@ -60,18 +60,18 @@ def prepared(recording: Recording, how: Preparation, *, rebuild_positions: bool 
         flags = flags_after(raw, table, flags)
     delays = delays_of(quality.findings, raw) if how.remove_delays else {}
     result = _at_rate(table, how, delays)
-    return with_flags(result, flags, delays) if how.flags else result
+    return add_flags(result, flags, delays) if how.flags else result
 
 
 def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:
     if how.smooth:
-        return smoothed(table, how.rate_hz or SMOOTHED_RATE_HZ, delays)
+        return smooth_table(table, how.rate_hz or SMOOTHED_RATE_HZ, delays)
     if how.rate_hz is not None:
         return resample(table, how.rate_hz, delays=delays)
-    return without_delays(table, delays) if delays else table
+    return remove_delays(table, delays) if delays else table
 
 
-def smoothed(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
+def smooth_table(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
     """All channels at ``rate_hz``, motion from the Kalman smoother with the standard deviation of each.
 
     The motion channels and their rates of change come from :func:`analysis.estimation.smoother.smooth`, a column
@@ -79,10 +79,10 @@ def smoothed(table: pd.DataFrame, rate_hz: float, delays: Mapping[str, float] | 
     """
     from analysis.estimation.smoother import smooth
 
-    motion = smooth(without_delays(table, delays) if delays else table, rate_hz)
+    motion = smooth(remove_delays(table, delays) if delays else table, rate_hz)
     result = resample(table, rate_hz, delays=delays)
     states, sigmas = (each.reindex(result.index) for each in (motion.states, motion.standard_deviations()))
-    result = with_step(result, "smooth", rate_hz=float(rate_hz))
+    result = add_step(result, "smooth", rate_hz=float(rate_hz))
     for name in states.columns:
         result[name], result[f"{name}{SIGMA_SUFFIX}"] = states[name], sigmas[name]
     return result

@@ -16,11 +16,11 @@ from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, RepairResult, repair
 from analysis.tables.export import SIGMA_SUFFIX
-from analysis.tables.provenance import with_step
+from analysis.tables.provenance import add_step
 from analysis.tables.resample import resample
 from analysis.tables.table import require, table_of
 from analysis.windows.held import HeldWindows, held_windows
-from analysis.windows.recordings import with_starts
+from analysis.windows.recordings import add_start_states
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ def analyse(path: Path, options: Options, name: str = "") -> Products:
             motion = smooth(mended.table, 1.0)
             products.one_hz, products.remarks = _with_motion(one_hz, motion), motion.remarks
             if products.windows is not None:
-                products.windows = with_starts(products.windows, {name or path.stem: motion})
+                products.windows = add_start_states(products.windows, {name or path.stem: motion})
     return products
 
 
@@ -103,7 +103,7 @@ def _with_motion(one_hz: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
     states, sigmas = (each.reindex(one_hz.index) for each in (motion.states, motion.standard_deviations()))
     both = {str(name): states[name] for name in states}
     both |= {f"{name}{SIGMA_SUFFIX}": sigmas[name] for name in sigmas}
-    return with_step(one_hz, "smooth", rate_hz=1.0).assign(**both)
+    return add_step(one_hz, "smooth", rate_hz=1.0).assign(**both)
 
 
 def cause_of(error: BaseException) -> str:

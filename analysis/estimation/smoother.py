@@ -39,10 +39,10 @@ from analysis.estimation.motion_model import (
 )
 from analysis.estimation.noise_levels import NoiseLevels, estimate_levels
 from analysis.tables.files import write_parquet
-from analysis.tables.provenance import provenance_of, with_step
-from analysis.tables.resample import checked_rate, grid
+from analysis.tables.provenance import add_step, provenance_of
+from analysis.tables.resample import grid, rate_fraction
 from analysis.tables.table import require
-from analysis.tables.time_index import NANO, index_of, refuse_endless, times_ns
+from analysis.tables.time_index import NANO, index_of, require_plausible_span, times_ns
 
 COVARIANCE_NAMES = tuple(f"cov_{first}_{second}" for row, first in enumerate(BODY[:6]) for second in BODY[row:6])
 """The 21 distinct elements of the covariance of pose and velocity, row by row of its upper triangle."""
@@ -141,7 +141,7 @@ def smooth(
 
 def _refuse_endless(table: pd.DataFrame) -> None:
     times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
-    refuse_endless(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
+    require_plausible_span(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,13 +165,13 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
     states = pd.DataFrame(values, index=index_of(grid_ns), columns=list(BODY))
     states["heading_deg"] = wrap_360(states["heading_deg"])
     states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
-    return with_step(states, "smooth", rate_hz=float(rate_hz))
+    return add_step(states, "smooth", rate_hz=float(rate_hz))
 
 
 def _grid(data: Binned, rate_hz: float) -> Ints:
     """Whole multiples of 1 / rate from the first to the last step [ns]."""
     first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
-    return grid(first_ns, last_ns, checked_rate(rate_hz))
+    return grid(first_ns, last_ns, rate_fraction(rate_hz))
 
 
 def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:

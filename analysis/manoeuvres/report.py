@@ -16,7 +16,7 @@ import pandas as pd
 from acquisition.recording.trial import software_version
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
-from analysis.tables.files import in_place_of
+from analysis.tables.files import atomic_file
 from analysis.tables.provenance import provenance_of
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def write_report(
     from analysis.report.rendering import render
 
     plain = folder / "manoeuvres.json"
-    with in_place_of(plain) as partial:
+    with atomic_file(plain) as partial:
         content = summary(found, length_m)
         for each, entry in zip(found, content["recordings"], strict=True):
             provenance = provenance_of(each.table, {"length_m": length_m}, Path(each.recording))

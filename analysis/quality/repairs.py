@@ -23,7 +23,7 @@ from analysis.quality.samples import is_possible, rows_of
 from analysis.quality.single_repairs import REPAIRS, Columns, FlagsByChannel
 from analysis.quality.summary import OTHER_TURN
 from analysis.tables.files import expect_suffix
-from analysis.tables.provenance import HISTORY_KEY, history_of, with_step
+from analysis.tables.provenance import HISTORY_KEY, add_step, history_of
 from analysis.tables.time_index import times_ns, utc_index
 
 
@@ -83,7 +83,7 @@ def repair(
         if not changed and not done.told:
             continue
         repairs.append(Repair(finding.code, finding.channel, done.text, changed))
-        table = with_step(
+        table = add_step(
             table.assign(**done.columns), "repair", code=finding.code, channel=finding.channel, text=done.text,
             changed=changed, estimate=dict(finding.estimate),
         )  # fmt: skip

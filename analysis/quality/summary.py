@@ -14,7 +14,7 @@ from acquisition.core.channels import BY_NAME
 from analysis.quality.findings import Finding
 from analysis.quality.samples import Stretch, times_of
 from analysis.quality.time_checks import ClockJump
-from analysis.tables.time_index import NANO, stamped
+from analysis.tables.time_index import NANO, time_span_text
 
 ALL = "all"
 OTHER_TURN = "other_turn"
@@ -184,8 +184,8 @@ def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, l
     channel = next(iter(stray)) if len(stray) == 1 else ALL
     count, due = every.size, sum(map(len, samples.values()))
     text = (
-        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {stamped(every)}, up to "
-        f"{away_s / 86400:,.0f} days from the recording proper, {stamped(np.array([first_ns, last_ns]))}"
+        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(every)}, up to "
+        f"{away_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
     )
     remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
     estimate = {"count": float(count), "seconds": away_s}

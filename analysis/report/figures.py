@@ -28,7 +28,7 @@ from matplotlib.text import Text
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.report.plots import STYLE
-from analysis.tables.files import in_place_of
+from analysis.tables.files import atomic_file
 
 Draw = Callable[[Figure], object]
 ENDINGS = ("svg", "pdf", "json")
@@ -60,7 +60,7 @@ def write_figure(figure: Figure, folder: Path, name: str, endings: Sequence[str]
     """
     paths = [folder / f"{name}.{ending}" for ending in endings]
     for path, ending in zip(paths, endings, strict=True):
-        with in_place_of(path) as partial:
+        with atomic_file(path) as partial:
             partial.write_bytes(_content(figure, ending))
     return paths
 

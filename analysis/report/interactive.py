@@ -17,7 +17,7 @@ from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.core.errors import ConfigurationError
 from acquisition.recording.trial import software_version
 from analysis.report.interactive_data import DECIMALS, page_data, panels_of
-from analysis.tables.files import expect_suffix, in_place_of
+from analysis.tables.files import atomic_file, expect_suffix
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -107,7 +107,7 @@ def write_interactive(
     """
     expect_suffix(path, ".html")
     html = interactive_page(table, windows, predicted, manoeuvres, title, subtitle)
-    with in_place_of(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_text(html, encoding="utf-8")
     return Path(path)
 

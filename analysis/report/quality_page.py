@@ -16,7 +16,7 @@ from analysis.quality.samples import runs
 from analysis.quality.summary import ALL
 from analysis.quality.terminal import counts_of, finding_text
 from analysis.report.rendering import Page, render
-from analysis.tables.files import in_place_of, write_parquet
+from analysis.tables.files import atomic_file, write_parquet
 from analysis.tables.time_index import main_stretch, times_ns
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def write_quality(
     """
     found = quality.as_json()
     report = folder / "quality.json"
-    with in_place_of(report) as partial:
+    with atomic_file(report) as partial:
         partial.write_text(json.dumps({**found, "provenance": provenance}, indent=1) + "\n", encoding="utf-8")
     flags = folder / "flags.parquet"
     recording = str(provenance["recording"])

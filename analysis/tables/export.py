@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
 from acquisition.recording.trial import software_version
-from analysis.tables.files import expect_suffix, in_place_of, write_parquet
+from analysis.tables.files import atomic_file, expect_suffix, write_parquet
 from analysis.tables.provenance import provenance_of
-from analysis.tables.table import checked_delays_ns
+from analysis.tables.table import delays_in_ns
 from analysis.tables.time_index import NANO, times_ns, utc_index
 
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
@@ -55,14 +55,14 @@ def unit_of(column: str) -> str:
     return BY_NAME[name].unit if name in BY_NAME else _RATE_UNITS.get(name, "")
 
 
-def with_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
+def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:
     """The table with a column ``<name>_flag`` (uint8) beside all others for each of its channels that was judged.
 
     ``flags`` belong to the raw samples, of which the delays [s by channel] were not taken off yet. A row of a
     resampled table gets the gravest flag among the samples that are nearer to it than to any other row; where
     the table has no value it says missing.
     """
-    delay_ns = checked_delays_ns(delays or {})
+    delay_ns = delays_in_ns(delays or {})
     result = table.copy(deep=False)
     same = not delays and flags.index.equals(table.index)
     for name in [str(name) for name in table.columns if name in flags.columns]:
@@ -113,9 +113,9 @@ def _write_csv(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     times = np.datetime_as_string(times_ns(table).astype("datetime64[ns]"), unit="ns")
     index = pd.Index([f"{time}Z" for time in times])
     beside = path.with_name(f"{path.name}.json")
-    with in_place_of(path) as partial:
+    with atomic_file(path) as partial:
         table.set_axis(index, axis=0).to_csv(partial, index_label="time")
-    with in_place_of(beside) as partial:
+    with atomic_file(beside) as partial:
         partial.write_text(json.dumps({"file": path.name, **about}, indent=2) + "\n", encoding="utf-8")
     return [path, beside]
 
@@ -140,7 +140,7 @@ def _write_mat(table: pd.DataFrame, path: Path, about: Mapping[str, Any]) -> lis
     }
     named = {key: {matlab_name(name): value for name, value in each.items()} for key, each in structs.items()}
     content = {"time": times_ns(table) / NANO, **vectors, **named}
-    with in_place_of(path) as partial, partial.open("wb") as stream:
+    with atomic_file(path) as partial, partial.open("wb") as stream:
         savemat(stream, content, oned_as="column", long_field_names=True)
         stream.seek(0)
         stream.write(_MAT_TITLE.ljust(_MAT_TITLE_BYTES))  # scipy writes the time of day there

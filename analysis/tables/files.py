@@ -42,7 +42,7 @@ def make_folder(folder: Path) -> None:
 
 
 @contextmanager
-def in_place_of(path: Path | str) -> Iterator[Path]:
+def atomic_file(path: Path | str) -> Iterator[Path]:
     """A file to write, which takes the place of ``path`` once it is complete; its folder is made.
 
     Raises :class:`StorageError` for what the system refuses.
@@ -84,7 +84,7 @@ def write_parquet(
     own = {METADATA_PREFIX + key: text for key, text in metadata.items()}
     own[METADATA_PREFIX + "software_version"] = software_version()
     schema = pa.schema(fields, metadata={**(arrow.schema.metadata or {}), **own})
-    with in_place_of(path) as partial:
+    with atomic_file(path) as partial:
         pq.write_table(arrow.cast(schema), partial)
 
 

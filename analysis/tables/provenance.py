@@ -49,7 +49,7 @@ def sha256_of(path: Path) -> str | None:
 HISTORY_KEY = "history"
 
 
-def with_step(table: pd.DataFrame, step: str, **options: Any) -> pd.DataFrame:
+def add_step(table: pd.DataFrame, step: str, **options: Any) -> pd.DataFrame:
     """``table`` with one more step in its history: its name, the version of Seatrial and the options.
 
     The data are shared with ``table``; only the history is new.

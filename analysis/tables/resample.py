@@ -27,9 +27,9 @@ from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
-from analysis.tables.provenance import with_step
-from analysis.tables.table import attributes_of, believed, bounds_ns, channels_of, checked_delays_ns
-from analysis.tables.time_index import NANO, index_of, refuse_endless, times_ns
+from analysis.tables.provenance import add_step
+from analysis.tables.table import attributes_of, bounds_ns, channels_of, delays_in_ns, valid_values
+from analysis.tables.time_index import NANO, index_of, require_plausible_span, times_ns
 
 Samples = tuple[Ints, Floats]
 
@@ -99,8 +99,8 @@ def resample_recording(
         series = recording.series[name]
         inside = (series.measured_ns >= first_ns) & (series.measured_ns <= last_ns)
         if inside.all():
-            return series.measured_ns, believed(series)
-        return series.measured_ns[inside], believed(series)[inside]
+            return series.measured_ns, valid_values(series)
+        return series.measured_ns[inside], valid_values(series)[inside]
 
     return _on_grid(names, samples, attributes_of(recording), rate_hz, longest_gap_s, delays)
 
@@ -114,8 +114,8 @@ def _on_grid(
     delays: Mapping[str, float] | None,
 ) -> pd.DataFrame:
     """Every channel on the grid that spans all of them; one channel's samples are held at a time."""
-    rate = checked_rate(rate_hz)
-    delay_ns = checked_delays_ns(delays or {})
+    rate = rate_fraction(rate_hz)
+    delay_ns = delays_in_ns(delays or {})
 
     def valid(name: str) -> Samples:
         time_ns, values = samples_of(name)
@@ -123,14 +123,16 @@ def _on_grid(
         return time_ns[there] - delay_ns.get(name, 0), values[there]
 
     first_ns, last_ns = _span(valid(name)[0] for name in names)
-    refuse_endless(first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", "")))
+    require_plausible_span(
+        first_ns, last_ns, (valid(name)[0] for name in names), str(attributes.get("recording", ""))
+    )
     grid_ns = grid(first_ns, last_ns, rate)
     columns = {name: _resampled(name, *valid(name), grid_ns, rate, longest_gap_s) for name in names}
     result = pd.DataFrame(columns, index=index_of(grid_ns))
     result.attrs = {**attributes, "rate_hz": float(rate_hz)}
     if delays:
-        result = with_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
-    return with_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
+        result = add_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+    return add_step(result, "resample", rate_hz=float(rate_hz), longest_gap_s=longest_gap_s)
 
 
 def _span(times: Iterable[Ints]) -> tuple[int, int]:
@@ -141,7 +143,7 @@ def _span(times: Iterable[Ints]) -> tuple[int, int]:
     return min(first for first, _ in ends), max(last for _, last in ends)
 
 
-def checked_rate(rate_hz: float) -> Fraction:
+def rate_fraction(rate_hz: float) -> Fraction:
     """A rate [Hz] as a ratio. Raises :class:`InputError` for one that is not possible."""
     if not 0.0 < rate_hz <= 1000.0:
         raise InputError(f"a rate of {rate_hz} Hz is not possible", fix="give more than 0 and at most 1000")

@@ -17,7 +17,7 @@ from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
-from analysis.tables.provenance import HISTORY_KEY, with_step
+from analysis.tables.provenance import HISTORY_KEY, add_step
 from analysis.tables.time_index import NANO, index_of, times_ns
 
 _LONGEST_DELAY_S = 3600.0
@@ -36,7 +36,7 @@ def read_table(path: Path | str) -> pd.DataFrame:
 def table_of(recording: Recording) -> pd.DataFrame:
     """As :func:`read_table`, of a recording that is already read."""
     series = {name: recording.series[name] for name in channels_of(recording)}
-    table = joined({name: (each.measured_ns, believed(each)) for name, each in series.items()})
+    table = join_channels({name: (each.measured_ns, valid_values(each)) for name, each in series.items()})
     table.attrs.update(attributes_of(recording))
     return table
 
@@ -74,7 +74,7 @@ def _history_in(text: str) -> list[dict[str, Any]]:
     return steps if isinstance(steps, list) and all(isinstance(step, dict) for step in steps) else []
 
 
-def believed(series: Series) -> Floats:
+def valid_values(series: Series) -> Floats:
     """The values of a series, NaN where they are flagged bad."""
     return np.where(series.quality >= Quality.BAD, np.nan, series.value)
 
@@ -82,7 +82,7 @@ def believed(series: Series) -> Floats:
 _KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
 
 
-def joined(channels: Mapping[str, tuple[Ints, Floats]]) -> pd.DataFrame:
+def join_channels(channels: Mapping[str, tuple[Ints, Floats]]) -> pd.DataFrame:
     """Channels as times [ns] and values in one table, a row for each time; NaN where a channel has no sample.
 
     The rows are in the order of time; a time that one channel has twice stands in two rows, in its order.
@@ -107,26 +107,26 @@ def _keys(time_ns: Ints) -> NDArray[np.void]:
     return keys
 
 
-def without_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
+def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
     """The raw samples joined anew after each channel's delay [s] is taken off its times.
 
     A positive delay means stamped that much too late. Cells that are NaN are no samples here: a row that would
     hold nothing else is not made. The history gains a step. Raises :class:`InputError` for a name that is no
     channel or a delay that is no number.
     """
-    delay_ns = checked_delays_ns(delays)
+    delay_ns = delays_in_ns(delays)
     time_ns = times_ns(table)
     channels = {}
     for name in map(str, table.columns):
         values = table[name].to_numpy(dtype=float)
         there = np.isfinite(values)
         channels[name] = time_ns[there] - delay_ns.get(name, 0), values[there]
-    result = joined(channels)
+    result = join_channels(channels)
     result.attrs.update(table.attrs)
-    return with_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+    return add_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
 
 
-def checked_delays_ns(delays: Mapping[str, float]) -> dict[str, int]:
+def delays_in_ns(delays: Mapping[str, float]) -> dict[str, int]:
     """Delays by channel [s] in ns. Raises :class:`InputError` for what is no channel or no possible delay."""
     for name, delay_s in delays.items():
         if name not in BY_NAME:

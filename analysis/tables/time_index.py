@@ -65,7 +65,7 @@ def main_stretch(time_ns: Ints) -> tuple[int, int]:
     return int(longest[0]), int(longest[-1])
 
 
-def refuse_endless(first_ns: int, last_ns: int, times: Iterable[Ints], where: str = "") -> None:
+def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], where: str = "") -> None:
     """Raise :class:`InputError` where a span [ns] is longer than one recording can be, and name the stamps.
 
     ``times`` of all channels [ns] are only looked at to name them.
@@ -76,14 +76,18 @@ def refuse_endless(first_ns: int, last_ns: int, times: Iterable[Ints], where: st
     first, last = main_stretch(every)
     stray = every[(every < first) | (every > last)]
     days = (last_ns - first_ns) / DAY_NS
-    why = f"{stray.size:,} of {every.size:,} are stamped {stamped(stray)}" if stray.size else "its clock was set"
+    why = (
+        f"{stray.size:,} of {every.size:,} are stamped {time_span_text(stray)}"
+        if stray.size
+        else "its clock was set"
+    )
     raise InputError(
         f"its samples lie within {days:,.0f} days, more than the {LONGEST_DAYS} of one recording", where=where,
         why=why, fix="see `seatrial check`; `check --repair OUT.mcap` takes a few such samples out",
     )  # fmt: skip
 
 
-def stamped(time_ns: Ints) -> str:
+def time_span_text(time_ns: Ints) -> str:
     """When samples are stamped, for people: one time, or from the first to the last."""
     first, last = (pd.Timestamp(int(each), tz="UTC") for each in (time_ns.min(), time_ns.max()))
     text = f"{first:%Y-%m-%d %H:%M:%S}"

@@ -40,7 +40,7 @@ class HeldWindows:
 
     ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
     channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
-    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.recordings.with_starts`.
+    of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.recordings.add_start_states`.
     ``provenance`` says by trial where they come from (:func:`analysis.tables.provenance.provenance_of`).
     """
 
@@ -205,11 +205,11 @@ def _legs(values: Floats, starts: Ints, horizon_s: int, stride_s: int, rule: Tol
             apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
     limit = np.array([tolerance_of(name, rule).span for name in COMMAND])
     between = starts[1:] - (starts[:-1] + horizon_s)
-    joined = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
-    return np.concatenate([[0], np.cumsum(~joined)])
+    same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
+    return np.concatenate([[0], np.cumsum(~same_leg)])
 
 
-def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
+def join_windows(parts: Sequence[HeldWindows]) -> HeldWindows:
     """The windows of several recordings in one, with window numbers that are unique across them.
 
     Raises :class:`InputError` when two recordings have one name or different horizons.
@@ -231,7 +231,7 @@ def joined(parts: Sequence[HeldWindows]) -> HeldWindows:
     return HeldWindows(rows, candidates, offset, ordered, parts[0].horizon_s, parts[0].stride_s)
 
 
-def nothing_held_is_an_error(windows: HeldWindows, where: str) -> HeldWindows:
+def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
     """The windows as they are. Raises :class:`DataShortageError` with the counts by reason if there is none."""
     if windows.kept:
         return windows

@@ -24,12 +24,12 @@ from acquisition.core.channels import BY_NAME, NAMES, POSE, VELOCITY
 from acquisition.core.errors import InputError
 from acquisition.recording.reader import read_recording
 from analysis.estimation.smoother import COVARIANCE_NAMES, Smoothed, smooth
-from analysis.prepare import Preparation, prepared
+from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
 from analysis.tables.provenance import provenance_of, refuse_duplicates
 from analysis.tables.resample import resample, resample_recording
 from analysis.tables.table import select
-from analysis.windows.held import COLUMNS, HeldWindows, held_windows, joined, nothing_held_is_an_error
+from analysis.windows.held import COLUMNS, HeldWindows, held_windows, join_windows, require_windows
 
 
 def tables_of_recordings(
@@ -43,13 +43,13 @@ def tables_of_recordings(
     """Recordings, or a part of each one's time, at 1 Hz; by the trial's name, which is the file's.
 
     ``repair`` puts right before what a check of the whole recording is certain of, ``rebuild_positions`` with the
-    repairs the positions too (:func:`analysis.prepare.prepared`).
+    repairs the positions too (:func:`analysis.prepare.prepare`).
     """
     tables = {}
     for number, (path, trial) in enumerate(zip(paths, trial_names(paths), strict=True)):
         recording = read_recording(path)
         if repair:
-            whole = prepared(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
+            whole = prepare(recording, Preparation(repair=True), rebuild_positions=rebuild_positions)
             tables[trial] = resample(select(whole, part_percent), 1.0)
         else:
             tables[trial] = resample_recording(recording, 1.0, part_percent=part_percent)
@@ -63,7 +63,7 @@ def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, s
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
     """
     parts = [held_windows(table, horizon_s, stride_s, trial=trial) for trial, table in tables.items()]
-    return nothing_held_is_an_error(joined(parts), ", ".join(tables))
+    return require_windows(join_windows(parts), ", ".join(tables))
 
 
 def trial_names(paths: Sequence[Path]) -> list[str]:
@@ -80,13 +80,13 @@ def trial_names(paths: Sequence[Path]) -> list[str]:
 
 
 STATES = (*POSE, *VELOCITY)
-SLOW = tuple(f"slow_{name}" for name in STATES)
-START_COLUMNS = ("window", "trial", "leg", "start", *STATES, *COVARIANCE_NAMES, *SLOW)
+SLOW_STATES = tuple(f"slow_{name}" for name in STATES)
+START_COLUMNS = ("window", "trial", "leg", "start", *STATES, *COVARIANCE_NAMES, *SLOW_STATES)
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
 @dataclass(frozen=True, slots=True)
-class Cutting:
+class WindowOptions:
     """How windows are cut out of recordings.
 
     ``keep_moving`` keeps those in which a thruster moved; ``repair`` and ``remove_delays`` put right before what
@@ -103,7 +103,7 @@ class Cutting:
     rebuild_positions: bool = False
 
 
-def with_starts(windows: HeldWindows, motion: Mapping[str, Smoothed]) -> HeldWindows:
+def add_start_states(windows: HeldWindows, motion: Mapping[str, Smoothed]) -> HeldWindows:
     """The windows with ``starts``, from the smoothed motion of each of their trials at whole seconds.
 
     One row a window in the order of their numbers; NaN where the motion has no estimate.
@@ -120,38 +120,38 @@ def _starts(first: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
     columns = (
         motion.states[list(STATES)],
         motion.covariance_columns(),
-        motion.slow[list(STATES)].set_axis(list(SLOW), axis=1),
+        motion.slow[list(STATES)].set_axis(list(SLOW_STATES), axis=1),
     )
     values = [each.reindex(at).reset_index(drop=True) for each in columns]
     return pd.concat([first.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)]
 
 
 def windows_of_recordings(
-    paths: Sequence[Path], how: Cutting | None = None, progress: Callable[[float], None] = lambda share: None
+    paths: Sequence[Path], how: WindowOptions | None = None, progress: Callable[[float], None] = lambda share: None
 ) -> HeldWindows:
     """The windows of recordings, by the trial's name, which is the file's, with their starts.
 
     Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
     :class:`InputError` when one recording is given twice.
     """
-    cutting = how or Cutting()
+    options = how or WindowOptions()
     refuse_duplicates(paths)
     parts, motion, names, provenance = [], {}, trial_names(paths), {}
     for number, (path, trial) in enumerate(zip(paths, names, strict=True)):
-        raw = Preparation(repair=cutting.repair, remove_delays=cutting.remove_delays)
-        simple = not (cutting.starts or cutting.repair or cutting.remove_delays)
+        raw = Preparation(repair=options.repair, remove_delays=options.remove_delays)
+        simple = not (options.starts or options.repair or options.remove_delays)
         how_raw = replace(raw, rate_hz=1.0) if simple else raw
-        table = prepared(read_recording(path), how_raw, rebuild_positions=cutting.rebuild_positions)
+        table = prepare(read_recording(path), how_raw, rebuild_positions=options.rebuild_positions)
         seconds = table if simple else resample(table, 1.0)
         parts.append(
-            held_windows(seconds, cutting.horizon_s, cutting.stride_s, trial=trial, keep_moving=cutting.keep_moving)
+            held_windows(seconds, options.horizon_s, options.stride_s, trial=trial, keep_moving=options.keep_moving)
         )
-        provenance[trial] = provenance_of(seconds, asdict(cutting), path)
-        if cutting.starts and parts[-1].kept:
+        provenance[trial] = provenance_of(seconds, asdict(options), path)
+        if options.starts and parts[-1].kept:
             motion[trial] = smooth(table, 1.0)
         progress((number + 1) / len(paths))
-    windows = replace(nothing_held_is_an_error(joined(parts), ", ".join(names)), provenance=provenance)
-    return with_starts(windows, motion) if cutting.starts else windows
+    windows = replace(require_windows(join_windows(parts), ", ".join(names)), provenance=provenance)
+    return add_start_states(windows, motion) if options.starts else windows
 
 
 def write_windows(windows: HeldWindows, path: Path | str) -> None:

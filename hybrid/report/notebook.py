@@ -20,7 +20,7 @@ from acquisition.core import errors
 from acquisition.core.errors import ConfigurationError, SeatrialError
 from acquisition.core.progress import Progress
 from analysis.report.page import write_document
-from analysis.tables.files import in_place_of, make_folder
+from analysis.tables.files import atomic_file, make_folder
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
@@ -88,7 +88,7 @@ def executed_notebook(
 
 def _keep(running: Path, executed: Path) -> None:
     """Put the notebook in its place; one that was interrupted is not kept, and the older stays."""
-    with in_place_of(executed) as partial:
+    with atomic_file(executed) as partial:
         shutil.copyfile(running, partial)
 
 

@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from acquisition.core.arrays import Floats
 from analysis.report.figures import filled, write_figure
 from analysis.report.plots import INK
-from analysis.tables.files import in_place_of
+from analysis.tables.files import atomic_file
 from hybrid.report.style import COLOUR, plain_numbers
 from hybrid.reproduction.degradation import OVERALL
 from hybrid.reproduction.fidelity_map import LEAST_M, FidelityMap, useful_up_to_m
@@ -168,7 +168,7 @@ def _shades(found: FidelityMap) -> dict[int, float]:
 def write_map(found: FidelityMap, folder: Path) -> list[Path]:
     """The map as PNG, SVG and PDF, its numbers and its reading as JSON. Raises :class:`StorageError`."""
     path = folder / f"{NAME}.json"
-    with in_place_of(path) as unfinished:
+    with atomic_file(path) as unfinished:
         unfinished.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
     paths = [path]
     for name, draw, size_inch in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from analysis.tables.files import in_place_of
+from analysis.tables.files import atomic_file
 from hybrid.prediction.scores import Interval
 from hybrid.report.evaluation_tables import spread
 from hybrid.reproduction.published import PUBLISHED
@@ -77,9 +77,9 @@ def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
     """Write ``table3.json`` and ``table3.csv``, which has the rows. Raises :class:`StorageError`."""
     plain = table.as_dict()
     as_json, as_csv = folder / "table3.json", folder / "table3.csv"
-    with in_place_of(as_json) as partial:
+    with atomic_file(as_json) as partial:
         partial.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
-    with in_place_of(as_csv) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+    with atomic_file(as_csv) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.DictWriter(stream, fieldnames=list(plain["rows"][0]))
         writer.writeheader()
         writer.writerows(plain["rows"])

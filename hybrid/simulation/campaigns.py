@@ -22,7 +22,7 @@ from acquisition.recording.trial import Trial, software_version
 from analysis.batch.one_recording import Row
 from analysis.batch.products import Options
 from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, run_jobs
-from analysis.tables.files import in_place_of
+from analysis.tables.files import atomic_file
 from hybrid.effects import CATALOGUE, apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named
@@ -149,7 +149,7 @@ def run_campaign(
         index = out / INDEX
         reused = sum(row.pop("reused", False) for row in rows)
         planned = [{"name": job.name, **_public(job)} for job in jobs]
-        with in_place_of(index) as partial:
+        with atomic_file(index) as partial:
             pd.DataFrame(planned).merge(pd.DataFrame(rows), on="name", how="left").to_csv(partial, index=False)
     return Made(rows, reused, index)
 

@@ -14,7 +14,7 @@ from acquisition.core.errors import storage_error
 from acquisition.core.progress import Progress
 from acquisition.recording.reader import read_recording
 from acquisition.recording.trial import software_version
-from analysis.prepare import Preparation, prepared
+from analysis.prepare import Preparation, prepare
 from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import select
 from hybrid.diagnosis.add import repaired
@@ -56,7 +56,7 @@ def diagnose_files(
     how = Preparation(repair=repair)
     tables: list[pd.DataFrame] = []
     for number, file in enumerate(files):
-        table = prepared(read_recording(file), how, rebuild_positions=rebuild_positions)
+        table = prepare(read_recording(file), how, rebuild_positions=rebuild_positions)
         tables.append(select(table, part_percent))
         progress(0.1 * (number + 1) / len(files))
     provenance = {

@@ -24,7 +24,7 @@ from analysis.manoeuvres import find_manoeuvres
 from analysis.quality.check import check_table
 from analysis.tables.export import export_table
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import joined, read_table
+from analysis.tables.table import join_channels, read_table
 from analysis.windows.held import held_windows
 from tests.analysis.conftest import turn_between
 
@@ -151,9 +151,9 @@ def test_joining_channels_of_different_times(trial: pd.DataFrame, angle: float, 
     for name in NAMES:
         kept = np.sort(random.choice(len(table), 150, replace=False))
         channels[name] = time_ns[kept] + int(random.integers(10**8)), table[name].to_numpy()[kept]
-    together = resample(joined(channels))
+    together = resample(join_channels(channels))
     for name, each in channels.items():
-        single = resample(joined({name: each}))[name]
+        single = resample(join_channels({name: each}))[name]
         assert turn_between(together[name].dropna(), single.dropna()) == 0.0
 
 

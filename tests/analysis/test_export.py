@@ -22,10 +22,10 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
-from analysis.prepare import Preparation, prepared
+from analysis.prepare import Preparation, prepare
 from analysis.quality.findings import CheckResult
-from analysis.tables.export import export_table, matlab_name, with_flags
-from analysis.tables.provenance import history_of, provenance_of, with_step
+from analysis.tables.export import add_flags, export_table, matlab_name
+from analysis.tables.provenance import add_step, history_of, provenance_of
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
 from seatrial import app
@@ -82,7 +82,7 @@ def test_any_number_comes_back_to_the_last_bit(
 
 @pytest.mark.parametrize("suffix", KINDS)
 def test_every_product_says_where_it_comes_from(recording: Path, tmp_path: Path, suffix: str) -> None:
-    table = resample(with_step(read_table(recording), "repair", text="put right"), 2.0)
+    table = resample(add_step(read_table(recording), "repair", text="put right"), 2.0)
     written = export_table(table, tmp_path / f"voyage{suffix}", 2.0, {"rate_hz": 2.0, "repair": True})
     assert all(path.exists() for path in written)
     said = about(tmp_path / f"voyage{suffix}")
@@ -146,13 +146,13 @@ def test_a_row_gets_the_gravest_flag_of_the_samples_it_stands_for() -> None:
     flags = pd.DataFrame({"surge_mps": np.ones(17, np.uint8), "north_m": np.full(17, 9, np.uint8)}, index=raw.index)
     flags.loc[raw.index[7], "surge_mps"] = 4  # at 1.75 s: of the second at 2
     flags.loc[raw.index[12], "surge_mps"] = 3  # at 3 s
-    result = with_flags(resample(raw), flags)
+    result = add_flags(resample(raw), flags)
     assert result["surge_mps_flag"].tolist() == [1, 1, 4, 3, 1]
     assert result["north_m_flag"].tolist() == [9] * 5
-    late = with_flags(resample(raw, delays={"surge_mps": 1.0}), flags, {"surge_mps": 1.0})
+    late = add_flags(resample(raw, delays={"surge_mps": 1.0}), flags, {"surge_mps": 1.0})
     assert late["surge_mps_flag"].tolist() == [1, 1, 4, 3, 1]
     assert late.index[0] == raw.index[0] - pd.Timedelta(seconds=1)
-    pd.testing.assert_series_equal(with_flags(raw, flags)["surge_mps_flag"], flags["surge_mps"], check_names=False)
+    pd.testing.assert_series_equal(add_flags(raw, flags)["surge_mps_flag"], flags["surge_mps"], check_names=False)
 
 
 def run(*arguments: str) -> Any:
@@ -163,7 +163,7 @@ def run(*arguments: str) -> Any:
 def everything(recording: Path) -> pd.DataFrame:
     """Uncertainties, flags, repairs and delays in one table."""
     how = Preparation(smooth=True, flags=True, repair=True, remove_delays=True)
-    return prepared(read_recording(recording), how)
+    return prepare(read_recording(recording), how)
 
 
 @pytest.mark.parametrize("suffix", KINDS)
@@ -220,7 +220,7 @@ def test_flags_beside_repaired_values_are_those_after_the_repair(
     spoilt.loc[spoilt.index[400], "surge_mps"] = 99.0
     write_table(spoilt, tmp_path / "spoilt.mcap", Trial())
     before, after = (
-        prepared(read_recording(tmp_path / "spoilt.mcap"), Preparation(rate_hz, repair=each, flags=True))
+        prepare(read_recording(tmp_path / "spoilt.mcap"), Preparation(rate_hz, repair=each, flags=True))
         for each in (False, True)
     )
     assert (before["north_m_flag"] == 4).sum() == 3
@@ -243,6 +243,6 @@ def test_delays_are_those_of_the_check_which_leaves_impossible_values_out(
         return CheckResult(pd.DataFrame(index=table.index))
 
     monkeypatch.setattr(check, "CHECKS", (motion,))
-    prepared(read_recording(recording), Preparation(1.0, repair=True, remove_delays=True, flags=True))
+    prepare(read_recording(recording), Preparation(1.0, repair=True, remove_delays=True, flags=True))
     assert len(looks) == 1
     assert looks[0] < 30.0

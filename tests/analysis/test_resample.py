@@ -16,7 +16,7 @@ from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
 from analysis.tables.provenance import history_of
 from analysis.tables.resample import SETTINGS, resample, resample_recording
-from analysis.tables.table import select, table_of, without_delays
+from analysis.tables.table import remove_delays, select, table_of
 from tests.analysis.conftest import START_S, table_at, turn_between
 
 RATES = st.sampled_from([0.4, 1.0, 2.0, 5.0, 10.0, 25.0])
@@ -244,11 +244,11 @@ def test_a_delay_that_is_known_is_taken_off(rate_hz: float, delay_s: float, name
 
 def test_raw_samples_without_their_delay_are_joined_anew() -> None:
     table = table_at([0.0, 1.0, 2.0], {"north_m": [0.0, 1.0, 2.0], "surge_mps": [5.0, np.nan, 7.0]})
-    found = without_delays(table, {"north_m": 1.0})
+    found = remove_delays(table, {"north_m": 1.0})
     expected = {"north_m": [0.0, 1.0, 2.0, np.nan], "surge_mps": [np.nan, 5.0, np.nan, 7.0]}
     pd.testing.assert_frame_equal(found, table_at([-1.0, 0.0, 1.0, 2.0], expected))
     with pytest.raises(InputError, match="no channel"):
-        without_delays(table, {"speed": 1.0})
+        remove_delays(table, {"speed": 1.0})
     with pytest.raises(InputError, match="not possible"):
         resample(table, delays={"north_m": np.nan})
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from acquisition.core.channels import COMMAND, NAMES
 from acquisition.core.errors import DataShortageError, InputError
-from analysis.windows.held import COLUMNS, held_windows, joined
+from analysis.windows.held import COLUMNS, held_windows, join_windows
 from analysis.windows.recordings import read_windows, trial_names, windows_of_tables, write_windows
 from analysis.windows.steady_controls import noise_of
 from tests.analysis.conftest import steady_table, table_at
@@ -150,7 +150,7 @@ def test_the_long_table_is_that_of_the_contract() -> None:
 
 def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path) -> None:
     parts = [held_windows(wandering(seed), trial=name) for seed, name in ((1, "a"), (2, "b"))]
-    both = joined(parts)
+    both = join_windows(parts)
     assert both.rows["window"].nunique() == both.kept == parts[0].kept + parts[1].kept
     assert both.legs == parts[0].legs + parts[1].legs
     write_windows(both, tmp_path / "windows.parquet")
@@ -160,7 +160,7 @@ def test_recordings_are_joined_with_windows_and_legs_of_their_own(tmp_path: Path
         both.candidates, both.kept, both.dropped, 15,
     )  # fmt: skip
     with pytest.raises(InputError, match="same name"):
-        joined([parts[0], parts[0]])
+        join_windows([parts[0], parts[0]])
 
 
 def test_too_little_is_said_with_the_reasons(tmp_path: Path) -> None:

@@ -16,15 +16,15 @@ from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from analysis.tables.resample import resample
-from analysis.windows.held import COLUMNS, REASONS, held_windows, joined
+from analysis.windows.held import COLUMNS, REASONS, held_windows, join_windows
 from analysis.windows.recordings import (
     START_COLUMNS,
     STATES,
-    Cutting,
+    WindowOptions,
+    add_start_states,
     read_windows,
     starts_path,
     windows_of_recordings,
-    with_starts,
     write_windows,
 )
 from analysis.windows.steady_controls import feedback_of
@@ -48,7 +48,7 @@ def recording(voyage: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) ->
 
 def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_path: Path) -> None:
     motion = smooth(voyage)
-    windows = with_starts(held_windows(resample(voyage), 15, 5, trial="voyage"), {"voyage": motion})
+    windows = add_start_states(held_windows(resample(voyage), 15, 5, trial="voyage"), {"voyage": motion})
     starts = windows.starts
     assert starts is not None
     assert tuple(starts.columns) == START_COLUMNS
@@ -70,7 +70,7 @@ def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_pa
 def test_starts_of_other_windows_are_not_taken_for_ours(voyage: pd.DataFrame, tmp_path: Path) -> None:
     seconds = resample(voyage)
     whole = held_windows(seconds, 15, 5, trial="voyage")
-    write_windows(with_starts(whole, {"voyage": smooth(voyage)}), tmp_path / "a.parquet")
+    write_windows(add_start_states(whole, {"voyage": smooth(voyage)}), tmp_path / "a.parquet")
     write_windows(held_windows(seconds, 30, 7, trial="voyage"), tmp_path / "a.parquet")
     assert starts_path(tmp_path / "a.parquet").is_file()
     assert read_windows(tmp_path / "a.parquet").starts is None
@@ -95,7 +95,7 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
 
 def test_moving_windows_are_joined_written_and_read(tmp_path: Path) -> None:
     parts = [held_windows(wandering(seed), trial=name, keep_moving=True) for seed, name in ((1, "a"), (2, "b"))]
-    both = joined([*parts, held_windows(steady_table(5), trial="c", keep_moving=True)])
+    both = join_windows([*parts, held_windows(steady_table(5), trial="c", keep_moving=True)])
     assert both.moving == parts[0].moving + parts[1].moving > 0
     write_windows(both, tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(read_windows(tmp_path / "a.parquet").rows, both.rows)
@@ -160,7 +160,7 @@ def test_the_command_writes_windows_and_starts(recording: Path, tmp_path: Path) 
     assert summary["moving"] == windows.moving > 0
     assert windows.starts is not None
     assert windows.starts[list(START_COLUMNS)].notna().to_numpy().all()
-    plain = windows_of_recordings([recording], Cutting(starts=False))
+    plain = windows_of_recordings([recording], WindowOptions(starts=False))
     assert plain.starts is None
     assert plain.kept == windows.kept - windows.moving
 

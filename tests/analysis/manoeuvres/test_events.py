@@ -9,7 +9,7 @@ import pytest
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.motion import AZIMUTHS, motion_of
 from analysis.quality.commands import hold_orders
-from analysis.tables.provenance import with_step
+from analysis.tables.provenance import add_step
 from tests.analysis.manoeuvres.conftest import Sail
 
 
@@ -36,7 +36,7 @@ def repaired(table: pd.DataFrame) -> pd.DataFrame:
     steps = table.assign(**{name: hold_orders(table, name) for name in AZIMUTHS})
     steps.attrs = dict(table.attrs)
     for name in AZIMUTHS:
-        steps = with_step(steps, "repair", code="order_interpolated", channel=name)
+        steps = add_step(steps, "repair", code="order_interpolated", channel=name)
     return steps
 
 
