@@ -15,7 +15,7 @@ from typing import Any
 
 import pandas as pd
 
-from acquisition.core.errors import DataShortageError, InputError, storage_error
+from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.progress import Progress
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
 from analysis.batch.products import Options
@@ -30,7 +30,7 @@ from analysis.batch.workers import (
     run_jobs,
 )
 from analysis.report.index_page import index_page
-from analysis.tables.files import read_parquet, write_parquet
+from analysis.tables.files import atomic_file, read_parquet, write_parquet
 
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""
@@ -244,12 +244,9 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-    page, partial = out / "index.html", out / ".index.html.part"
-    try:
+    page = out / "index.html"
+    with atomic_file(page) as partial:
         partial.write_text(index_page(rows, failures_of(rows), title), encoding="utf-8")
-        partial.replace(page)
-    except OSError as error:
-        raise storage_error(page, error) from error
     return page
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
+from acquisition.core.kinematics import to_body
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import unit_of
 from analysis.manoeuvres.motion import MEASURED_COLUMNS, Motion
@@ -114,9 +115,7 @@ def along_and_across(motion: Motion, start: float, time_s: float, heading_deg: f
     """Way ahead and to starboard of a heading, from where the ship was at ``start`` [m]."""
     north = motion.at("north_m", time_s) - motion.at("north_m", start)
     east = motion.at("east_m", time_s) - motion.at("east_m", start)
-    heading = np.deg2rad(heading_deg)
-    return (float(north * np.cos(heading) + east * np.sin(heading)),
-            float(east * np.cos(heading) - north * np.sin(heading)))  # fmt: skip
+    return to_body(north, east, heading_deg)
 
 
 REPLICATES = 48

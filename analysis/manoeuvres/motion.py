@@ -23,6 +23,7 @@ from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE, VELOCITY
 from analysis.estimation.local_polynomial import local_quadratic
+from analysis.kinematics import integrate, to_earth
 from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from analysis.quality.commands import check_orders
 from analysis.quality.samples import runs, white_noise
@@ -140,7 +141,7 @@ def motion_of(table: pd.DataFrame) -> Motion:
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))
     reckoned, apart = _dead_reckoning(grid, np.deg2rad(turned), surge, sway, step_s)
-    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - _integral(yaw_rate, step_s)))
+    off_course = fill_gaps(unwrap(grid["heading_deg"].to_numpy() - integrate(yaw_rate, step_s)))
     fastest = float(np.percentile(np.hypot(surge, sway), 98))
     broken = _jumps(apart[0], step_s, _JUMP_S * fastest) | _jumps(apart[1], step_s, _JUMP_S * fastest)
     broken |= _jumps(off_course, step_s, _JUMP_DEG)
@@ -195,8 +196,7 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     seconds = times_ns(table)[rows] / NANO
     seconds = seconds - seconds[0]
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
-    integral = np.append(0.0, np.cumsum(0.5 * (yaw_rate[1:] + yaw_rate[:-1]) * np.diff(seconds)))
-    turned = np.deg2rad(heading[rows] - integral)
+    turned = np.deg2rad(heading[rows] - integrate(yaw_rate, seconds))
     middle = np.arctan2(running_median(np.sin(turned), 9), running_median(np.cos(turned), 9))
     off = np.abs(difference(np.rad2deg(turned), np.rad2deg(middle)))
     limit = max(_GLITCH_DEG, _GLITCH_SIGMAS * _NORMAL_MAD * float(np.median(off)))
@@ -205,14 +205,9 @@ def _cleaned_heading(table: pd.DataFrame) -> Floats:
     return cleaned
 
 
-def _integral(rate: Floats, step_s: float) -> Floats:
-    """The integral of a rate from the first row, by trapezia."""
-    return np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * step_s))
-
-
 def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:
     """The heading without jumps of a turn; over gaps it follows the yaw rate."""
-    integral = _integral(yaw_rate_dps, step_s)
+    integral = integrate(yaw_rate_dps, step_s)
     return np.asarray(integral + fill_gaps(unwrap(wrap_360(heading_deg - integral))))
 
 
@@ -220,8 +215,7 @@ def _dead_reckoning(
     grid: pd.DataFrame, heading: Floats, surge: Floats, sway: Floats, step_s: float
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """The path reckoned from speed and heading, north and east [m], and how far the positions are from it."""
-    north = _integral(surge * np.cos(heading) - sway * np.sin(heading), step_s)
-    east = _integral(surge * np.sin(heading) + sway * np.cos(heading), step_s)
+    north, east = (integrate(each, step_s) for each in to_earth(surge, sway, heading))
     apart = [running_median(fill_gaps(grid[name].to_numpy() - reckoned), 5)
              for name, reckoned in (("north_m", north), ("east_m", east))]  # fmt: skip
     return (north, east), (apart[0], apart[1])

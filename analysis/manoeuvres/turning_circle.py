@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from analysis.kinematics import to_ship
 from analysis.manoeuvres.indices import Current, Manoeuvre, index_of, nominal_deg
 from analysis.manoeuvres.measures import (
     along_and_across,
@@ -186,11 +187,12 @@ def _half_interval(values: Floats) -> float:
 def remove_current(motion: Motion, north_mps: float, east_mps: float, start: float) -> Motion:
     """The motion through the water: path and speeds less a steady current, the path unchanged at ``start``."""
     passed = motion.time_s - start
-    heading = np.deg2rad(motion.heading_deg)
+    north, east = np.full(passed.size, north_mps), np.full(passed.size, east_mps)
+    ahead, aside = to_ship(north, east, np.deg2rad(motion.heading_deg))
     return replace(
         motion,
         north_m=motion.north_m - north_mps * passed,
         east_m=motion.east_m - east_mps * passed,
-        surge_mps=motion.surge_mps - north_mps * np.cos(heading) - east_mps * np.sin(heading),
-        sway_mps=motion.sway_mps + north_mps * np.sin(heading) - east_mps * np.cos(heading),
+        surge_mps=motion.surge_mps - ahead,
+        sway_mps=motion.sway_mps - aside,
     )

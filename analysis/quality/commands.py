@@ -18,7 +18,15 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME, COMMAND
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
-from analysis.quality.samples import Samples, mask_of_runs, runs, samples_of, set_flags
+from analysis.quality.samples import (
+    Samples,
+    jackknife_error,
+    mask_of_runs,
+    runs,
+    runs_of_equal,
+    samples_of,
+    set_flags,
+)
 from analysis.tables.time_index import utc_index
 
 ORDER_INTERPOLATED = "order_interpolated"
@@ -187,8 +195,7 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     empty = np.zeros(0, np.int64)
     if series.value.size < 3 * _SHORTEST_SAMPLES or order_ramps(name, series).first.size:
         return empty, empty  # too short, or an order, which has no noise and rightly stands still
-    starts = np.concatenate([[0], np.flatnonzero(np.diff(series.value) != 0.0) + 1])
-    lengths = np.diff(np.concatenate([starts, [series.value.size]]))
+    starts, lengths = runs_of_equal(np.diff(series.value) != 0.0)
     usual = lengths < max(_SHORTEST_SAMPLES, 3.0 * np.quantile(lengths, 0.999))
     repeats = float((lengths[usual] - 1).sum() / max(lengths[usual].sum(), 1))
     if repeats > _REPEATS or lengths[usual].sum() < 3 * _SHORTEST_SAMPLES:
@@ -276,8 +283,7 @@ def _factor_to_sister(table: pd.DataFrame, name: str, series: Samples) -> dict[s
 def _interval(cross: Floats, own: Floats, factor: float) -> dict[str, float]:
     """A jackknife over pieces of the recording."""
     without = (cross.sum() - cross) / np.maximum(own.sum() - own, 1e-12)
-    error = float(np.sqrt((without.size - 1) / without.size * np.sum((without - without.mean()) ** 2)))
-    half = 2.26 * error  # Student's t with nine degrees of freedom
+    half = 2.26 * float(jackknife_error(without))  # Student's t with nine degrees of freedom
     return {"low": factor - half, "high": factor + half}
 
 

@@ -82,7 +82,7 @@ for _rank, _flag in enumerate(_PRECEDENCE):
 def merge_flags(first: Flags, second: Flags) -> Flags:
     """The graver of two flags, value by value; what was judged counts more than what was not.
 
-    >>> worst(np.array([1, 2, 3, 9], np.uint8), np.array([2, 1, 4, 4], np.uint8)).tolist()
+    >>> merge_flags(np.array([1, 2, 3, 9], np.uint8), np.array([2, 1, 4, 4], np.uint8)).tolist()
     [1, 1, 4, 9]
     """
     return np.where(_RANK[first] >= _RANK[second], first, second).astype(np.uint8)

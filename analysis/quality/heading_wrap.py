@@ -14,10 +14,18 @@ import pandas as pd
 from scipy import special
 
 from acquisition.core.angles import difference, wrap_360
-from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import BY_NAME, COMMAND
 from analysis.quality.findings import CheckResult, Finding, initial_flags
-from analysis.quality.samples import Samples, median_step_s, robust_spread, runs, samples_of, set_flags
+from analysis.quality.samples import (
+    Samples,
+    median_step_s,
+    robust_spread,
+    runs,
+    runs_of_equal,
+    samples_of,
+    set_flags,
+)
 from analysis.tables.time_index import utc_index
 
 WRAP_INTERPOLATED = "heading_wrap_interpolated"
@@ -193,6 +201,5 @@ def _group(first: int, last: int, from_seam_deg: Floats, path_deg: Floats, limit
 def _makes_whole_turn(step_deg: Floats, whole_deg: float) -> bool:
     """Whether a stretch of one sign, of two steps or more, makes up a whole turn: there and back again."""
     sign = np.sign(step_deg)
-    starts: Ints = np.concatenate([[0], np.flatnonzero(np.diff(sign)) + 1])
-    lengths = np.diff(np.concatenate([starts, [step_deg.size]]))
+    starts, lengths = runs_of_equal(np.diff(sign) != 0.0)
     return bool(((np.abs(np.add.reduceat(step_deg, starts)) > whole_deg) & (lengths >= 2)).any())

@@ -20,8 +20,9 @@ import pandas as pd
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import Channel
 from acquisition.core.frames import Quality
+from analysis.kinematics import to_earth
 from analysis.quality.findings import Flags
-from analysis.quality.samples import flags_where, sort_by_time, steps_between, times_of, white_noise
+from analysis.quality.samples import flags_where, runs_of_equal, sort_by_time, steps_between, times_of, white_noise
 from analysis.tables.time_index import NANO
 
 _SHORTEST, _BESIDE = 8, 100
@@ -58,9 +59,7 @@ def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:
     """First places and lengths of the runs of one value, from eight samples on."""
     if values.size < 2 * _SHORTEST:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    changes = np.flatnonzero(steps_between(values, channel.circular) != 0.0) + 1
-    starts = np.concatenate([[0], changes])
-    lengths = np.diff(np.concatenate([starts, [values.size]]))
+    starts, lengths = runs_of_equal(steps_between(values, channel.circular) != 0.0)
     long = lengths >= _SHORTEST
     return starts[long], lengths[long]
 
@@ -136,9 +135,11 @@ def expected_rates(table: pd.DataFrame) -> dict[str, pd.Series[Any]]:
         rates["heading_deg"] = table["yaw_rate_dps"].dropna()
     if {"surge_mps", "sway_mps", "heading_deg"} <= set(table.columns):
         moving = table[["surge_mps", "sway_mps", "heading_deg"]].ffill().dropna()
-        psi = np.deg2rad(moving["heading_deg"])
-        rates["north_m"] = moving["surge_mps"] * np.cos(psi) - moving["sway_mps"] * np.sin(psi)
-        rates["east_m"] = moving["surge_mps"] * np.sin(psi) + moving["sway_mps"] * np.cos(psi)
+        surge, sway, heading = (moving[name].to_numpy() for name in moving)
+        path = to_earth(surge, sway, np.deg2rad(heading))
+        rates |= {
+            name: pd.Series(rate, moving.index) for name, rate in zip(("north_m", "east_m"), path, strict=True)
+        }
     return {name: rate for name, rate in rates.items() if len(rate)}
 
 

@@ -18,7 +18,7 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME, Channel
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Series
-from analysis.tables.time_index import NANO, index_of, times_ns
+from analysis.tables.time_index import NANO, index_of, seconds_of, times_ns
 
 ASSUMED = ("assumed",)
 
@@ -140,8 +140,7 @@ def samples_of(table: pd.DataFrame, name: str) -> Samples:
     time_ns = times_ns(table)
     rows = np.flatnonzero(np.isfinite(value))
     rows = rows[np.concatenate([[True], np.diff(time_ns[rows]) > 0])] if rows.size else rows
-    since_s = (time_ns[rows] - (time_ns[0] if time_ns.size else 0)) / NANO
-    return Samples(rows, since_s, value[rows])
+    return Samples(rows, seconds_of(table)[rows], value[rows])
 
 
 def runs(mask: Bools) -> tuple[Ints, Ints]:
@@ -172,10 +171,23 @@ def median_step_s(time_s: Floats) -> float:
     return float(np.median(np.diff(time_s))) if time_s.size > 1 else 0.0
 
 
-def integrate(rate: Samples) -> Floats:
-    """By the trapezoidal rule, from 0 at the first sample."""
-    steps = 0.5 * (rate.value[1:] + rate.value[:-1]) * np.diff(rate.time_s)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+def runs_of_equal(changes: Bools) -> tuple[Ints, Ints]:
+    """First samples and lengths of the runs of one value; ``changes`` [n - 1] says where the next sample differs.
+
+    >>> [each.tolist() for each in runs_of_equal(np.array([False, True, False]))]
+    [[0, 2], [2, 2]]
+    """
+    starts = np.concatenate([[0], np.flatnonzero(changes) + 1])
+    return starts, np.diff(np.append(starts, changes.size + 1))
+
+
+def jackknife_error(estimates: Floats) -> Floats:
+    """Standard errors [...] from estimates [n, ...] of which each leaves out one of n parts.
+
+    B. Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982.
+    """
+    count = len(estimates)
+    return np.asarray(np.sqrt((count - 1) / count * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 def set_flags(flags: pd.DataFrame, name: str, judged: Ints, wrong: Ints, flag: Quality = Quality.BAD) -> None:

@@ -18,15 +18,16 @@ from acquisition.core.angles import in_turn, unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
+from analysis.kinematics import integrate
 from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from analysis.quality.commands import hold_orders
 from analysis.quality.findings import Finding, Flags
 from analysis.quality.heading_wrap import JUDGED, WRAP_INTERPOLATED, interpolated_through_seam
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
-from analysis.quality.samples import integrate, is_possible, samples_of
+from analysis.quality.samples import is_possible, samples_of
 from analysis.quality.summary import ALL, OTHER_TURN
 from analysis.quality.wind import true_wind
-from analysis.tables.time_index import NANO, main_stretch, times_ns, utc_index
+from analysis.tables.time_index import main_stretch, seconds_of, times_ns, utc_index
 
 FlagsByChannel = Mapping[str, Flags] | pd.DataFrame
 Columns = dict[str, Floats]
@@ -116,8 +117,10 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     value = table[name].to_numpy(dtype=float, copy=True)
     rate = samples_of(table, "yaw_rate_dps")
     rated = name == "heading_deg" and rate.rows.size > 1
-    since_s = _since_s(table)
-    path_deg = np.interp(since_s, rate.time_s, integrate(rate)) if rated else np.zeros(len(table))
+    since_s = seconds_of(table)
+    path_deg = (
+        np.interp(since_s, rate.time_s, integrate(rate.value, rate.time_s)) if rated else np.zeros(len(table))
+    )
     sound = np.flatnonzero(np.isfinite(value) & ~wrong)
     left_deg = unwrap(value[sound] - path_deg[sound])
     filled = path_deg + np.interp(since_s, since_s[sound], left_deg)
@@ -183,11 +186,6 @@ def _channels(table: pd.DataFrame, finding: Finding) -> list[str]:
     """The columns a finding is about: its channel's, or all."""
     every = [str(name) for name in table.columns]
     return every if finding.channel in ("", ALL) else [name for name in every if name == finding.channel]
-
-
-def _since_s(table: pd.DataFrame) -> Floats:
-    time_ns = times_ns(table)
-    return np.asarray((time_ns - time_ns[0]) / NANO)
 
 
 REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepair]] = {

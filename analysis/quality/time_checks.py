@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
 from acquisition.recording.reader import Series
+from analysis.kinematics import to_earth
 from analysis.quality.samples import white_noise
 from analysis.tables.time_index import NANO, times_ns
 
@@ -104,9 +105,7 @@ def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
     north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in MOTION)
     psi = np.deg2rad(heading)
     values = np.column_stack([north, east, unwrap(heading)])
-    rates = np.column_stack(
-        [surge * np.cos(psi) - sway * np.sin(psi), surge * np.sin(psi) + sway * np.cos(psi), turning]
-    )
+    rates = np.column_stack([*to_earth(surge, sway, psi), turning])
     noise = np.array([max(white_noise(column), 1e-3) for column in values.T])
     noise[:2] = noise[:2].max()
     return _Track((stamps - stamps[0]) / NANO, values / noise, rates / noise)

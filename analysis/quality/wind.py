@@ -18,7 +18,8 @@ from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
-from analysis.tables.time_index import NANO, times_ns, utc_index
+from analysis.quality.samples import jackknife_error
+from analysis.tables.time_index import NANO, seconds_of, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")
@@ -95,7 +96,7 @@ def _blocks(table: pd.DataFrame) -> _Blocks | None:
     sources = table.attrs.get("sources", {})
     if any(name not in table for name in _NEEDED) or any("assumed" in sources.get(name, ()) for name in JUDGED):
         return None
-    since_s = (times_ns(table) - times_ns(table)[:1]) / NANO
+    since_s = seconds_of(table)
     recorded, velocity, bow = _vectors(_side_by_side(table))
     sound = np.isfinite(recorded * velocity)
     if not sound.any() or not np.ptp(np.abs(recorded[sound])) > 0.0:
@@ -192,14 +193,9 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
         own = np.bincount(number, np.abs(new_velocity) ** 2)
         gain = complex(cross.sum() / max(own.sum(), 1e-12)) or 1.0 + 0.0j
     without = (cross.sum() - cross) / np.maximum(own.sum() - own, 1e-12)
-    return gain, _jackknife(without / gain), cross.size - 1
-
-
-def _jackknife(without: Complexes) -> complex:
-    """Standard errors of the real and the imaginary part, from estimates that leave one piece out each."""
-    off = without - without.mean()
-    share = (without.size - 1) / without.size
-    return complex(np.sqrt(share * np.sum(off.real**2)), np.sqrt(share * np.sum(off.imag**2)))
+    relative = without / gain
+    error = complex(jackknife_error(relative.real), jackknife_error(relative.imag))
+    return gain, error, cross.size - 1
 
 
 def _finding(

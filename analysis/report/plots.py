@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME
+from analysis.kinematics import mean_wind
 from analysis.tables.time_index import utc_index
-from analysis.wind import mean_wind
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
 """The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""

@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from acquisition.recording.trial import software_version
+from analysis.kinematics import mean_wind
 from analysis.tables.provenance import sha256_of
-from analysis.wind import mean_wind
 
 if TYPE_CHECKING:
     from acquisition.recording.reader import Recording

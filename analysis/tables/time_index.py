@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Ints
+from acquisition.core.arrays import Floats, Ints
 from acquisition.core.errors import InputError
 
 NANO = 1_000_000_000
@@ -35,6 +35,12 @@ def utc_index(table: pd.DataFrame) -> pd.DatetimeIndex:
 def times_ns(table: pd.DataFrame) -> NDArray[np.int64]:
     """The table's times [ns since 1970], in the order of its rows."""
     return utc_index(table).asi8
+
+
+def seconds_of(table: pd.DataFrame) -> Floats:
+    """The table's times [s] after its first row, in the order of its rows."""
+    time_ns = times_ns(table)
+    return np.asarray((time_ns - time_ns[:1]) / NANO)
 
 
 def index_of(time_ns: NDArray[np.int64]) -> pd.DatetimeIndex:

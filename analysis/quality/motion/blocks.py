@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from analysis.quality.samples import jackknife_error
 
 _ROUNDS = 4
 _TOLERATED = 4.0
@@ -92,14 +93,13 @@ def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) ->
 
 def _spread(matrices: Floats, sides: Floats, directions: Floats, basis: Floats) -> tuple[Floats, Floats]:
     """The covariance, and how many blocks tell each parameter: from the noise, and from leaving out each block."""
-    count = len(matrices)
     covariance = basis @ basis.T
     shares = np.einsum("pi,bij,pj->bp", basis, directions.T @ matrices @ directions, basis, optimize=True)
     informative = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
     reduced = np.eye(basis.shape[1]) - directions.T @ matrices @ directions
     rest = (sides.sum(axis=0) - sides) @ directions
     without = np.linalg.solve(reduced, rest[..., np.newaxis])[..., 0] @ basis.T
-    spread = (count - 1) / count * ((without - without.mean(axis=0)) ** 2).sum(axis=0)
+    spread = jackknife_error(without) ** 2
     larger = np.sqrt(np.maximum(1.0, spread / np.maximum(np.diag(covariance), 1e-300)))
     return covariance * np.outer(larger, larger), informative
 

@@ -17,6 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Complexes, Floats
+from analysis.kinematics import integrate
 from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
 from analysis.tables.table import require
 
@@ -144,9 +145,7 @@ class _Moves:
         """The moves by heading and speeds."""
         velocity = body * np.exp(1j * heading)
         step = self.grid_s[1] - self.grid_s[0]
-        return _changes_over(
-            np.append(0.0, np.cumsum(0.5 * step * (velocity[1:] + velocity[:-1]))), self.starts, self.length
-        )
+        return _changes_over(integrate(velocity, step), self.starts, self.length)
 
     def explained(self, moved: Complexes, heading: Floats, body: Complexes) -> _Regression:
         """Moves by those that heading and speeds make."""
@@ -166,10 +165,7 @@ class _Moves:
     def yaw_rate_factor(self) -> float:
         """What the yaw rate must be multiplied by to be the heading's rate, where that is far from 1 and sure."""
         step = self.grid_s[1] - self.grid_s[0]
-        rate = self.yaw_rate
-        turned = _changes_over(
-            np.append(0.0, np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))), self.starts, self.length
-        )
+        turned = _changes_over(integrate(self.yaw_rate, step), self.starts, self.length)
         headed = _changes_over(self.heading, self.starts, self.length)
         values, left = _regress(headed, np.column_stack([turned, np.ones(turned.size)]))
         factor, about = float(values[0].real), np.abs(headed - np.median(headed))

@@ -20,6 +20,7 @@ from analysis.quality.motion.kinematics import Kinematics, quantile
 from analysis.quality.motion.path import turn_model
 from analysis.quality.motion.position_jitter import Jitter
 from analysis.quality.motion.series import GROUPS, group_samples
+from analysis.quality.samples import jackknife_error
 
 _SMALLEST_S = 0.1
 """Jitter below this is nothing to care about: a quarter of a degree in a hard turn."""
@@ -203,9 +204,8 @@ class _Growth:
 
 def _growth(sums: Floats, least: float) -> _Growth:
     """A straight line through squared errors against what jitter would spoil, by least squares."""
-    total, count = sums.sum(axis=0), len(sums)
-    without = _slopes(total - sums, least)
-    error = np.sqrt((count - 1) / count * ((without - without.mean()) ** 2).sum())
+    total = sums.sum(axis=0)
+    error = jackknife_error(_slopes(total - sums, least))
     usual = total[1] / total[0]
     lever = sums[:, 2] - 2.0 * usual * sums[:, 1] + usual**2 * sums[:, 0]
     telling = lever.sum() ** 2 / max(float((lever**2).sum()), 1e-300)

@@ -23,6 +23,7 @@ from acquisition.core.arrays import Bools, Floats
 from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
 from analysis.quality.motion.path import interpolate, path_model
 from analysis.quality.motion.series import GROUPS, Group, group_samples, outliers, rotate
+from analysis.quality.samples import jackknife_error, runs_of_equal
 
 _SHORT_S = 30.0
 _LONG_S = 120.0
@@ -122,10 +123,9 @@ def _usable(sums: Sums) -> NDArray[np.bool_]:
 
 def _of_stretches(excess_m2: Floats, moved_m2: Floats) -> tuple[float, float, float]:
     """The ratio of sums, its standard error by leaving out stretches, and how many tell it."""
-    count, total, base = excess_m2.size, excess_m2.sum(), moved_m2.sum()
+    total, base = excess_m2.sum(), moved_m2.sum()
     without = (total - excess_m2) / np.maximum(base - moved_m2, 1e-12)
-    error = np.sqrt((count - 1) / count * ((without - without.mean()) ** 2).sum())
-    return float(total / base), float(error), float(base**2 / (moved_m2**2).sum())
+    return float(total / base), float(jackknife_error(without)), float(base**2 / (moved_m2**2).sum())
 
 
 def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
@@ -260,7 +260,6 @@ def _stuck(raw: Floats, interval_s: float) -> Bools:
     """Samples of which a coordinate has not changed for long: they do not jump, they stand."""
     stuck = np.zeros(len(raw), dtype=bool)
     for column in raw.T:
-        new: NDArray[np.int64] = np.flatnonzero(np.append(True, np.diff(column) != 0.0))
-        runs = np.diff(np.append(new, column.size))
-        stuck |= np.repeat(runs * interval_s > _STUCK_S, runs)
+        _, lengths = runs_of_equal(np.diff(column) != 0.0)
+        stuck |= np.repeat(lengths * interval_s > _STUCK_S, lengths)
     return stuck

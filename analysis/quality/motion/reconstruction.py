@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import unwrap, wrap_360
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError, InputError
+from analysis.kinematics import integrate, to_earth
 from analysis.quality.motion.heading_jitter import (
     HeadingErrors,
     discontinuities,
@@ -23,8 +24,8 @@ from analysis.quality.motion.heading_jitter import (
     jitter_of,
 )
 from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
-from analysis.quality.samples import Samples, integrate, samples_of
-from analysis.tables.time_index import NANO, times_ns, utc_index
+from analysis.quality.samples import samples_of
+from analysis.tables.time_index import seconds_of, utc_index
 
 POSITIONS = ("north_m", "east_m")
 _NEEDED = (*POSITIONS, "heading_deg", "surge_mps", "sway_mps")
@@ -75,14 +76,11 @@ def reconstruct_positions(table: pd.DataFrame) -> PositionReconstruction | None:
 
 def dead_reckoning(table: pd.DataFrame) -> Floats:
     """North and east of the way that the speeds over ground and the heading give since the start: [rows, 2]."""
-    time_ns = times_ns(table)
-    since_s = np.asarray((time_ns - time_ns[0]) / NANO)
+    since_s = seconds_of(table)
     surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
     ahead, aside = (np.interp(since_s, each.time_s, each.value) for each in (surge, sway))
     psi = np.deg2rad(np.interp(since_s, heading.time_s, unwrap(heading.value)))
-    velocity = ahead * np.cos(psi) - aside * np.sin(psi), ahead * np.sin(psi) + aside * np.cos(psi)
-    rows = np.arange(since_s.size)
-    return np.column_stack([integrate(Samples(rows, since_s, each)) for each in velocity])
+    return np.column_stack([integrate(each, since_s) for each in to_earth(ahead, aside, psi)])
 
 
 def _sides(off_m: Floats) -> NDArray[np.intp]:

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
+from analysis.kinematics import integrate, to_earth
+from analysis.quality.samples import runs, runs_of_equal
 from analysis.tables.table import require
 from analysis.tables.time_index import NANO, times_ns
 
@@ -116,10 +118,9 @@ def _without_repeats(samples: Group) -> Group:
 
     Rounded values repeat too, but now and then; their copies are samples like all others.
     """
-    new = np.concatenate([[True], (np.diff(samples.levels, axis=0) != 0.0).any(axis=1)])
-    runs = np.diff(np.append(np.flatnonzero(new), new.size))
-    usual = float(np.median(runs))
-    if usual < 2.0 or np.mean(np.abs(runs - usual) <= 0.1 * usual + 0.5) < 0.8:
+    new, lengths = runs_of_equal((np.diff(samples.levels, axis=0) != 0.0).any(axis=1))
+    usual = float(np.median(lengths))
+    if usual < 2.0 or np.mean(np.abs(lengths - usual) <= 0.1 * usual + 0.5) < 0.8:
         return samples
     return Group(samples.time_s[new], samples.levels[new], usual * samples.interval_s)
 
@@ -161,15 +162,13 @@ def path_at(time_s: Floats, heading: Group, speed: Group, step_s: float) -> Floa
     grid = np.arange(time_s[0], time_s[-1] + 2.0 * step_s, step_s)
     angle = np.interp(grid, heading.time_s, heading.levels[:, 0])
     ahead, aside = (np.interp(grid, speed.time_s, column) for column in speed.levels.T)
-    velocity = rotate(angle, np.column_stack([ahead, aside]))
-    travelled = np.vstack([np.zeros(2), np.cumsum(0.5 * step_s * (velocity[1:] + velocity[:-1]), axis=0)])
-    return np.column_stack([np.interp(time_s, grid, column) for column in travelled.T])
+    travelled = (integrate(each, step_s) for each in to_earth(ahead, aside, angle))
+    return np.column_stack([np.interp(time_s, grid, column) for column in travelled])
 
 
 def rotate(angle_rad: Floats, body: Floats) -> Floats:
     """Vectors [n, 2] from forward and starboard to north and east."""
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    return np.column_stack([body[:, 0] * cosine - body[:, 1] * sine, body[:, 0] * sine + body[:, 1] * cosine])
+    return np.column_stack(to_earth(body[:, 0], body[:, 1], angle_rad))
 
 
 def _without_spikes(samples: Group) -> Group:
@@ -215,8 +214,7 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
 
 def _turn_at(time_s: Floats, yaw_rate: Group) -> Floats:
     rate = yaw_rate.levels[:, 0]
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(yaw_rate.time_s))])
-    return np.asarray(np.interp(time_s, yaw_rate.time_s, turned))
+    return np.asarray(np.interp(time_s, yaw_rate.time_s, integrate(rate, yaw_rate.time_s)))
 
 
 def block_starts(motion: Motion, grid_s: Floats, length: int) -> NDArray[np.int64]:
@@ -226,6 +224,5 @@ def block_starts(motion: Motion, grid_s: Floats, length: int) -> NDArray[np.int6
         there &= (grid_s >= group.time_s[0]) & (grid_s <= group.time_s[-1])
         for begin, end in group.gaps():
             there[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], there.astype(np.int8), [0]])))
-    starts = [np.arange(first, last - length + 1, length) for first, last in edges.reshape(-1, 2)]
+    starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(there), strict=True)]
     return np.concatenate([np.empty(0, dtype=np.int64), *starts])
