@@ -13,7 +13,7 @@ summand of a quantity, slow motion and waves.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ _SAME_S = 1e-9
 _CORNER = 1.1  # of a swing's low-pass, in its frequencies
 
 
-def decay(dt_s: Floats, lasting_s: float) -> Floats:
+def decay(dt_s: Floats | float, lasting_s: Floats | float) -> Any:
     """What is left of an Ornstein-Uhlenbeck process after ``dt_s``, one that lasts ``lasting_s``: the share [-].
 
     One less the share's square is what comes new of its stationary variance (Uhlenbeck and Ornstein 1930).
@@ -33,7 +33,7 @@ def decay(dt_s: Floats, lasting_s: float) -> Floats:
     return np.exp(-dt_s / lasting_s)
 
 
-def oscillator(dt_s: Floats, frequency_radps: Floats, damping: float) -> tuple[Floats, Floats, Floats, Floats]:
+def oscillator(dt_s: Floats | float, frequency_radps: Floats | float, damping: float) -> tuple[Any, Any, Any, Any]:
     """A damped oscillator's displacement and speed after ``dt_s``: the transition's elements, row by row.
 
     ``damping`` is the share of critical damping, below one (Fossen 2011, section 11.3: the waves' motion). Driven

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
+from analysis.estimation.process_models import decay
 from hybrid.diagnosis.evidence import NormalEquations
 from hybrid.diagnosis.innovations import Columns, smoothed_state
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
@@ -38,7 +39,7 @@ def _slow(noise: Noise) -> Floats:
 
 def _later(A: Floats, B: Floats, noise: Noise, P: Floats) -> Floats:
     """The covariances [N, 9, 9] of motion and slow force a second later."""
-    kept = np.exp(-1.0 / noise.slow_s)
+    kept = decay(1.0, noise.slow_s)
     F, Q = np.zeros_like(P), np.zeros_like(P)
     F[:, :6, :6], F[:, :6, 6:] = A, B
     F[:, range(6, 9), range(6, 9)] = kept

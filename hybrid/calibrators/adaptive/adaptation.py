@@ -15,8 +15,9 @@ from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from analysis.estimation.process_models import decay
 from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
-from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, follow
+from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_predict
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
@@ -174,7 +175,7 @@ def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
     levels = 10.0 ** np.clip(_WALKS + _USUAL_POWER * powers.reshape(3, 3), -6.0, 4.0)
     wave_walks = 10.0 ** np.clip(_WAVE_WALK + _USUAL_POWER * np.array(walks), -6.0, 4.0)
     wave_radps = 2.0 * np.pi / (_WAVE_S * np.exp(np.clip(_USUAL_PERIOD * period, -0.9, 0.9)))
-    kept = np.exp(-1.0 / (_FORCE_DECAY_S * np.exp(lasting)))
+    kept = decay(1.0, _FORCE_DECAY_S * np.exp(lasting))
     stamped = (
         JITTER_S * np.exp(np.clip(jitter, -4.0, 4.0)) * TURN_RADPS * np.arange(TURNS) / _RATE_NOISE_RADPS
     ) ** 2
@@ -189,7 +190,7 @@ def _gains(jitter: float, *numbers: float) -> tuple[Floats, Floats, Floats]:
 @lru_cache(maxsize=256)
 def _axis_gains(speed: float, force: float, noise: float, left: float, wave: float, wave_radps: float) -> Floats:
     """The gains of one axis; most steps change none of its numbers, and without turning three times the same."""
-    return np.asarray(kalman_gains(speed, force, noise, left, _OBSERVED_S, wave, wave_radps))
+    return kalman_gains(speed, force, noise, left, _OBSERVED_S, wave, wave_radps)
 
 
 def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tuple[Floats, Floats]:
@@ -212,7 +213,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
     cores = get_num_threads()
     set_num_threads(1 if len(observations) <= _ONE_CORE else cores)
     try:
-        follow(plants, past, known, gains, kept, wave, control, wind, extra, parameters, states, waves)
+        observe_and_predict(plants, past, known, gains, kept, wave, control, wind, extra, parameters, states, waves)
     finally:
         set_num_threads(cores)
     return states, waves

@@ -1,9 +1,9 @@
 """The model run along what was measured before the start, and on from there: compiled.
 
-Second by second the model predicts where the ship is and how fast; what is measured then corrects position, speed
-and the force per mass that the model lacks in surge, sway and yaw (gains.py). At second 0 the model goes on from
-there by itself, that force fading slowly. Nothing that was measured after second 0 is used. Where a measurement is
-too far off to be the ship's motion, as at a splice, the observer begins anew.
+Second by second the model predicts where the ship is and how fast; the measurement update then corrects position,
+speed and the bias force, the force per mass that the model lacks in surge, sway and yaw (gains.py). At second 0 the
+model goes on from there by itself, that force decaying slowly. Nothing that was measured after second 0 is used.
+Where a measurement is too far off to be the ship's motion, as at a splice, the observer begins anew.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Swing = tuple[float, float, float, float, float, float]
 
 
 @compiled
-def between(before: Floats, after: Floats) -> Control:
+def mean_control(before: Floats, after: Floats) -> Control:
     """The mean of the controls of two rows of 13 channels; angles the shorter way round."""
     port, starboard = before[9] - after[9], before[11] - after[11]
     port -= 2.0 * pi * round(port / (2.0 * pi))
@@ -44,21 +44,21 @@ def between(before: Floats, after: Floats) -> Control:
 
 
 @compiled
-def lacking(p: Record, own: Force, missing: Force) -> None:
-    """Give the plant its own constant force and, per mass and with the added mass, the one it lacks."""
-    surge, sway, yaw = missing
+def add_bias_force(p: Record, own: Force, bias: Force) -> None:
+    """Give the plant its own constant force and, per mass and with the added mass, the bias force."""
+    surge, sway, yaw = bias
     p.constant_X_n = own[0] + (p.mass_kg - p.Xud) * surge
     p.constant_Y_n = own[1] + (p.mass_kg - p.Yvd) * sway - p.Yrd * yaw
     p.constant_N_nm = own[2] - p.Yrd * sway + (p.yaw_inertia_kgm2 - p.Nrd) * yaw
 
 
 @compiled
-def corrected(
-    state: State, missing: Force, swing: Swing, measured: Floats, gain: Floats
+def measurement_update(
+    state: State, bias: Force, swing: Swing, measured: Floats, gain: Floats
 ) -> tuple[bool, State, Force, Swing]:
-    """Whether the measurement can be the ship's; and state, force and swing in waves moved towards it."""
+    """Whether the measurement can be the ship's; and state, bias force and swing in waves after it."""
     north, east, psi, u, v, r = state
-    surge, sway, yaw = missing
+    surge, sway, yaw = bias
     cosine, sine = cos(psi), sin(psi)
     off_north, off_east = measured[0] - north, measured[1] - east
     ahead = off_north * cosine + off_east * sine - swing[0]
@@ -100,7 +100,7 @@ def corrected(
 
 
 @compiled
-def swung(swing: Swing, step: Floats) -> Swing:
+def advance_swing(swing: Swing, step: Floats) -> Swing:
     """The swing in waves a second later."""
     return (
         step[0, 0] * swing[0] + step[0, 1] * swing[3],
@@ -113,7 +113,7 @@ def swung(swing: Swing, step: Floats) -> Swing:
 
 
 @compiled
-def put(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
+def store(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
     """Write a state [6], and the swing as north, east and heading [3]."""
     cosine, sine = cos(state[2]), sin(state[2])
     for j in range(6):
@@ -124,14 +124,14 @@ def put(state: State, swing: Swing, states: Floats, waves: Floats) -> None:
 
 
 @compiled
-def faded(missing: Force, kept: Floats) -> Force:
-    """The lacking force a second later."""
-    return missing[0] * kept[0], missing[1] * kept[1], missing[2] * kept[2]
+def decay(bias: Force, kept: Floats) -> Force:
+    """The bias force a second later."""
+    return bias[0] * kept[0], bias[1] * kept[1], bias[2] * kept[2]
 
 
-def _make_follow(stamp: int) -> Callable[..., None]:
+def _make_observer(stamp: int) -> Callable[..., None]:
     @njit(cache=True, parallel=True, fastmath=FAST, error_model="numpy")
-    def follow(
+    def observe_and_predict(
         plants: NDArray[np.void],
         past: Floats,
         known_s: NDArray[np.int64],
@@ -154,7 +154,7 @@ def _make_follow(stamp: int) -> Callable[..., None]:
             p = plants[i]
             mass, lag = inverse_mass(p), lag_over(p, 1.0)
             own = (p.constant_X_n, p.constant_Y_n, p.constant_N_nm)
-            missing = (0.0, 0.0, 0.0)
+            bias = (0.0, 0.0, 0.0)
             swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             second, since = known_s[i], 0
             row = past[i, second]
@@ -162,35 +162,35 @@ def _make_follow(stamp: int) -> Callable[..., None]:
             acting = (row[8], row[9], row[10], row[11], row[12])
             while second > 0 and stamp != 0:
                 now = past[i, second - 1]
-                order = between(past[i, second], now)
-                lacking(p, own, missing)
+                order = mean_control(past[i, second], now)
+                add_bias_force(p, own, bias)
                 state, acting = advance(
                     p, mass, lag, order, acting, (now[6], now[7]), 0.0, 1.0, 1, state, extra, parameters[0]
                 )
-                missing = faded(missing, kept)
-                swing = swung(swing, wave)
+                bias = decay(bias, kept)
+                swing = advance_swing(swing, wave)
                 turn = min(int(abs(now[5]) / TURN_RADPS + 0.5), TURNS - 1)
                 gain = gains[turn, min(since, gains.shape[1] - 1)]
-                possible, state, missing, swing = corrected(state, missing, swing, now, gain)
+                possible, state, bias, swing = measurement_update(state, bias, swing, now, gain)
                 since += 1
                 if not possible:
                     state = (now[0], now[1], now[2], now[3], now[4], now[5])
-                    missing = (0.0, 0.0, 0.0)
+                    bias = (0.0, 0.0, 0.0)
                     swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
                     since = 0
                 second -= 1
             air = (wind[i, 0], wind[i, 1])
-            put(state, swing, states[i, 0], waves[i, 0])
+            store(state, swing, states[i, 0], waves[i, 0])
             for k in range(control.shape[1]):
                 c = control[i, k]
                 order = (c[0], c[1], c[2], c[3], c[4])
-                lacking(p, own, missing)
+                add_bias_force(p, own, bias)
                 state, acting = advance(p, mass, lag, order, acting, air, 0.0, 1.0, 1, state, extra, parameters[0])
-                missing = faded(missing, kept)
-                swing = swung(swing, wave)
-                put(state, swing, states[i, k + 1], waves[i, k + 1])
+                bias = decay(bias, kept)
+                swing = advance_swing(swing, wave)
+                store(state, swing, states[i, k + 1], waves[i, k + 1])
 
-    return follow  # type: ignore[no-any-return]
+    return observe_and_predict  # type: ignore[no-any-return]
 
 
-follow = _make_follow(PHYSICS_STAMP)
+observe_and_predict = _make_observer(PHYSICS_STAMP)
