@@ -24,12 +24,12 @@ beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
-from hybrid.report import story_sections as story
-from hybrid.report.show import links, shown_in
+from hybrid.diagnosis.shown import read_shown
+from hybrid.report.show import links, sections
 
-told = story.load_story(folder)
-show = shown_in(figures_folder)
-show(story.add_question, told)
+diagnosis, extras = read_shown(folder)
+show = sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)
+show("question")
 
 # %%
 links(beside)
@@ -42,7 +42,7 @@ links(beside)
 # a pattern.
 
 # %%
-show(story.add_found, told)
+show("map", "consistency")
 
 # %% [markdown]
 # ## Named
@@ -52,13 +52,13 @@ show(story.add_found, told)
 # thrust.
 
 # %%
-show(story.add_named, told)
+show("effects", "unknown", "rivals", "suspects")
 
 # %% [markdown]
 # ## Added
 
 # %%
-show(story.add_added, told)
+show("added")
 
 # %% [markdown]
 # ## Shown
@@ -67,10 +67,10 @@ show(story.add_added, told)
 # judge.
 
 # %%
-show(story.add_shown, told)
+show("gap", "calibrators")
 
 # %% [markdown]
 # ## What that rests on
 
 # %%
-show(story.add_granted, told)
+show("granted")

@@ -22,11 +22,11 @@ folder = "reproduction"  # what `seatrial reproduce table3 -o` wrote
 figures_folder = "figures"
 
 # %%
-from hybrid.report import paper_sections as paper
-from hybrid.report.show import shown_in
+from hybrid.report.paper_sections import load_reproduced
+from hybrid.report.show import sections
 
-made = paper.load_reproduced(folder)
-show = shown_in(figures_folder)
+made = load_reproduced(folder)
+show = sections("table3.html", figures_folder, table=made.table, folder=made.folder)
 
 # %% [markdown]
 # ## Against what was published
@@ -35,13 +35,13 @@ show = shown_in(figures_folder)
 # random from the sequences that it trained on; here whole sequences count that nothing was learned from.
 
 # %%
-show(paper.add_against_published, made)
+show("cells", "shortfalls")
 
 # %% [markdown]
 # ## Table III
 
 # %%
-show(paper.add_table, made)
+show("table")
 
 # %% [markdown]
 # ## The figures
@@ -49,4 +49,4 @@ show(paper.add_table, made)
 # Drawn from the campaigns of the table's first seed. What each shows stands below it.
 
 # %%
-show(paper.add_figures, made)
+show("figures")

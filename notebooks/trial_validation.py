@@ -32,9 +32,8 @@ interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
-from hybrid.report import story_sections
 from hybrid.report.case import load_case
-from hybrid.report.show import links, sections, shown_in
+from hybrid.report.show import links, sections
 from hybrid.report.trial_sections import write_interactive_pages
 
 case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
@@ -42,7 +41,7 @@ show = sections("trial.html", figures_folder, case=case, remark=remark)
 show("headline")
 
 # %%
-shown_in(figures_folder)(story_sections.add_in_short, diagnosis)
+sections("diagnosis.html", figures_folder)("in_short", folder=diagnosis)
 
 # %%
 pages = {} if interactive is None else write_interactive_pages(case, interactive)

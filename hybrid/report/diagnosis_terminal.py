@@ -7,7 +7,7 @@ from rich.text import Text
 
 from hybrid.diagnosis.result import Diagnosis, Ladder
 from hybrid.diagnosis.words import alternatives
-from hybrid.report.diagnosis_gap import ladder_sentence
+from hybrid.report.diagnosis_words import ladder_sentence
 
 _VERDICTS = {
     "named": "The model lacks what is named here.",

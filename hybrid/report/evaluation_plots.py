@@ -8,6 +8,7 @@ from textwrap import fill
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.evaluation.study import BASELINES
@@ -122,3 +123,18 @@ def breakdown(axes: Axes, classes: Mapping[str, Summary]) -> list[Artist]:
     axes.set_ylabel("mean distance [m]")
     axes.grid(visible=False, axis="x")
     return artists
+
+
+def seconds(figure: Figure, summary: Summary) -> None:
+    """Error and coverage by second, side by side."""
+    left, right = figure.subplots(1, 2)
+    error_by_second(left, summary)
+    coverage_by_second(right, summary)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=6)
+
+
+def classes(figure: Figure, summaries: Mapping[str, Summary]) -> None:
+    """The error in each class, with the methods above."""
+    axes = figure.subplots()
+    breakdown(axes, summaries)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=6)

@@ -16,10 +16,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from markupsafe import Markup
+
 from acquisition.core import errors
 from acquisition.core.errors import ConfigurationError, SeatrialError
 from acquisition.core.progress import Progress
-from analysis.report.page import write_document
+from analysis.report.rendering import render
 from analysis.tables.files import atomic_file, make_folder
 
 if TYPE_CHECKING:
@@ -48,7 +50,8 @@ def run_notebook(
     make_folder(page.parent)
     executed = page.with_suffix(".ipynb")
     notebook = executed_notebook(SOURCES / f"{name}.py", parameters, executed, progress)
-    return write_document(title_of(notebook), subtitle, body_of(notebook), page)
+    whole = render("base.html", title=title_of(notebook), subtitle=subtitle, body=Markup(body_of(notebook)))
+    return whole.write(page)
 
 
 def executed_notebook(

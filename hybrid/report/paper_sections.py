@@ -1,4 +1,4 @@
-"""The sections of the report on the paper's results, from the folder that ``seatrial reproduce`` wrote."""
+"""What the folder that ``seatrial reproduce`` wrote holds for the report on the paper's results."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.core.errors import InputError
-from analysis.report.page import Page
 from hybrid.reproduction.figures import FIGURES
-from hybrid.reproduction.page import ROWS, add_cells, add_sea_state, add_shortfalls
 from hybrid.reproduction.table3 import Table3, read_table3
 
 TABLE = "table3.json"
@@ -42,28 +40,3 @@ def load_reproduced(folder: Path | str) -> Reproduced:
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError("is not what this version writes", where=str(path), why=f"{type(error).__name__} {error}",
                          fix="run `seatrial reproduce table3` again") from error  # fmt: skip
-
-
-def add_table(page: Page, made: Reproduced) -> None:
-    """Table III by sea state, the published rows among ours."""
-    if made.table is None:
-        page.note("Table III was not made: run `seatrial reproduce table3 -o` into this folder.")
-        return
-    page.text(ROWS)
-    for sea_state in dict.fromkeys(row.sea_state for row in made.table.rows):
-        add_sea_state(page, [row for row in made.table.rows if row.sea_state == sea_state])
-
-
-def add_against_published(page: Page, made: Reproduced) -> None:
-    """Each published reduction beside ours, and in words what falls short."""
-    if made.table is not None:
-        add_cells(page, made.table)
-        add_shortfalls(page, made.table)
-
-
-def add_figures(page: Page, made: Reproduced) -> None:
-    """The paper's figures in our own style, as they lie in the folder."""
-    for name, figure in FIGURES.items():
-        path = made.folder / f"{name}.png"
-        if path.is_file():
-            page.picture(path.read_bytes(), f"{figure.caption} ({name}; also as SVG and PDF, its numbers as JSON.)")

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.report.page import Page
+from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
 from hybrid.report.plan_table import heading_of, limit_text, ordinary_text
+from hybrid.report.show import templates
+from hybrid.report.words import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+__all__ = ["TOLD_APART", "heading_of"]  # for the template
 
 PAGE_FILE = "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
@@ -28,27 +33,13 @@ def write_page(plan: Plan, folder: Path) -> Path:
 
 def page_of(plan: Plan) -> Page:
     """The page."""
+    from hybrid.report import plan_page
+
     sea = f"{plan.sea.name or 'own'} sea"
-    page = Page("What a trial would show", f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %")
-    page.headline(headline_of(plan))
-    page.heading("The programmes")
-    page.figure(lambda figure: _draw_lines(figure, plan), (9, 2.6), "Yours above, the better one below.")
-    for title, programme in (("Yours", plan.asked), ("Better", plan.better)):
-        rows = [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
-        page.table([f"{title}: minutes", "what to do"], rows, words=True)
-    page.heading("How large an effect must be to be seen")
-    page.text(heading_of(plan))
-    page.table(["effect", "yours", "better", "ordinary", "unit"], _limit_rows(plan))
-    page.heading("What can be told apart")
-    page.figure(
-        lambda figure: _draw_matrices(figure, plan),
-        (11, 6.6),
-        f"Evidence that tells two effects of ordinary size apart, twice the log likelihood: below {TOLD_APART:g}, "
-        "dark, either may be named for the other. White: neither would be seen by itself.",
-    )
-    for title, programme in (("Your programme", plan.asked), ("The better one", plan.better)):
-        _add_pairs(page, title, programme)
-    return page
+    return render(
+        "plan.html", templates=templates(), title="What a trial would show", plan=plan, plans=plan_page,
+        subtitle=f"{plan.vessel}, {sea}, tolerance {100.0 * plan.tolerance:g} %",
+    )  # fmt: skip
 
 
 def headline_of(plan: Plan) -> dict[str, str]:
@@ -69,10 +60,11 @@ def _seen(plan: Plan, programme: Programme, name: str) -> bool:
     return limit <= abs(first.typical - first.neutral)
 
 
-def _limit_rows(plan: Plan) -> list[list[str]]:
+def limit_rows(plan: Plan) -> list[list[str]]:
+    """The size from which each effect is seen."""
     return [
         [
-            name.replace("_", " "),
+            plain(name),
             limit_text(effect, plan.asked.limits[name]),
             limit_text(effect, plan.better.limits[name]),
             ordinary_text(effect),
@@ -82,19 +74,20 @@ def _limit_rows(plan: Plan) -> list[list[str]]:
     ]
 
 
-def _add_pairs(page: Page, title: str, programme: Programme) -> None:
-    pairs = programme.alike()
-    if not pairs:
-        page.text(f"{title} tells all effects of ordinary size apart.")
-        return
-    with page.details(f"{title} does not tell {len(pairs)} pairs apart"):
-        page.table(["", ""], [[each.replace("_", " ") for each in pair] for pair in pairs], words=True)
+def part_rows(programme: Programme) -> list[list[str]]:
+    """What to do, and for how long."""
+    return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
 
 
-def _draw_lines(figure: Figure, plan: Plan) -> None:
+def pair_rows(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
+    """Pairs of effects that are not told apart."""
+    return [[plain(each) for each in pair] for pair in pairs]
+
+
+def draw_programmes(axes: Axes, plan: Plan) -> None:
+    """Both programmes on a time line."""
     from analysis.report.plots import PALETTE
 
-    axes = figure.subplots()
     names = list(dict.fromkeys(part.name for each in (plan.asked, plan.better) for part in each.parts))
     for row, programme in enumerate((plan.asked, plan.better)):
         begin = 0.0
@@ -110,8 +103,9 @@ def _draw_lines(figure: Figure, plan: Plan) -> None:
     axes.set_xlabel("time [min]")
 
 
-def _draw_matrices(figure: Figure, plan: Plan) -> None:
-    names = [name.replace("_", " ") for name in plan.asked.limits]
+def draw_evidence(figure: Figure, plan: Plan) -> None:
+    """What tells each pair of effects apart, by either programme."""
+    names = [plain(name) for name in plan.asked.limits]
     left, right = figure.subplots(1, 2)
     _draw_matrix(left, plan.asked, names, "yours")
     _draw_matrix(right, plan.better, names, "better")

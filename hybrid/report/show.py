@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,64 +14,32 @@ from jinja2 import Environment
 
 from acquisition.core.errors import SeatrialError
 from analysis.report.figures import write_figure
-from analysis.report.page import Page as BuiltPage
 from analysis.report.rendering import Page, environment, render
 
 FAILED = "This section failed, which is a fault of Seatrial"
 _LEVEL = 3  # of headings inside a section: the notebook's own are above
 
 
-@dataclass(frozen=True, slots=True)
-class Section:
-    """Markup that a notebook shows as it is."""
-
-    html: str
-
-    def _repr_html_(self) -> str:
-        return self.html
-
-
-def shown_in(folder: Path | str) -> Callable[..., Section]:
-    """A function that shows a section: ``show(add, *what)`` calls ``add(page, *what)``.
-
-    Its figures go into ``folder`` as SVG and PDF, the numbers behind them as JSON. A section that these data do not
-    allow says why in its place; the others stand.
-    """
-
-    def show(add: Callable[..., Any], *what: Any) -> Section:
-        page = BuiltPage(level=_LEVEL)
-        try:
-            add(page, *what)
-        except SeatrialError as error:
-            page.note(f"This could not be made: {error}")
-        except Exception as error:  # one section that fails must not take the others with it
-            traceback.print_exc()  # into the executed notebook
-            page.note(f"{FAILED}: {type(error).__name__} {error}. The executed notebook has the trace.")
-        for name, figure in page.figures.items():
-            write_figure(figure, Path(folder), name)
-        return Section("".join(page.parts))
-
-    return show
-
-
-def sections(template: str, folder: Path | str, **context: Any) -> Callable[..., Page]:
-    """A function that shows a template's blocks: ``show("headline")``, with more of the ``context`` if need be.
+def sections(template: str, folder: Path | str, /, **context: Any) -> Callable[..., Page]:
+    """A function that shows a template's blocks: ``show("gap", "map")``, with more ``context`` if need be.
 
     Their figures go into ``folder`` as SVG and PDF, the numbers behind them as JSON. A section that these data do
     not allow says why in its place; the others stand.
     """
 
-    def show(block: str, **more: Any) -> Page:
+    def show(*blocks: str, **more: Any) -> Page:
+        values = {"level": _LEVEL, **context, **more}
         try:
-            section = render(template, block, templates(), **{"level": _LEVEL, **context, **more})
+            shown = [render(template, block, templates(), **values) for block in blocks]
         except SeatrialError as error:
             return _note(f"This could not be made: {error}")
         except Exception as error:  # one section that fails must not take the others with it
             traceback.print_exc()  # into the executed notebook
             return _note(f"{FAILED}: {type(error).__name__} {error}. The executed notebook has the trace.")
-        for name, figure in section.figures.items():
+        figures = {name: figure for section in shown for name, figure in section.figures.items()}
+        for name, figure in figures.items():
             write_figure(figure, Path(folder), name)
-        return section
+        return Page("".join(section.html for section in shown), figures)
 
     return show
 
@@ -84,10 +51,26 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
-    from hybrid.report import trial_plots, trial_sections
+    from hybrid.diagnosis.shown import read_shown
+    from hybrid.diagnosis.words import chance, percent
+    from hybrid.report import (
+        diagnosis_map_plots,
+        diagnosis_plots,
+        diagnosis_words,
+        evaluation_page,
+        evaluation_plots,
+        trial_plots,
+        trial_sections,
+    )
+    from hybrid.reproduction import page as table3
 
     made = environment(Path(__file__).parent / "templates")
-    made.globals |= {"trial": trial_sections, "plots": trial_plots}
+    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row}
+    made.globals |= {
+        "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
+        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
+        "evaluation_plots": evaluation_plots, "read_shown": read_shown, "table3": table3,
+    }  # fmt: skip
     return made
 
 

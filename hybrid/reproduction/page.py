@@ -2,60 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from analysis.report.page import Page
+from analysis.report.rendering import render
 from hybrid.report.evaluation_tables import spread
+from hybrid.report.show import templates
 from hybrid.report.words import plain, unbroken
-from hybrid.reproduction.figures import FIGURES, FigureOf, Shown
+from hybrid.reproduction.figures import FIGURES, Shown
 from hybrid.reproduction.published import PUBLISHED
 from hybrid.reproduction.table3 import Cell, Row, Table3
 from hybrid.reproduction.tables import QUANTITY, counts_of, share
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+__all__ = ["FIGURES", "counts_of"]  # for the template
 
 GAP_WANTED = 0.95
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
           "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
-ROWS = (
-    "Figures are means over seeds; in brackets, 95 % intervals from drawing whole sequences anew. The floor is the "
-    "true ship from the same measurements, gusts and waves ahead unknown; perfect start goes on from her true "
-    "state, which nobody knows; waves only knows where the ship will be but for first-order waves, and nothing "
-    "that does not foresee single waves gets below it. In the random split, the paper's, the seconds before and "
-    "after each one judged were learned from."
-)
 
 
 def write_page(table: Table3, folder: Path, shown: Shown | None = None) -> Path:
     """Write ``table3.html``, with figures if there is something to be ``shown``. Raises :class:`StorageError`."""
-    page = Page("The paper's Table III, reproduced", "Mean errors of predictions on sequences never seen")
-    add_shortfalls(page, table)
-    page.text(ROWS)
-    for sea_state in dict.fromkeys(row.sea_state for row in table.rows):
-        add_sea_state(page, [row for row in table.rows if row.sea_state == sea_state])
-    add_cells(page, table)
-    if shown is not None:
-        page.heading("Figures")
-        for each in FIGURES.values():
-            page.figure(_filled(each, shown), each.size_inch, each.caption)
+    page = render(
+        "table3.html", templates=templates(), title="The paper's Table III, reproduced", table=table, shown=shown,
+        subtitle="Mean errors of predictions on sequences never seen",
+    )  # fmt: skip
     return page.write(folder / "table3.html")
-
-
-def _filled(drawn: FigureOf, shown: Shown) -> Callable[[Figure], None]:
-    return lambda figure: drawn.draw(figure, shown)
-
-
-def add_shortfalls(page: Page, table: Table3) -> None:
-    """What the numbers do not reach, in words, before anything else."""
-    page.heading("What falls short")
-    found = shortfalls(table)
-    for sentence in found:
-        page.note(sentence)
-    if not found:
-        page.text("Nothing: every published reduction is exceeded, and the removable gap is closed as wanted.")
 
 
 def shortfalls(table: Table3) -> list[str]:
@@ -81,20 +52,24 @@ def _cell_short(cell: Cell) -> str:
     )
 
 
-def add_sea_state(page: Page, rows: list[Row]) -> None:
-    """The methods of one sea state, never seen beside the random split, and the paper's own rows."""
+def by_sea_state(table: Table3) -> list[list[Row]]:
+    """The rows of each sea state."""
+    states = dict.fromkeys(row.sea_state for row in table.rows)
+    return [[row for row in table.rows if row.sea_state == state] for state in states]
+
+
+def method_rows(rows: list[Row]) -> tuple[list[list[str]], int | None]:
+    """The methods of one sea state, never seen beside the random split, the paper's own below, and the hybrid's
+    place."""
     unseen = [row for row in rows if row.split == "sequence"]
     mixed = {row.method: row for row in rows if row.split == "random"}
-    first = unseen[0]
-    page.heading(f"{first.sea_state}: {counts_of(first)}")
     lines = [_line(row, mixed.get(row.method)) for row in unseen]
     for each in PUBLISHED:
-        if each.sea_state == first.sea_state:
+        if each.sea_state == unseen[0].sea_state:
             errors = [f"{value:.2f}" for value in (each.mae_x_m, each.mae_y_m, each.mean_distance_m)]
             less = f"{each.reduction:.1%}" if each.reduction else ""
             lines.append([unbroken(f"published {each.method}"), *errors, "", "", "", errors[-1], less])
-    best = next((place for place, row in enumerate(unseen) if row.method == "hybrid"), None)
-    page.table(HEADER, lines, best=best)
+    return lines, next((place for place, row in enumerate(unseen) if row.method == "hybrid"), None)
 
 
 def _line(row: Row, mixed: Row | None) -> list[str]:
@@ -106,16 +81,11 @@ def _line(row: Row, mixed: Row | None) -> list[str]:
     ]  # fmt: skip
 
 
-def add_cells(page: Page, table: Table3) -> None:
+def cell_rows(table: Table3) -> list[list[str]]:
     """The published reductions, ours with intervals, and what the true model reaches."""
-    if not table.cells:
-        return
-    above = sum(cell.above for cell in table.cells)
-    page.heading(f"{above} of {len(table.cells)} published reductions exceeded on sequences never seen")
-    lines = [
+    return [
         [f"{cell.sea_state}, {QUANTITY[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
          f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", f"{cell.floor:.1%}", f"{cell.perfect_start:.1%}",
          f"{cell.waves_only:.1%}", "yes" if cell.above else "no"]
         for cell in table.cells
     ]  # fmt: skip
-    page.table(["", "published", "hybrid", "95 % interval", "floor", "perfect start", "waves only", "above"], lines)

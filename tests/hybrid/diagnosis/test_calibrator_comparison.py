@@ -25,7 +25,7 @@ from hybrid.evaluation.splits import shared_seconds
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances, score
-from hybrid.report.diagnosis_gap import ladder_sentence
+from hybrid.report.diagnosis_words import ladder_sentence
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.made_up import a_ladder
 from tests.hybrid.evaluation.windows_in_legs import FAKES, Oracle, windows_of_legs

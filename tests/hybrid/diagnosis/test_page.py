@@ -80,7 +80,7 @@ def test_every_verdict(verdict: str, sentence: str, words: list[str]) -> None:
     """Each has its sentence and what belongs to it."""
     diagnosis = of_verdict(verdict)
     page = page_of(diagnosis, Extras(consistency=()))
-    text = "".join(re.sub(r"<img[^>]*>", "", part) for part in page.parts)
+    text = re.sub(r"<img[^>]*>", "", page.html)
     assert page.title == sentence == verdict_sentence(diagnosis)
     for each in [*words, "They do, within what each is granted."]:
         assert each in text
@@ -91,9 +91,9 @@ def test_two_that_may_be_one() -> None:
     two = of_verdict("indistinguishable")
     losses = tuple(replace(two.effects[0], name=f"thrust_loss_{side}") for side in ("port", "starboard"))
     group = tuple(each.name for each in losses)
-    text = "".join(page_of(replace(
+    text = page_of(replace(
         two, effects=losses, rivals=(), indistinguishable=(group,), next_manoeuvre=None
-    ), Extras()).parts)  # fmt: skip
+    ), Extras()).html  # fmt: skip
     assert "cannot tell thrust loss port and thrust loss starboard from one effect of their family" in text
     assert "manoeuvre that would separate" not in text
 
@@ -106,14 +106,12 @@ def test_unknown_alone() -> None:
 
 def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
     """The section has no figure then."""
-    assert "calibrator" not in "".join(page_of(of_verdict("nothing_missing"), Extras()).parts)
+    assert "calibrator" not in page_of(of_verdict("nothing_missing"), Extras()).html
     lacking = Extras(ladder=Ladder(15, "adaptive", why_not="3 legs have held windows"))
-    parts = page_of(of_verdict("nothing_missing"), lacking).parts
-    (at,) = [number for number, part in enumerate(parts) if "With a calibrator on top" in part]
-    assert "No calibrator was trained: 3 legs have held windows." in parts[at + 1]
-    assert sum("<img" in part for part in parts) == sum(
-        "<img" in part for part in page_of(of_verdict("nothing_missing"), Extras()).parts
-    )
+    page, without = (page_of(of_verdict("nothing_missing"), each) for each in (lacking, Extras()))
+    _, text = page.html.split("With a calibrator on top")
+    assert "No calibrator was trained: 3 legs have held windows." in text.split("<h2>")[0]
+    assert list(page.figures) == list(without.figures)
 
 
 def test_the_ladder_is_drawn_as_it_stands() -> None:

@@ -36,7 +36,7 @@ def test_the_page_of_what_comes_back_is_the_page_of_what_went_in(verdict: str, t
     again = back(diagnosis, ALL, tmp_path)
     before, after = page_of(diagnosis, ALL), page_of(*again)
     assert after.title == before.title
-    assert after.parts == before.parts  # pictures and all
+    assert after.html == before.html  # pictures and all
 
 
 def test_tracks_and_maps_are_the_same_to_the_bit(tmp_path: Path) -> None:
@@ -63,9 +63,9 @@ def test_what_is_not_there_is_none_and_an_older_file_of_it_goes(tmp_path: Path) 
 
 
 def test_estimates_that_cannot_be_told_apart_are_said_to_be(tmp_path: Path) -> None:
-    assert "cannot be told apart" in "".join(page_of(named(), ALL).parts)
+    assert "cannot be told apart" in page_of(named(), ALL).html
     loose = replace(ALL, correlation=Correlation(CORRELATION.names, np.eye(2)))
-    assert "cannot be told apart" not in "".join(page_of(named(), loose).parts)
+    assert "cannot be told apart" not in page_of(named(), loose).html
 
 
 def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(tmp_path: Path) -> None:

@@ -1,0 +1,232 @@
+"""What a diagnosis's page says, in words and rows; ``templates/diagnosis.html`` puts it onto the page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+from hybrid.diagnosis.result import Correlation, Diagnosis, Estimate, Ladder, NamedEffect, Place, Suspect
+from hybrid.diagnosis.words import DEPENDS, alternatives, chance, number, parameter_title, percent
+from hybrid.prediction.scores import FEW_LEGS, Interval
+from hybrid.report.words import listed, plain
+
+__all__ = ["FEW_LEGS"]  # for the template
+
+_TITLES = {
+    "constant_velocity": "present motion held",
+    "reference": "reference",
+    "named": "named",
+    "reference_calibrated": "reference, calibrated",
+    "named_calibrated": "named, calibrated",
+}
+
+
+def verdict_sentence(diagnosis: Diagnosis) -> str:
+    """The verdict in one plain sentence."""
+    named = _lacking(diagnosis.effects)
+    if diagnosis.verdict == "nothing_missing":
+        return "Nothing is missing that this trial could show"
+    if diagnosis.verdict == "unknown":
+        return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
+    if diagnosis.verdict == "indistinguishable":
+        groups = [alternatives(group, _names(diagnosis)) for group in diagnosis.indistinguishable]
+        return f"This trial cannot say which is missing: {'; '.join(groups)}"
+    return named
+
+
+def _names(diagnosis: Diagnosis) -> list[str]:
+    return [each.name for each in diagnosis.effects]
+
+
+def _lacking(effects: Sequence[NamedEffect]) -> str:
+    """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
+    lacks = [plain(each.name) for each in effects if each.kind != "sensor"]
+    shown = [plain(each.name) for each in effects if each.kind == "sensor"]
+    parts = [f"the model lacks {listed(lacks)}"] if lacks else []
+    parts += [f"the sensors show {listed(shown)}"] if shown else []
+    sentence = ", and ".join(parts)
+    return sentence[:1].upper() + sentence[1:]
+
+
+def headline(diagnosis: Diagnosis) -> dict[str, str]:
+    """The numbers that matter."""
+    gap = diagnosis.gap
+    figures = {
+        f"error over {gap.horizon_s} s before": f"{gap.before_m:.2f} m",
+        "after": f"{gap.after_m:.2f} m",
+        "what noise alone leaves": f"{gap.floor_m:.2f} m",
+    }
+    if diagnosis.effects:
+        figures["of what could be closed is closed"] = f"{percent(gap.closed)}"
+    figures["of the force range: error granted to the model"] = f"{percent(diagnosis.tolerance)}"
+    return figures
+
+
+def meaning(diagnosis: Diagnosis) -> str:
+    """What the verdict means, and how errors are judged."""
+    gap = diagnosis.gap
+    judged = (
+        f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
+        f"{gap.horizon_s} s that took no part in naming or fitting."
+    )
+    says = {
+        "named": "Every effect named stands by itself: it is no chance among all that were tried, and it predicts "
+        "legs that were left out.",
+        "nothing_missing": "That holds within what the model and the sensors are granted; how large each effect "
+        "could be and stay hidden stands in the ranking below.",
+        "unknown": "Something remains above the noise that has structure; what it depends on stands below. A name "
+        "is not given to it, because none fits.",
+        "indistinguishable": "What is listed together explains the trial equally well.",
+    }
+    after = " The manoeuvre that would separate it best stands below." if diagnosis.next_manoeuvre else ""
+    return f"{says[diagnosis.verdict]}{after} {judged}"
+
+
+def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """Each parameter of the named effects with its interval."""
+    return [
+        [plain(each.name), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
+         "" if estimate.unit == "1" else estimate.unit]
+        for each in diagnosis.effects
+        for name, estimate in each.parameters.items()
+    ]  # fmt: skip
+
+
+def correlation_rows(correlation: Correlation) -> list[list[str]]:
+    """How the estimates are correlated."""
+    return [
+        [name, *(f"{each:+.2f}".replace("-", "\u2212") for each in row)]
+        for name, row in zip(correlation.names, correlation.matrix.tolist(), strict=True)
+    ]
+
+
+def certainty(effect: NamedEffect) -> str:
+    """Family, share of the gap and how sure an effect is."""
+    family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
+    return (
+        f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
+        f"log evidence {number(effect.evidence)}"
+    )
+
+
+def dependence(where: Sequence[str]) -> str:
+    """What something unknown goes with."""
+    return listed([DEPENDS.get(each, plain(each)) for each in where])
+
+
+def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
+    """The mean distances of a comparison of calibrators, by title."""
+    return {_TITLES[name]: each for name, each in ladder.rungs.items()}
+
+
+def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
+    """A row a rung, and which is the best."""
+    rows = [[_TITLES[name], number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
+            for name, each in ladder.rungs.items()]  # fmt: skip
+    return rows, min(range(len(rows)), key=lambda row: list(ladder.rungs.values())[row].value)
+
+
+def ladder_sentence(ladder: Ladder) -> str:
+    """What a calibrator adds, and whether it gains from what was named, in one sentence; or why nobody can say."""
+    rungs, ratios = ladder.rungs, ladder.ratios
+    if not rungs:
+        return f"No calibrator was trained: {ladder.why_not}."
+    errors = {name: f"{number(each.value)} m" for name, each in rungs.items()}
+    reference = f"On legs that took no part the reference errs by {errors['reference']}"
+    if "named" not in rungs:
+        change = change_of(ratios["reference_calibrated", "reference"])
+        return f"{reference}, with a calibrator on top by {errors['reference_calibrated']}: {change}."
+    ratio = ratios["named_calibrated", "reference_calibrated"]
+    helps = "what was named helps the calibrator"
+    if ratio.low > 1.0:
+        helps = "what was named does not help the calibrator"
+    elif not ratio.high < 1.0:
+        helps = "these legs do not show that what was named helps the calibrator"
+    return (
+        f"{reference}, with what was named by {errors['named']}, with a calibrator by "
+        f"{errors['reference_calibrated']}, with both by {errors['named_calibrated']}: {helps}, {change_of(ratio)}."
+    )
+
+
+def change_of(ratio: Interval) -> str:
+    """A ratio of errors in words, with its 95 % interval.
+
+    >>> change_of(Interval(0.8, 0.7, 0.9)), change_of(Interval(0.98, 0.95, 1.02))
+    ('20 % less error (10 to 30 %)', '2 % less error (5 % less to 2 % more)')
+    """
+    value, low, high = (each - 1.0 for each in (ratio.value, ratio.low, ratio.high))
+    words = f"{percent(abs(value))} {_more(value)} error"
+    if not (isfinite(low) and isfinite(high)):
+        return words
+    if low * high > 0.0:
+        near, far = sorted((abs(low), abs(high)))
+        return f"{words} ({percent(near).removesuffix(' %')} to {percent(far)})"
+    return f"{words} ({percent(-low)} less to {percent(high)} more)"
+
+
+def _more(change: float) -> str:
+    return "more" if change > 0.0 else "less"
+
+
+def _gain(ladder: Ladder, name: str) -> str:
+    base = name.removesuffix("_calibrated")
+    return change_of(ladder.ratios[name, base]) if name != base else ""
+
+
+def cell_row(place: Place) -> list[str]:
+    """A cell of the map."""
+    from hybrid.report.diagnosis_map_plots import CHANNELS, QUANTITIES, cell_name, quantity_of
+
+    cell = f"{QUANTITIES.get(quantity_of(place), plain(quantity_of(place)))}: {cell_name(place)}"
+    channel = CHANNELS.get(place.channel, plain(place.channel))
+    return [channel, cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
+
+
+def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:
+    """The catalogue ranked, each effect alone in the model."""
+    return [
+        [plain(each.name), each.family, number(each.evidence), chance(each.p_value),
+         f"{number(each.limit)} {'' if each.unit == '1' else each.unit}" if each.limit == each.limit else ""]
+        for each in suspects
+    ]  # fmt: skip
+
+
+def granted_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """What the verdict rests on: tolerance and provenance."""
+    known = {key: value for key, value in diagnosis.provenance.items() if key not in ("force_range", "noise")}
+    extent = diagnosis.provenance.get("force_range")
+    rows = [["tolerance", f"{percent(diagnosis.tolerance)} of the range of the forces in the trial"]]
+    if extent:
+        kilo = [number(diagnosis.tolerance * extent[name] / 1e3) for name in ("surge_n", "sway_n", "yaw_nm")]
+        rows.append(["which is", f"{kilo[0]} kN ahead, {kilo[1]} kN across, {kilo[2]} kN m in yaw"])
+    rows += [[plain(str(key)), _words(value)] for key, value in known.items()]
+    return rows
+
+
+def noise_rows(diagnosis: Diagnosis) -> list[list[str]]:
+    """Levels of noise, as the data have them."""
+    return [[plain(key), _words(value)] for key, value in diagnosis.provenance["noise"].items()]
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{plain(str(key))} {_words(each)}" for key, each in value.items())
+    if isinstance(value, list | tuple):
+        return ", ".join(_words(each) for each in value)
+    return number(value) if isinstance(value, float) else str(value)
+
+
+def names_of(effects: Sequence[NamedEffect]) -> str:
+    """The effects' names at the beginning of a sentence."""
+    return listed([plain(each.name) for each in effects]).capitalize()
+
+
+def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:
+    """The lines that a vessel file has for them."""
+    return [[f"[effects.{each.name}]", f"{name} = {number(estimate.value)}", estimate.unit]
+            for each in effects for name, estimate in each.parameters.items()]  # fmt: skip
+
+
+def _span(interval: Estimate | Interval) -> str:
+    return f"{number(interval.low)} to {number(interval.high)}"
