@@ -1,7 +1,7 @@
-"""Manoeuvres found in a table: the helm tells zigzags and circles, the shafts tell the rest.
+"""Manoeuvres found in a table: zigzags and circles by the helm, the others by the shafts.
 
-Nothing is told by the size of a ship or of a command: a command is held or changed against its own noise, a
-ship is fast or slow against the fastest of the recording. Marks of the crew ("zigzag 20/20 start") give the
+No threshold depends on the size of a ship or of a command: a command is held or changed against its own noise,
+a ship is fast or slow against the fastest of the recording. Marks of the crew ("zigzag 20/20 start") give the
 manoeuvre that they bound their name, and let a short one count that would not be believed without them.
 """
 
@@ -134,7 +134,7 @@ def held_helm(motion: Motion, helm: Floats) -> list[Plateau]:
 
 
 def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) -> bool:
-    """Two swings are a zigzag only where somebody said so."""
+    """Whether a chain is a zigzag: three swings, or two where a mark of the crew says so."""
     start = motion.utc(float(motion.time_s[chain[0].first]))
     marked = any("zig" in mark.text.lower() and mark.covers(start) for mark in marks)
     return marked or len(chain) >= FEWEST_SWINGS
@@ -146,7 +146,7 @@ def _rows_of(motion: Motion, each: Manoeuvre) -> NDArray[np.bool_]:
 
 
 def _is_measured(motion: Motion, each: Manoeuvre) -> bool:
-    """Whether the recording has hardly a hole in it."""
+    """Whether pose and speeds were measured for at least 90 % of it."""
     return bool(motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE)
 
 

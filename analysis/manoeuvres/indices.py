@@ -10,7 +10,7 @@ turning test with 35 deg or the largest helm, the way to 10 deg of turn for a he
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,14 +38,8 @@ class Index:
 
     def as_json(self) -> dict[str, Any]:
         """The index with the keys of the contract; what is not known is null."""
-        return {
-            "value": _number(self.value),
-            "low": _number(self.low),
-            "high": _number(self.high),
-            "unit": self.unit,
-            "lengths": self.lengths,
-            "limit": self.limit,
-        }
+        bounds = {name: _number(getattr(self, name)) for name in ("value", "low", "high")}
+        return {**bounds, "unit": self.unit, "lengths": self.lengths, "limit": self.limit}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +54,7 @@ class Current:
     def as_json(self) -> dict[str, float]:
         """Components, speed and the direction it goes to [deg]."""
         return {
-            "north_mps": self.north_mps,
-            "east_mps": self.east_mps,
-            "north_within_mps": self.north_within_mps,
-            "east_within_mps": self.east_within_mps,
+            **asdict(self),
             "speed_mps": float(np.hypot(self.north_mps, self.east_mps)),
             "direction_deg": float(np.rad2deg(np.arctan2(self.east_mps, self.north_mps)) % 360.0),
         }
@@ -141,6 +132,11 @@ def index_of(
     unit = unit_of(name)
     lengths = value / length_m if length_m and unit == "m" else None
     return Index(value, value - within, value + within, unit, lengths, limit)
+
+
+def indices_of(values: Mapping[str, tuple[float, float]], length_m: float | None) -> dict[str, Index]:
+    """Indices by name from their values and halves of their intervals; what was not reached is left out."""
+    return {name: index_of(name, *pair, length_m) for name, pair in values.items() if np.isfinite(pair[0])}
 
 
 def with_limits(indices: Mapping[str, Index], limits: Mapping[str, float | None]) -> dict[str, Index]:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class RecordingManoeuvres:
-    """What one recording holds."""
+    """The manoeuvres of one recording, with its table."""
 
     recording: str
     table: pd.DataFrame
@@ -33,7 +33,7 @@ class RecordingManoeuvres:
 
 
 def manoeuvres_of(path: Path, length_m: float | None = None) -> RecordingManoeuvres:
-    """The manoeuvres of a recording, its event marks heard. Raises :class:`InputError`, and
+    """The manoeuvres of a recording, named by its event marks. Raises :class:`InputError`, and
     :class:`DataShortageError` for a recording without channels."""
     from acquisition.recording.reader import read_recording
     from analysis.tables.table import table_of
@@ -143,7 +143,7 @@ def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group
 
 
 def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
-    """How many of which kind.
+    """The number of manoeuvres of each kind as text.
 
     >>> count_text(())
     'no manoeuvre found'
@@ -153,7 +153,7 @@ def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
 
 
 def counted_text(number: int, kind: str) -> str:
-    """So many of a kind.
+    """A number of manoeuvres of a kind as text.
 
     >>> counted_text(1, "zigzag"), counted_text(2, "course_change"), counted_text(3, "crabbing")
     ('1 zigzag', '2 course changes', '3 crabbing runs')

@@ -64,7 +64,7 @@ def _merge_plateaus(values: Floats, found: list[Plateau], tolerance: float, brid
 
 
 def is_same_order(one_deg: float, other_deg: float) -> bool:
-    """Whether two helms are one order to the hand that gives it."""
+    """Whether two helm angles are the same order within what a hand can set."""
     return abs(one_deg - other_deg) <= _ALIKE_SHARE * max(abs(one_deg), abs(other_deg)) + _ALIKE_DEG
 
 
@@ -120,7 +120,7 @@ def _last_crossing(share: Floats, level: float) -> float:
 
 
 def counting_times(motion: Motion, both: Floats) -> Floats:
-    """The moments that indices count from, of those of first change and of half way [2, ...].
+    """The times that indices are counted from, of those of first change and of half way [2, ...].
 
     The first change of a command is its execute. Between two events nobody knows when a lever began to move, and
     a line drawn between them begins with the older one: then half way is the better guess.
@@ -129,7 +129,7 @@ def counting_times(motion: Motion, both: Floats) -> Floats:
 
 
 def alternative_times(motion: Motion, both: Floats) -> tuple[Floats, str]:
-    """The moments that indices do not count from, and the name of what does: it stands beside the main one."""
+    """The times that indices are not counted from, and the suffix of the indices that are given for them too."""
     return (both[0], "first_change") if motion.orders_are_events else (both[1], "half_command")
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import circular_mean, difference, wrap_360
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import TRACK_REACH_LENGTHS, Index, Manoeuvre, index_of, with_limits
+from analysis.manoeuvres.indices import TRACK_REACH_LENGTHS, Index, Manoeuvre, index_of, indices_of, with_limits
 from analysis.manoeuvres.measures import (
     along_and_across,
     approach_settings,
@@ -102,7 +102,7 @@ def _speed_run(motion: Motion, first: int, end: int, length_m: float | None) -> 
         side="",
         settings={"port_rpm": float(part.port_rpm.mean()), "starboard_rpm": float(part.starboard_rpm.mean()),
                   "heading_deg": heading, "duration_s": float(span[1] - span[0])},
-        indices={name: index_of(name, *pair, length_m) for name, pair in found.items()},
+        indices=indices_of(found, length_m),
     )  # fmt: skip
 
 
@@ -207,7 +207,7 @@ def _change_of_speed(
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     width = half_width_s(part, (end - start) / 2.0)
     found = bootstrap_indices(part, np.array([start, end]), width, measure)
-    indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
+    indices = indices_of(found, length_m)
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
     limit = TRACK_REACH_LENGTHS * length_m if length_m and reverse and kind == "stopping" else None
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",

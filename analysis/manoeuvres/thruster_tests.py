@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre, index_of
+from analysis.manoeuvres.indices import Manoeuvre, indices_of
 from analysis.manoeuvres.measures import along_and_across, bootstrap_indices, half_width_s
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
 
@@ -88,7 +88,7 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: 
         side="starboard" if sideways > 0 else "port",
         settings={each: float(getattr(inside, each).mean()) for each in
                   ("port_rpm", "starboard_rpm", "tunnel_rpm")} | {"duration_s": float(span[1] - span[0])},
-        indices={name: index_of(name, *pair, length_m) for name, pair in found.items()},
+        indices=indices_of(found, length_m),
     )  # fmt: skip
 
 

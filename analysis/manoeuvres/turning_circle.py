@@ -16,7 +16,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Current, Manoeuvre, index_of, nominal_deg
+from analysis.manoeuvres.indices import Current, Manoeuvre, indices_of, nominal_deg
 from analysis.manoeuvres.measures import (
     along_and_across,
     approach_of,
@@ -52,7 +52,7 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float)
 
 
 def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float | None) -> Manoeuvre:
-    """The turning circle, or the turn of less than half a circle, that a held helm is."""
+    """The turning circle, or the turn of less than half a circle, of a held helm, with its indices."""
     earliest = motion.row_before(each.first, 15.0)
     start, half = execute_s(motion.time_s, helm, each, level_before(motion, helm, each), earliest)
     end = float(motion.time_s[each.end - 1])
@@ -68,7 +68,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         "turning_rpm": float(part.between(start, end).port_rpm.mean()),
         **approach_settings(part, start),
     }
-    indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
+    indices = indices_of(found, length_m)
     whole = abs(turned) >= LEAST_CIRCLE_DEG
     return Manoeuvre(
         kind="turning_circle" if whole else "course_change",

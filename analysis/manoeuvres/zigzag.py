@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre, index_of, nominal_deg
+from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg
 from analysis.manoeuvres.measures import (
     approach_of,
     approach_settings,
@@ -95,14 +95,14 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
 
 
 def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float | None) -> Manoeuvre:
-    """The zigzag that a chain of swings is, with its indices."""
+    """The zigzag of a chain of swings, with its indices."""
     both = executes_of(motion, helm, chain)
     executes = counting_times(motion, both)
     part = motion.around(executes[0], executes[-1], _MARGIN_S)
     swing_s = float(np.median(np.diff(executes[:-1])))
     found = bootstrap_indices(part, both, half_width_s(part, swing_s), zigzag_indices)
     settings = _settings(part, chain, both)
-    indices = {name: index_of(name, *pair, length_m) for name, pair in found.items() if np.isfinite(pair[0])}
+    indices = indices_of(found, length_m)
     angle, switch = settings["azimuth_deg"], settings["switch_deg"]
     steady = () if "reach_s" in found else ("the approach was not steady",)
     return Manoeuvre(

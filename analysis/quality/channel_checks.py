@@ -171,7 +171,7 @@ def _leaving(seconds: Floats, values: Floats, slope: Floats, width: int) -> tupl
 
 
 def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width: int) -> Floats:
-    """How lively it is just beside: the third largest of four steps before and four after, without the trend."""
+    """The scatter just beside: the third largest of four steps before and four after, without the trend."""
     places = starts[:, None] + np.array([-5, -4, -3, -2, width, width + 1, width + 2, width + 3])
     places = np.clip(places, 0, values.size - 2)
     steps = np.diff(values)[places] - slope[starts, None] * np.diff(seconds)[places]
@@ -179,7 +179,7 @@ def _beside(seconds: Floats, values: Floats, slope: Floats, starts: Ints, width:
 
 
 def _neighbourhood(leaving: Floats, share: float) -> Floats:
-    """What this share of the samples about each one stays below: the largest of three blocks of 64."""
+    """The quantile at ``share`` of the samples about each one: the largest of three blocks of 64."""
     blocks = max(leaving.size // _BLOCK, 1)
     length = min(_BLOCK, leaving.size)
     scale = np.quantile(leaving[: blocks * length].reshape(blocks, length), share, axis=1)

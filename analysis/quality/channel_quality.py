@@ -101,7 +101,7 @@ class ChannelFaults:
         return [_sized(self.samples, each) for each in found] if code == "spike" else found
 
     def quality(self, named: bool, whole: pd.Series[Any], jumps: list[ClockJump]) -> ChannelQuality:
-        """The channel in figures; ``named`` says that a finding is about it."""
+        """The channel in figures; ``named`` is whether a finding is about it."""
         times = times_of(self.samples)
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
         flags, interval = self.flags(), interval_ns(times) / NANO
@@ -132,7 +132,7 @@ def channel_faults(
     bounds_ns: tuple[int, int] | None = None,
     assumed: bool = False,
 ) -> ChannelFaults:
-    """Every check of one channel. ``whole`` also has the values that ``samples`` lacks as its decoder doubted them.
+    """Every check of one channel. ``whole`` also has the values that its decoder flagged bad.
 
     ``rate`` is how fast related channels say that it changes, ``bounds_ns`` the recording's start and end.
     An assumed constant is neither stuck nor quantised.

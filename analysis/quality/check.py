@@ -141,8 +141,8 @@ def _check_stretch(
     series: Mapping[str, Series],
     known: tuple[Finding, ...] = (),
 ) -> DataQuality:
-    """``known`` are findings already made, ``whole`` has the values that a decoder flagged bad, too: they may be
-    out of range."""
+    """All checks of one stretch of time. ``known`` are findings already made; ``whole`` has the values that a
+    decoder flagged bad too: they may be out of range."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
@@ -168,7 +168,7 @@ def _possible(
     faults: Mapping[str, ChannelFaults],
     rows: Mapping[str, Ints],
 ) -> pd.DataFrame:
-    """The table without values out of range, which would drown everything else; angles of the other convention
+    """The table without values out of range, which would dominate every estimate; angles of the other convention
     are brought into the channel's."""
     spoilt = {name: each.out_of_range for name, each in faults.items() if each.out_of_range.any()}
     if not spoilt:
@@ -186,7 +186,7 @@ def _possible(
 def _drop_explained_spikes(
     faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints], checked: list[CheckResult]
 ) -> None:
-    """Take back spikes where a check across channels knows better what happened to the channel."""
+    """Remove spikes from the faults where a check across channels explains them."""
     for each in checked:
         named = {finding.channel for finding in each.findings if finding.code in _EXPLAINED_BY["spike"]}
         for name in named & set(faults) & set(each.flags.columns):
@@ -222,7 +222,7 @@ def _in_receipt(samples: Mapping[str, pd.Series[Any]], joined: pd.DataFrame) -> 
 def _single_findings(
     faults: Mapping[str, ChannelFaults], across: tuple[Finding, ...], jumps: list[ClockJump]
 ) -> list[Finding]:
-    """Findings of the checks of one channel, without what a finding across channels says better."""
+    """Findings of the checks of one channel, without those that a finding across channels explains."""
     jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
     found: list[Finding] = []
     for code in WORDING:

@@ -85,8 +85,8 @@ def _order_finding(name: str, index: pd.DatetimeIndex, series: Samples, ramps: R
 def hold_orders(table: pd.DataFrame, name: str) -> Floats:
     """A command channel whose interpolated ramps hold their first value until the last sample: [rows].
 
-    An event says that the order has changed; that there was none until the next says that it stayed. So the
-    value at the beginning of a ramp is the order until its end, and the line between was never ordered.
+    An event means that the order has changed, no event that it stayed. So the value at the beginning of a ramp is
+    the order until its end, and the line between was never ordered.
     """
     value = table[name].to_numpy(dtype=float, copy=True)
     series = samples_of(table, name)
@@ -98,10 +98,10 @@ def hold_orders(table: pd.DataFrame, name: str) -> Floats:
 
 
 def order_ramps(name: str, series: Samples) -> Ramps:
-    """The ramps of a channel that gives itself away as interpolated; none of one that does not.
+    """The ramps of a channel that was interpolated; none of any other.
 
-    It does by three slow lines of 5 s, or one of 30 s, that are not all equally steep: a drive that turns at
-    its limit is. Then all its straight lines count, the short ones too.
+    It was where three slow lines last 5 s, or one 30 s, that are not all equally steep, as those of a drive at its
+    limit are. Then all its straight lines count, the short ones too.
     """
     value = unwrap(series.value) if BY_NAME[name].circular else series.value
     ramps = straight_ramps(series.time_s, value)
@@ -167,7 +167,7 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
     """Find feedback that has frozen (``feedback_frozen``) and shafts in per cent (``percent_scaled``).
 
     Frozen samples are flagged bad, ``estimate`` holds the ``seconds`` of all stretches together; a channel in
-    per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft tells it.
+    per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft gives it.
     """
     names = tuple(name for name in COMMAND if name in table)
     flags, findings = initial_flags(table, names), []

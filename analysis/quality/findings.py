@@ -51,9 +51,9 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """What a check across channels made of a table.
+    """The result of a check across channels.
 
-    ``flags`` has the table's index and a column for each channel that the check judged, as uint8.
+    ``flags`` has the table's index and a column for each channel that the check evaluated, as uint8.
     """
 
     flags: pd.DataFrame
@@ -65,7 +65,7 @@ Check = Callable[[pd.DataFrame], CheckResult]
 
 
 def initial_flags(table: pd.DataFrame, names: tuple[str, ...] = ()) -> pd.DataFrame:
-    """Flags that say nothing yet: missing where ``table`` has no value, else not evaluated."""
+    """Flags before a check: missing where ``table`` has no value, else not evaluated."""
     columns = {
         name: np.where(table[name].isna(), Quality.MISSING, Quality.NOT_EVALUATED).astype(np.uint8)
         for name in names

@@ -84,7 +84,7 @@ def _possible(table: pd.DataFrame, name: str) -> Samples:
 
 
 def _wrong_samples(table: pd.DataFrame, name: str, series: Samples) -> tuple[Bools, int]:
-    """The wrong samples [n] and the number of places, none where chance would do as well.
+    """The wrong samples [n] and the number of places; none where chance explains them as well.
 
     A spike that happens to stand where the ship passes north looks the same. It would stand as often where she
     passes east, so the circle is turned, and what is found then is what chance brings; and spikes stand in few
@@ -134,7 +134,7 @@ class _Group:
 
 @dataclass(frozen=True, slots=True)
 class _Lines:
-    """The samples on lines across the circle [n], on how many ``places``, and what speaks for spikes instead."""
+    """The samples on lines across the circle [n], on how many ``places``, and the evidence for spikes instead."""
 
     wrong: Bools
     places: int
@@ -144,7 +144,7 @@ class _Lines:
     """Excursions of the same kind that have nothing to do with the seam."""
 
     def could_be_spikes(self) -> bool:
-        """Whether few of the passages are spoilt, or no more than the excursions elsewhere let expect."""
+        """Whether few of the passages are affected, or no more than the excursions elsewhere make likely."""
         passages = self.spoilt_passages + self.sound_passages
         share = _LUCK + 3.0 * self.elsewhere / self.wrong.size
         by_chance = float(special.bdtrc(self.spoilt_passages - 1, passages, min(share, 1.0)))

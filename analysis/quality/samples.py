@@ -25,7 +25,7 @@ ASSUMED = ("assumed",)
 
 @dataclass(frozen=True, slots=True, order=True)
 class Stretch:
-    """A part of a channel's time in which something is wrong, and its size (seconds, or what the check says)."""
+    """A part of a channel's time in which something is wrong, and its size (seconds, or what the check defines)."""
 
     start_ns: int
     end_ns: int
@@ -162,7 +162,7 @@ def mask_of_runs(first: Ints, stop: Ints, count: int) -> Bools:
 
 
 def robust_spread(values: Floats) -> float:
-    """The standard deviation of the bulk of ``values``, which outliers do not move: 1.4826 median |x|."""
+    """A standard deviation that outliers do not affect: 1.4826 median |x|."""
     return float(1.4826 * np.median(np.abs(values))) if values.size else 0.0
 
 
@@ -191,7 +191,7 @@ def jackknife_error(estimates: Floats) -> Floats:
 
 
 def set_flags(flags: pd.DataFrame, name: str, judged: Ints, wrong: Ints, flag: Quality = Quality.BAD) -> None:
-    """Write into a check's fresh ``flags``: the ``judged`` rows of a channel are good but for the ``wrong``."""
+    """Write into a check's ``flags``: the ``judged`` rows of a channel are good, the ``wrong`` get ``flag``."""
     column = flags[name].to_numpy(copy=True)
     column[judged] = Quality.GOOD
     column[wrong] = flag

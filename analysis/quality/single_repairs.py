@@ -41,7 +41,7 @@ _EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray val
 
 
 class SingleRepair(NamedTuple):
-    """What a repair did, in words, and the columns it gives; ``told`` if people are to read it even where no value
+    """What a repair did, in words, and the columns it gives; ``told`` if it is reported even where no value
     changed."""
 
     text: str
@@ -53,7 +53,7 @@ _NOTHING = SingleRepair("", {})
 
 
 def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:
-    """Gaps where values within the finding are flagged bad; impossible ones need no flag to be known.
+    """Replace values within the finding that are flagged bad by gaps; impossible ones need no flag to be known.
 
     Angles on a line through their seam are bad too, but they can be mended and are left for that.
     """
@@ -84,7 +84,7 @@ def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChann
 
 
 def remove_time_outliers(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Gaps where a row is stamped years away from the recording proper."""
+    """Replace values that are stamped years away from the recording proper by gaps."""
     times = times_ns(table)
     first, last = main_stretch(times)
     stray = (times < first) | (times > last)
@@ -132,21 +132,21 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
 
 
 def scale_yaw_rate(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """The yaw rate times the factor that was found."""
+    """Multiply the yaw rate by the factor that was found."""
     factor = float(finding.estimate["factor"])
     columns = {name: table[name].to_numpy(dtype=float) * factor for name in ("yaw_rate_dps",) if name in table}
     return SingleRepair(f"yaw rate multiplied by {factor:.4f}", columns)
 
 
 def scale_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Surge and sway times the factor that was found."""
+    """Multiply surge and sway by the factor that was found."""
     factor = float(finding.estimate["factor"])
     columns = {name: table[name].to_numpy(dtype=float) * factor for name in _SPEED if name in table}
     return SingleRepair(f"surge and sway multiplied by {factor:.4f}", columns)
 
 
 def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """The shape of the turns from the yaw rate (:mod:`analysis.quality.motion.reconstruction`)."""
+    """Take the shape of the turns from the yaw rate (:mod:`analysis.quality.motion.reconstruction`)."""
     rebuilt = reconstruct_heading(table)
     if rebuilt is None:
         return SingleRepair(_HEADING_STAYS, {}, told=True)
@@ -155,7 +155,7 @@ def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> 
 
 
 def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Positions from the path that speeds and heading give (:mod:`analysis.quality.motion.reconstruction`)."""
+    """Take positions from the path that speeds and heading give (:mod:`analysis.quality.motion.reconstruction`)."""
     rebuilt = reconstruct_positions(table)
     if rebuilt is None:
         return _NOTHING
@@ -166,7 +166,7 @@ def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -
 
 
 def repair_apparent_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """The true wind, from a recorded one that is apparent."""
+    """Compute the true wind from a recorded one that is apparent."""
     from_bow = bool(finding.estimate.get("relative_to_bow", 1.0))
     direction, speed = true_wind(table, from_bow)
     reading = "the bow" if from_bow else "north"
@@ -175,7 +175,7 @@ def repair_apparent_wind(table: pd.DataFrame, finding: Finding, _: FlagsByChanne
 
 
 def repair_orders(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Orders hold from one event to the next."""
+    """Hold each order from one event to the next."""
     name = finding.channel
     if name not in table:
         return _NOTHING

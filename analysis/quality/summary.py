@@ -22,12 +22,12 @@ OTHER_TURN = "other_turn"
 _FEW = 0.05
 """The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
 Troubles = Mapping[str, list[Stretch]]
-"""By channel: where it has one kind of trouble."""
+"""By channel: where it has one kind of fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wording:
-    """How one kind of trouble is put: from the channel, the stretches and the largest of them to a sentence."""
+    """The text for one kind of fault: from the channel, the stretches and the largest of them to a sentence."""
 
     sentence: Callable[[str, list[Stretch], Stretch], str]
     remedy: str

@@ -69,7 +69,7 @@ class _Track:
     rate: Floats
 
     def elapsed(self, first: Ints, last: Ints) -> tuple[Floats, Floats]:
-        """The time [s] that the ship took between two rows by her motion, and how well it shows [1/s]."""
+        """The time [s] between two rows by the ship's motion, and its precision [1/s]."""
         rate = 0.25 * (self.rate[first - 1] + self.rate[first] + self.rate[last] + self.rate[last + 1])
         moved = self.place[last] - self.place[first]
         shown = np.sum(rate**2, axis=1)
@@ -134,7 +134,7 @@ def _jump_at(track: _Track, place: int, others: Ints, interval: float, stamps: I
 
 
 def _goes_on(track: _Track, place: int, step: float, interval: float, others: Ints) -> bool:
-    """Whether the next row is where the ship is one interval later, which she hardly ever is after such a time."""
+    """Whether the next row is where the ship is one interval later, as it hardly ever is after so long a time."""
     next_row, after_gap = _undisturbed(track, 1, others), _undisturbed(track, round(abs(step) / interval), others)
     if after_gap.size < _RARELY:
         return False
@@ -162,7 +162,7 @@ def _undisturbed(track: _Track, rows: int, others: Ints) -> Ints:
 
 
 def _errors(track: _Track, rows: int, others: Ints) -> Floats | None:
-    """By how much motion errs in telling the time over so many rows, times how well it shows."""
+    """Errors of the time that the motion gives over so many rows, times its precision; None for too few rows."""
     first = _undisturbed(track, rows, others)
     if first.size < _FEWEST:
         return None

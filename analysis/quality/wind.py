@@ -39,7 +39,7 @@ _READINGS = ("relative to the bow", "relative to north")
 
 
 def check_wind(table: pd.DataFrame) -> CheckResult:
-    """Find apparent wind that passes for true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
+    """Find apparent wind recorded as true (``wind_apparent``), else a turned vane (``wind_direction_offset``).
 
     ``estimate`` of the former: ``variance_ratio``, the variance of the wind as recorded over that of the true
     wind from the better reading, and ``relative_to_bow`` (1 or 0); certain where it is overwhelming. Of the
@@ -177,7 +177,7 @@ def _offset(table: pd.DataFrame, blocks: _Blocks) -> Finding | None:
 
 
 def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
-    """What the vane makes of the ship's own wind, its relative standard errors, and degrees of freedom.
+    """The vane's complex gain for the wind of the ship's motion, relative standard errors, degrees of freedom.
 
     With the vane turned by b the recorded wind is (T + V) exp(ib) - V, T being the true wind and V the ship's
     velocity; T is steadiest for the b that is the argument of the covariance of recorded wind + V with V. Both
@@ -222,14 +222,14 @@ def _next_times(blocks: _Blocks) -> Floats:
 
 
 def _memory(blocks: _Blocks, vector: Complexes) -> float:
-    """How much of a wind's deviation is left in the next block: its first autocorrelation, 0 to 0.95."""
+    """The autocorrelation of a wind's deviations from one block to the next, 0 to 0.95."""
     off, follows = _detrended(blocks, vector), _following(blocks)
     before, after = off[:-1][follows], off[1:][follows]
     return float(np.clip(np.sum(after * before.conj()).real / max(np.sum(np.abs(before) ** 2), 1e-12), 0.0, 0.95))
 
 
 def _news(blocks: _Blocks, vector: Complexes, memory: float) -> Complexes:
-    """What each block brings that the one before did not let expect."""
+    """Innovations of a first-order autoregression: each block less its prediction from the one before."""
     off = _detrended(blocks, vector)
     news: Complexes = (off[1:] - memory * off[:-1])[_following(blocks)]
     return news

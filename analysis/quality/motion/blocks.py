@@ -26,7 +26,7 @@ _CHI2_MEDIAN = 0.455
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """``parameters`` [p], their ``covariance`` [p, p], and how many blocks tell each of them [p]."""
+    """``parameters`` [p], their ``covariance`` [p, p], and the effective number of blocks for each [p]."""
 
     parameters: Floats
     covariance: Floats
@@ -42,11 +42,11 @@ def cosines(levels: Floats, starts: NDArray[np.int64], length: int, most: int) -
 
 
 def solve(residuals: Floats, slopes: Floats, halves: tuple[Floats, Floats], prior: Floats) -> Solution:
-    """Parameters that explain residuals [blocks, c, k] by slopes [blocks, p, c, k].
+    """Estimate parameters from residuals [blocks, c, k] and their derivatives ``slopes`` [blocks, p, c, k].
 
-    ``halves`` are the slopes from every other sample and from the rest: what they have not in common is noise and
-    tells nothing. ``prior`` [p] are standard deviations far beyond anything sensible: they bound what the data do
-    not tell.
+    ``halves`` are the slopes from every other sample and from the rest: what they do not have in common is noise
+    and carries no information. ``prior`` [p] are standard deviations far beyond anything sensible: they bound what
+    the data do not determine.
     """
     bands = _bands(residuals.shape[-1])
     weights = np.broadcast_to(1.0 / _noise(residuals, bands), residuals.shape)
@@ -71,8 +71,8 @@ def _normal(residuals: Floats, slopes: Floats, weights: Floats) -> tuple[Floats,
 
 
 def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) -> Solution:
-    """The solution in the directions whose slopes are signal; in the others nothing is moved and little known: ten
-    times the standard error that the slopes pretend, or the prior.
+    """The solution in the directions of parameter space that the data determine. In the others the estimate is
+    zero, and its standard error ten times the nominal one, or the prior.
 
     A direction's reliability is the part of its information that both halves of the samples share. Noise in
     slopes makes a parameter too small by just that factor (attenuation: W. A. Fuller, Measurement Error Models,
@@ -92,7 +92,7 @@ def _solution(matrices: Floats, sides: Floats, common: Floats, prior: Floats) ->
 
 
 def _spread(matrices: Floats, sides: Floats, directions: Floats, basis: Floats) -> tuple[Floats, Floats]:
-    """The covariance, and how many blocks tell each parameter: from the noise, and from leaving out each block."""
+    """The covariance, from the noise and by a jackknife, and the effective number of blocks for each parameter."""
     covariance = basis @ basis.T
     shares = np.einsum("pi,bij,pj->bp", basis, directions.T @ matrices @ directions, basis, optimize=True)
     informative = shares.sum(axis=0) ** 2 / np.maximum((shares**2).sum(axis=0), 1e-300)
@@ -120,7 +120,7 @@ def _noise(left: Floats, bands: NDArray[np.int64]) -> Floats:
 
 
 def _trust(ratio: Floats, bands: NDArray[np.int64]) -> Floats:
-    """One where a block's band is as noisy as the others, less where it is not; shape of ``ratio``."""
+    """Weights of the blocks' bands: 1 where as noisy as the others, less where noisier; shape of ``ratio``."""
     sizes = np.diff(np.append(bands, ratio.shape[-1]))
     excess = np.add.reduceat(ratio.sum(axis=1), bands, axis=-1) / (sizes * ratio.shape[1])
     trust = np.minimum(1.0, _TOLERATED / np.maximum(excess, 1e-300))

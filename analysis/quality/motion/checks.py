@@ -94,8 +94,8 @@ def _stamped_with(channel: str) -> tuple[str, ...]:
 
 
 def findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
-    """What a fit to a table says in words. Only where it says something are the parts of the recording compared,
-    which cannot but widen what is said."""
+    """Findings from a fit to a table. The parts of the recording are only compared where there is a finding: that
+    can only widen its interval."""
     found = _findings_of(table, fit)
     return _findings_of(table, widen_by_parts(fit)) if found else ()
 
@@ -131,8 +131,8 @@ def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) ->
 
 
 def _with_positions(table: pd.DataFrame) -> list[str]:
-    """Latitude and longitude always, speed and course over ground where their source is the positions' and not
-    everybody's."""
+    """Channels stamped together with the positions: latitude and longitude, and speed and course over ground where
+    their source is that of the positions but not of the speeds."""
     sources = table.attrs.get("sources", {})
     own = sources.get("north_m") is not None and sources.get("north_m") != sources.get("surge_mps")
     same = [name for name in _OVER_GROUND if own and sources.get(name) == sources["north_m"]]
@@ -164,7 +164,7 @@ def _delay(
 
 
 def _half(fit: Kinematics, cause: str, error: float) -> float:
-    """Half of the 95 % interval of a cause, by its error and by what it is seen in where that changes."""
+    """Half of the 95 % interval of a cause, from its standard error or the quarters of the recording."""
     row = [abs(each) for each in CAUSES[cause]]
     between = [fit.half_between[NAMES.index(name)] for name in OBSERVED]
     return float(max(1.96 * error, *(size * each for size, each in zip(between, row, strict=True))))

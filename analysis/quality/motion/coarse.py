@@ -40,8 +40,8 @@ _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 
 @dataclass(frozen=True, slots=True)
 class Coarse:
-    """Where the fine fit begins: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
-    to subtract; what contradicts, in words, with its channel and how much of the moves is ``left`` [-]."""
+    """Start of the fine fit: ``speed_factor`` and ``yaw_rate_factor`` to multiply by, ``heading_offset_rad``
+    to subtract; the contradiction in words, its channel, and the share of the moves ``left`` unexplained [-]."""
 
     speed_factor: float = 1.0
     heading_offset_rad: float = 0.0
@@ -93,7 +93,7 @@ def _scale_and_angle(moves: _Moves) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True)
 class _Regression:
-    """The ratio of moves to what explains them, and what is left [m] by it alone, and with an arm and a delay."""
+    """A regression of moves: their ratio to the model's, the residual [m], and that with lever arm and delay."""
 
     ratio: complex
     plainly_m: float
@@ -103,8 +103,8 @@ class _Regression:
         return self.left_m < _REMOVED * other.left_m
 
     def likelier(self, other: _Regression, windows: int) -> bool:
-        """Whether it leaves much less by itself and, where noise hides how much less, is better still when an arm
-        and a delay have taken what they can: sway to port looks much like a lever arm."""
+        """Whether its residual is much smaller and it stays likelier with a lever arm and a delay in the model:
+        sway with the wrong sign looks much like a lever arm."""
         much = self.plainly_m < _REMOVED * other.plainly_m
         return much and _KEPT * windows * np.log(other.left_m / max(self.left_m, 1e-9)) > _LIKELIER
 
@@ -157,13 +157,12 @@ class _Moves:
         return _Regression(complex(values[0]), _trimmed_rms(plainly), _trimmed_rms(left))
 
     def ratio(self) -> complex:
-        """What turns and stretches the moves by heading and speeds to those of the positions; 1 where they differ
-        by more than that."""
+        """The complex ratio of the positions' moves to those by heading and speeds; 1 where none explains them."""
         by = self.explained(self.moved, self.heading, self.body)
         return by.ratio if by.left_m < _AGREES * _trimmed_rms(self.moved) and abs(by.ratio) > 0.0 else 1.0 + 0.0j
 
     def yaw_rate_factor(self) -> float:
-        """What the yaw rate must be multiplied by to be the heading's rate, where that is far from 1 and sure."""
+        """The factor from yaw rate to rate of heading where it is far from 1 and well determined, else 1."""
         step = self.grid_s[1] - self.grid_s[0]
         turned = _changes_over(integrate(self.yaw_rate, step), self.starts, self.length)
         headed = _changes_over(self.heading, self.starts, self.length)
@@ -174,7 +173,7 @@ class _Moves:
 
 
 def _sign_or_unit(moves: _Moves) -> tuple[str, str, float] | None:
-    """The sign or unit that takes away what the channels contradict each other by: words, channel, share left."""
+    """The sign or unit error that removes the contradiction: in words, its channel, the share left without it."""
     path, plain = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body)
     if not max(plain.left_m, plain.plainly_m) > _LEAST_LEFT * path:
         return None
@@ -211,7 +210,7 @@ def _words(kind: str, angle_deg: float) -> tuple[str, str]:
 
 
 def _left_of_long(moves: _Moves, motion: Motion) -> float:
-    """The share of the moves in a minute that is left, where it is beyond noise and the ship went anywhere."""
+    """The unexplained share of the moves over a minute; 0 within noise or for a ship that hardly moved."""
     if moves.count < _FEWEST_LONG:
         return 0.0
     path, left = _trimmed_rms(moves.moved), moves.explained(moves.moved, moves.heading, moves.body).left_m
@@ -221,7 +220,7 @@ def _left_of_long(moves: _Moves, motion: Motion) -> float:
 
 
 def _changes_over(values: NDArray[Any], starts: NDArray[np.int64], length: int) -> NDArray[Any]:
-    """By how much values on the grid change over each window."""
+    """The change of values on the grid over each window."""
     return np.asarray(values[starts + length] - values[starts])
 
 

@@ -62,7 +62,7 @@ def heading_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
 
 
 def jitter_of(errors: HeadingErrors) -> Jitter:
-    """The part of errors that grows with the yaw rate, as that of stamps.
+    """The jitter of stamps from the part of heading errors that grows with the yaw rate.
 
     Short stretches tell best of errors that change from sample to sample, the limit of long ones, from stretches of
     60 and 120 s, of errors that last, and how large they are: either may say that there is jitter. Its size is
@@ -79,7 +79,7 @@ def jitter_of(errors: HeadingErrors) -> Jitter:
 
 
 def is_certain(jitter: Jitter) -> bool:
-    """Whether headings jitter: not by chance, not next to nothing, nor by more than stamps do."""
+    """Whether a jitter of headings is significant, above 0.1 s, and at most the 3 s that stamps can be wrong by."""
     return jitter.beyond(_SMALLEST_S, _CHANCE) and jitter.seconds <= _LARGEST_STAMP_ERROR_S
 
 
@@ -99,8 +99,8 @@ def integrated_yaw_rate_at(fit: Kinematics, heading_time_s: Floats) -> tuple[Flo
 
 
 def discontinuities(error: Floats, rate: Floats) -> Bools:
-    """Where headings part from the integrated yaw rate for good, as at a splice: [n - 1], steps that no stamp error
-    of 3 s and no noise explains."""
+    """Steps [n - 1] of the heading against the integrated yaw rate that neither a stamp error of 3 s nor noise
+    explains, as at a splice."""
     steps = np.abs(np.diff(error))
     turning = np.maximum(np.abs(rate[1:]), np.abs(rate[:-1]))
     noise = 1.4826 * float(np.median(steps)) if steps.size else 0.0
@@ -154,7 +154,7 @@ def _residual(columns: Floats, error: Floats, noise2: float) -> Floats:
 
 
 def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
-    """The jitter by what is left in short, longer and long stretches, given what a second of it spoils [n]."""
+    """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n]."""
     short, half, long = (_sums(each, spoils2) for each in lines)
     least = step**2 / 12.0
     size = _growth(_in_the_limit(long, half)[lines[2].usable], least)
@@ -176,13 +176,13 @@ def _sums(lines: _Lines, spoils2: Floats) -> Floats:
 
 
 def _in_the_limit(long: Floats, half: Floats) -> Floats:
-    """Sums of what is left of errors that outlast their stretch: it is less by as much as the stretch is short."""
+    """Sums of squared residuals extrapolated to infinitely long stretches, for errors that last longer than one."""
     paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(-1, 2, 5).sum(axis=1)
     return np.hstack([long[:, :3], 2.0 * long[:, 3:] - paired[:, 3:]])
 
 
 def _ratio(spoils2: Floats, left2: Floats) -> float:
-    """How many times the variance in turns is that of the tenth in which the ship turns least."""
+    """Variance in turns over that of the tenth of the samples in which the ship turns least."""
     if not spoils2.any():
         return 1.0
     still = float(left2[spoils2 <= np.quantile(spoils2, _STILL)].mean())
@@ -191,7 +191,7 @@ def _ratio(spoils2: Floats, left2: Floats) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Growth:
-    """The variance of the stamps [s2], its standard error, and how many stretches tell it."""
+    """The variance of the stamps [s2], its standard error, and the effective number of stretches."""
 
     variance_s2: float
     standard_error_s2: float

@@ -52,12 +52,12 @@ _STAGES_HZ = (0.05, 0.05, 0.15, 0.5, 0.5)
 
 @dataclass(frozen=True)
 class Kinematics:
-    """What makes the motion channels agree.
+    """Corrections that make the motion channels agree.
 
     ``parameters`` [9] in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
     multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
-    to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is how many blocks tell each value.
+    to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is their effective number of blocks.
     ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
     where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
@@ -87,14 +87,14 @@ class Kinematics:
         return float(self.standard_errors[NAMES.index(name)])
 
     def interval(self, name: str) -> tuple[float, float]:
-        """The 95 % interval, by Student's t for as many blocks as tell the value, or for the parts that differ."""
+        """The 95 % interval, by Student's t for its effective number of blocks, or for parts that differ."""
         half = quantile(0.975, self.informative[NAMES.index(name)]) * self.standard_error(name)
         half = max(half, float(self.half_between[NAMES.index(name)]))
         return self.value(name) - half, self.value(name) + half
 
 
 def quantile(probability: float, informative: float) -> float:
-    """Of Student's t; the noise of all blocks is known beside the spread of those that matter."""
+    """Quantile of Student's t; three degrees of freedom are added, as the noise of all blocks is known too."""
     from scipy.special import stdtrit
 
     return float(stdtrit(max(informative, 1.0) + 3.0, probability))
@@ -119,7 +119,7 @@ def _apply_coarse(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
 
 
 def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
-    """A fit to a corrected table as one to the table itself: factors multiply, angles add."""
+    """Turn a fit to a corrected table into one to the table itself: factors multiply, angles add."""
     scale = np.ones(len(NAMES))
     scale[NAMES.index("speed_factor")] = coarse.speed_factor
     scale[NAMES.index("yaw_rate_factor")] = coarse.yaw_rate_factor
@@ -169,13 +169,13 @@ def fit_motion(motion: Motion) -> Kinematics:
 
 
 def _within_bounds(parameters: Floats) -> bool:
-    """Whether factor and angle (or bias) stayed where the fit can be believed; the coarse fit is to lead there."""
+    """Whether factor and angle (or bias) stayed within the range in which the linearised fit is valid."""
     return bool(abs(parameters[0] - 1.0) < _FARTHEST and abs(parameters[1]) < _FARTHEST)
 
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """The grid, its blocks and the highest frequency that the slowest channel can tell."""
+    """The grid, its blocks and the highest frequency that the slowest channel resolves."""
 
     grid_s: Floats
     starts: NDArray[np.int64]
@@ -194,7 +194,7 @@ Models = tuple[Model, ...]
 
 
 def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
-    """Levels fitted as they are or, where they jump and that tells more, without their jumps.
+    """Fit levels as they are or, where they jump and that gives a smaller covariance, without their jumps.
 
     To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
     """
@@ -207,8 +207,8 @@ def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solut
 
 
 def _gauss_newton(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
-    """From slow motion to faster. A delay or arm that a stage does not tell begins the next at none, lest it
-    wanders, or finds itself a whole wave off."""
+    """Gauss-Newton steps from low frequencies to higher ones. A delay or lever arm that is not significant in one
+    stage starts the next at zero, or it might settle a whole wave period off."""
     level_at, values = spline(level), np.zeros(prior.size)
     values[0] = 1.0
     for number, limit_hz in enumerate(_STAGES_HZ, start=1):
@@ -236,7 +236,7 @@ _ALIKE = np.array([2e-4, 2e-4, 0.01, 0.01, 0.05, 0.05, 5e-4, 1e-5, 0.01])
 
 
 def widen_by_parts(fit: Kinematics) -> Kinematics:
-    """The fit with the half widths of intervals that its quarters ask for.
+    """Widen the intervals of a fit by how the quarters of the recording differ.
 
     It takes as long as the fit itself. Recordings of whose quarters fewer than three can be
     fitted stay as they are.
@@ -269,7 +269,7 @@ def _half_between(values: Floats, variance: Floats) -> Floats:
 
 
 def _variance(part: Kinematics) -> Floats:
-    """As large as few blocks make it, as Student's t is wider than a normal deviate at 95 %."""
+    """Variances of a part's parameters, widened for few blocks as Student's t is at 95 %."""
     wider = np.array([quantile(0.975, each) / 1.96 for each in part.informative])
     return np.asarray((part.standard_errors * wider) ** 2 + _ALIKE**2)
 

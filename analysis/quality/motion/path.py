@@ -28,7 +28,7 @@ _STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4])
 
 
 def path_model(motion: Motion, grid_s: Floats) -> Model:
-    """The model of a motion; the speeds' stamps are the time."""
+    """The path by heading and speeds as a model of the positions; the speeds' stamps are the time."""
     heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
     first, last = motion.heading.time_s[[0, -1]]
     width = max(_RATE_WIDTH_S, motion.heading.interval_s)
@@ -73,7 +73,7 @@ def turn_model(motion: Motion, grid_s: Floats) -> Model:
 
 
 def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> Group:
-    """Positions or headings whose jumps are taken out, as they come from jittering stamps and clocks that are set.
+    """Remove jumps of positions or headings, as they come from jittering stamps and clocks that are set.
 
     A step from one sample to the next is a jump where it differs from the model's by far more than the usual
     step does, and by a good part of the distance; the model's step takes its place. Where there are such steps at
@@ -108,7 +108,7 @@ class _Steps:
 
 
 def _robust_fit(level: Group, model: Model, grid_s: Floats, values: Floats) -> Floats:
-    """Parameters by redescending weights (Cauchy's, squared) whose tolerance narrows."""
+    """Robust regression on steps: redescending weights (Cauchy's, squared) with a tolerance that narrows."""
     for number in range(_ROUNDS):
         steps = _steps(level, model, grid_s, values)
         scale = _scale(steps)

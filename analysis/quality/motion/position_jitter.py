@@ -36,7 +36,7 @@ _LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
 
 @dataclass(frozen=True, slots=True)
 class Jitter:
-    """Variance of the stamps [s2] with its standard error and how many stretches tell it.
+    """Variance of the stamps [s2] with its standard error and the effective number of stretches.
 
     ``surplus`` is by how many of its standard errors the variance that jitter makes exceeds the one that it does
     not (of positions along and across the way, of headings with and without turning) in short stretches, whose
@@ -55,7 +55,7 @@ class Jitter:
         return float(np.sqrt(max(self.variance_s2, 0.0)))
 
     def beyond(self, smallest_s: float, chance: float = CHANCE) -> bool:
-        """Whether it is larger than anyone should care about, and surely no chance."""
+        """Whether it is at least ``smallest_s`` and significant at ``chance``."""
         surely = self.surplus > quantile(1.0 - chance, self.surplus_stretches)
         return surely and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
 
@@ -122,14 +122,14 @@ def _usable(sums: Sums) -> NDArray[np.bool_]:
 
 
 def _of_stretches(excess_m2: Floats, moved_m2: Floats) -> tuple[float, float, float]:
-    """The ratio of sums, its standard error by leaving out stretches, and how many tell it."""
+    """The ratio of sums, its standard error by a jackknife, and the effective number of stretches."""
     total, base = excess_m2.sum(), moved_m2.sum()
     without = (total - excess_m2) / np.maximum(base - moved_m2, 1e-12)
     return float(total / base), float(jackknife_error(without)), float(base**2 / (moved_m2**2).sum())
 
 
 def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
-    """By how much raw positions differ from the path that was fitted; those that stick out are left out."""
+    """Errors of the raw positions about the fitted path, without outliers."""
     motion, parameters = fit.motion, fit.parameters[:6]
     grid_s = np.arange(motion.speed.time_s[0], motion.speed.time_s[-1], motion.step_s)
     path, slopes = path_model(motion, grid_s)(parameters)
@@ -143,7 +143,7 @@ def position_errors(table: pd.DataFrame, fit: Kinematics) -> PositionErrors:
 
 
 def _about_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
-    """What is left about the straight line of each stretch, as large as if the line were known."""
+    """Residuals about the straight line of each stretch, scaled for the two degrees of freedom that it takes."""
     place = np.arange(values.size, dtype=float)
     count = np.bincount(stretch)
     some = np.maximum(count, 1)
@@ -239,7 +239,7 @@ def _recorded(samples: Group, begin: float, end: float) -> bool:
 
 
 def _pair_returns(jumps: list[tuple[float, Floats]], lasts_s: float) -> tuple[PositionJump, ...]:
-    """Jumps, and where the next takes one back, both as one."""
+    """Join a jump and the next one where that takes it back."""
     found: list[PositionJump] = []
     skip = False
     for number, (time_s, size) in enumerate(jumps):
@@ -257,7 +257,7 @@ def _pair_returns(jumps: list[tuple[float, Floats]], lasts_s: float) -> tuple[Po
 
 
 def _stuck(raw: Floats, interval_s: float) -> Bools:
-    """Samples of which a coordinate has not changed for long: they do not jump, they stand."""
+    """Samples of which a coordinate has not changed for 3 s: they are stuck, and what follows is no jump."""
     stuck = np.zeros(len(raw), dtype=bool)
     for column in raw.T:
         _, lengths = runs_of_equal(np.diff(column) != 0.0)

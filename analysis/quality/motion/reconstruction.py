@@ -75,7 +75,7 @@ def reconstruct_positions(table: pd.DataFrame) -> PositionReconstruction | None:
 
 
 def dead_reckoning(table: pd.DataFrame) -> Floats:
-    """North and east of the way that the speeds over ground and the heading give since the start: [rows, 2]."""
+    """The path north and east since the start by dead reckoning, from speeds over ground and heading: [rows, 2]."""
     since_s = seconds_of(table)
     surge, sway, heading = (samples_of(table, name) for name in ("surge_mps", "sway_mps", "heading_deg"))
     ahead, aside = (np.interp(since_s, each.time_s, each.value) for each in (surge, sway))
@@ -91,8 +91,8 @@ def _sides(off_m: Floats) -> NDArray[np.intp]:
 
 
 def slow_difference(off: Floats, side: NDArray[np.intp], times: pd.DatetimeIndex, tie_s: float) -> Floats:
-    """Running median and mean over ``tie_s`` of what lies between the recorded and the integrated [n, m], on each
-    side by itself; where ``tie_s`` is infinite, the median of a side."""
+    """Running median and mean over ``tie_s`` of the difference of recorded and integrated [n, m], for each ``side``
+    by itself; the median of a side where ``tie_s`` is infinite."""
     parts = []
     for part in np.split(np.arange(side.size), np.flatnonzero(np.diff(side)) + 1):
         each = pd.DataFrame(off[part], index=times[part])
@@ -176,7 +176,7 @@ def _unknown(fit: Kinematics, heading_time_s: Floats) -> Bools:
 
 
 def _worth_it(mended: Floats, rate: Floats) -> bool:
-    """Whether what would be mended in turns is beyond what compass and yaw rate scatter by without turning."""
+    """Whether the change in turns exceeds the scatter of compass and yaw rate without turning."""
     turning, mended2 = rate**2, mended**2
     still = mended2[turning <= np.median(turning)].mean()
     return bool((turning * mended2).sum() > _WORTH * still * turning.sum())

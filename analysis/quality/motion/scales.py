@@ -7,7 +7,7 @@ a gross factor points to stand here too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -43,14 +43,14 @@ def _interval(fit: Kinematics, name: str) -> tuple[float, float]:
 
 
 def _clear(fit: Kinematics, name: str, neutral: float = 0.0) -> bool:
-    """Whether a figure differs from its neutral value, by more than chance and by enough to matter."""
+    """Whether a figure differs from its neutral value significantly, and by enough to matter."""
     away = abs(fit.value(name) - neutral)
     critical = quantile(1.0 - 0.5 * CHANCE, fit.informative[NAMES.index(name)])
     return bool(away > max(_SMALLEST[name], critical * np.hypot(fit.standard_error(name), _systematic(fit, name))))
 
 
 def _systematic(fit: Kinematics, name: str) -> float:
-    """In proportion to a factor."""
+    """The systematic standard deviation of a figure; of a factor in proportion to it."""
     return float(_SYSTEMATIC[name] * (abs(fit.value(name)) if name.endswith("factor") else 1.0))
 
 
@@ -64,37 +64,42 @@ def speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Find
     """The factor of surge and sway against the rate of the positions."""
     if not _clear(fit, "speed_factor", 1.0):
         return None
-    factor, (low, high) = fit.value("speed_factor"), _interval(fit, "speed_factor")
-    unit = unit_of(factor, SPEED_UNITS, low, high)
+    factor = fit.value("speed_factor")
     how = (
-        f"are {abs(1.0 / factor - 1.0):.1%} too {'low' if factor > 1.0 else 'high'} for"
-        if factor > 0.0
-        else "run against"
+        f"are {_percent_off(factor)} too {'low' if factor > 1.0 else 'high'} for" if factor > 0.0 else "run against"
     )
-    return Finding(
-        "speed_scale", "surge_mps", start, end,
-        f"Surge and sway {how} the rate of the positions {_factor(fit, 'speed_factor', unit)}",
-        _advice("surge and sway", factor, low, high) if unit is None or unit.sure else "Find out which it is.",
-        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
-    )  # fmt: skip
+    text = f"Surge and sway {how} the rate of the positions"
+    finding = Finding("speed_scale", "surge_mps", start, end, text)
+    return _with_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
 def yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     """The factor of the yaw rate against the turns of the heading."""
     if not _clear(fit, "yaw_rate_factor", 1.0):
         return None
-    factor, (low, high) = fit.value("yaw_rate_factor"), _interval(fit, "yaw_rate_factor")
-    unit = unit_of(factor, YAW_RATE_UNITS, low, high)
-    how = (
-        f"reads {abs(1.0 / factor - 1.0):.1%} {'less' if factor > 1.0 else 'more'} than the heading turns"
-        if factor > 0.0
-        else "reads against the turns of the heading"
+    factor = fit.value("yaw_rate_factor")
+    how = f"{_percent_off(factor)} {'less' if factor > 1.0 else 'more'} than the heading turns"
+    text = f"The yaw rate reads {how if factor > 0.0 else 'against the turns of the heading'}"
+    finding = Finding("yaw_rate_scale", "yaw_rate_dps", start, end, text)
+    return _with_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
+
+
+def _percent_off(factor: float) -> str:
+    return f"{abs(1.0 / factor - 1.0):.1%}"
+
+
+def _with_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str) -> Finding:
+    """The finding with its factor in the text and the estimate, and what to do about it."""
+    factor, (low, high) = fit.value(name), _interval(fit, name)
+    unit = unit_of(factor, units, low, high)
+    sure = unit is None or unit.sure
+    return replace(
+        finding,
+        text=f"{finding.text} {_factor(fit, name, unit)}",
+        remedy=_advice(what, factor, low, high) if sure else "Find out which it is.",
+        estimate={"factor": factor, "low": low, "high": high},
+        certain=_certain(factor, low, high, unit),
     )
-    return Finding(
-        "yaw_rate_scale", "yaw_rate_dps", start, end,
-        f"The yaw rate {how} {_factor(fit, 'yaw_rate_factor', unit)}", _advice("the yaw rate", factor, low, high),
-        {"factor": factor, "low": low, "high": high}, _certain(factor, low, high, unit),
-    )  # fmt: skip
 
 
 def _advice(what: str, factor: float, low: float, high: float) -> str:
@@ -203,7 +208,7 @@ def is_plausible_factor(factor: float, unit: Unit | None) -> bool:
 
 
 def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
-    """What a coarse fit says contradicts; ``estimate`` has the share of the moves that is left over."""
+    """The contradiction that a coarse fit found; ``estimate`` has the share of the moves left unexplained."""
     index = utc_index(table)
     text = f"Positions, heading and speeds tell of no one motion: {coarse.left:.0%} of the way is left over;"
     return Finding(
@@ -214,7 +219,7 @@ def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
 
 
 def diverged_fit_finding(table: pd.DataFrame) -> Finding:
-    """Of a fit that ran against its bounds."""
+    """The finding for a fit that ran against its bounds."""
     index = utc_index(table)
     return Finding(
         "motion_contradiction", "north_m", index.min(), index.max(),

@@ -126,7 +126,7 @@ def _without_repeats(samples: Group) -> Group:
 
 
 def outliers(values: Floats) -> Bools:
-    """Rows of [n, channels] that stick out of their two neighbours on either side far more than noise does.
+    """Rows of [n, channels] that lie outside their two neighbours on either side by far more than noise.
 
     What rises or falls steadily never sticks out, however steep.
     """
@@ -185,7 +185,7 @@ def _average(samples: Group, step_s: float) -> Group:
 
 
 def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
-    """The heading unwrapped along the turn that the yaw rate tells, and by it where it contradicts wildly.
+    """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly.
 
     The difference of heading and integrated yaw rate wanders slowly; it is interpolated over samples where it
     is far from the median of its neighbourhood, as in headings interpolated through north.
