@@ -1,4 +1,4 @@
-"""The analysis of one recording, step by step: checked, mended, at 1 Hz, smoothed, windows and manoeuvres."""
+"""The analysis of one recording, step by step: checked, repaired, at 1 Hz, smoothed, windows and manoeuvres."""
 
 from __future__ import annotations
 
@@ -77,21 +77,21 @@ def analyse(path: Path, options: Options, name: str = "") -> Products:
     raw = table_of(recording)
     raw.attrs["recording"] = name or path.stem  # not its path, which differs from place to place
     quality = check_recording(recording, raw)
-    mended = RepairResult(raw, ())
+    repaired = RepairResult(raw, ())
     if options.repair:
-        mended = repair(
+        repaired = repair(
             raw, quality.findings, quality.flags, recording, rebuild_positions=options.rebuild_positions
         )
-    one_hz = resample(mended.table, 1.0)
-    products = Products(recording, quality, mended.table, one_hz, mended.repairs)
+    one_hz = resample(repaired.table, 1.0)
+    products = Products(recording, quality, repaired.table, one_hz, repaired.repairs)
     with products.step():
         require(one_hz)
         products.windows = held_windows(one_hz, options.horizon_s, options.stride_s, trial=name or path.stem)
     with products.step():
-        products.manoeuvres = find_manoeuvres(mended.table, options.length_m, recording.events)
+        products.manoeuvres = find_manoeuvres(repaired.table, options.length_m, recording.events)
     if options.smooth:
         with products.step():
-            motion = smooth(mended.table, 1.0)
+            motion = smooth(repaired.table, 1.0)
             products.one_hz, products.remarks = _with_motion(one_hz, motion), motion.remarks
             if products.windows is not None:
                 products.windows = add_start_states(products.windows, {name or path.stem: motion})

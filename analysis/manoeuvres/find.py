@@ -101,7 +101,7 @@ def _zigzags_and_turns(
 ) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
     """Zigzags and turns, and the rows that they take."""
     helm = helm_of(motion)
-    held = held_helm(motion, helm)
+    held = helm_plateaus(motion, helm)
     chains = [chain for chain in zigzag_chains(motion, held, 2) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
     found = [zigzag(motion, helm, chain, length_m) for chain in chains]
@@ -121,7 +121,7 @@ def helm_of(motion: Motion) -> Floats:
     return np.where(running, motion.helm_deg, 0.0)
 
 
-def held_helm(motion: Motion, helm: Floats) -> list[Plateau]:
+def helm_plateaus(motion: Motion, helm: Floats) -> list[Plateau]:
     """The plateaus of the helm that are off the middle and steady enough to be an order."""
     least, tolerance = max(_LEAST_HELM_DEG, 4.0 * noise_of(helm)), tolerance_of(helm, _LEAST_STEP_DEG)
     return [

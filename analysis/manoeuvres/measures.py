@@ -136,7 +136,7 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 def smooth_motion(motion: Motion, half_width: float) -> Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
     rows = half_width / motion.step_s
-    return motion.measuring({name: _quadratic(getattr(motion, name), rows) for name in MEASURED_COLUMNS})
+    return motion.with_columns({name: _quadratic(getattr(motion, name), rows) for name in MEASURED_COLUMNS})
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
@@ -213,7 +213,7 @@ def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
 
 def _with_noise(smooth: Motion, spectra: Mapping[str, Floats], random: np.random.Generator) -> Motion:
     rows = smooth.time_s.size
-    return smooth.measuring(
+    return smooth.with_columns(
         {name: getattr(smooth, name) + _draw(spectra[name], rows, random) for name in MEASURED_COLUMNS}
     )
 

@@ -82,7 +82,7 @@ class Motion:
         """Speed over ground [rows]."""
         return np.hypot(self.surge_mps, self.sway_mps)
 
-    def measuring(self, columns: Mapping[str, Floats]) -> Motion:
+    def with_columns(self, columns: Mapping[str, Floats]) -> Motion:
         """This motion with other values of some of its columns."""
         return replace(self, **dict[str, Any](columns))
 
@@ -156,10 +156,10 @@ def motion_of(table: pd.DataFrame) -> Motion:
 
 def orders_are_events(table: pd.DataFrame) -> bool:
     """Whether an azimuth's values between its changes are made up: straight lines, or lines that were repaired."""
-    mended = {entry["options"].get("channel") for entry in history_of(table)
+    repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
     angles = table[[name for name in AZIMUTHS if name in table]]
-    return bool(mended & set(AZIMUTHS)) or bool(check_orders(angles).findings)
+    return bool(repaired & set(AZIMUTHS)) or bool(check_orders(angles).findings)
 
 
 def fill_gaps(values: Floats) -> Floats:

@@ -149,13 +149,13 @@ def count_text(manoeuvres: Sequence[Manoeuvre]) -> str:
     'no manoeuvre found'
     """
     counts = Counter(each.kind for each in manoeuvres)
-    return ", ".join(counted_text(number, kind) for kind, number in counts.items()) or "no manoeuvre found"
+    return ", ".join(number_text(number, kind) for kind, number in counts.items()) or "no manoeuvre found"
 
 
-def counted_text(number: int, kind: str) -> str:
+def number_text(number: int, kind: str) -> str:
     """A number of manoeuvres of a kind as text.
 
-    >>> counted_text(1, "zigzag"), counted_text(2, "course_change"), counted_text(3, "crabbing")
+    >>> number_text(1, "zigzag"), number_text(2, "course_change"), number_text(3, "crabbing")
     ('1 zigzag', '2 course changes', '3 crabbing runs')
     """
     noun = {"crabbing": "crabbing run", "stopping": "stopping test"}.get(kind, kind.replace("_", " "))

@@ -60,7 +60,7 @@ def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     return CheckResult(flags, tuple(findings))
 
 
-def interpolated_through_seam(table: pd.DataFrame, name: str) -> Bools:
+def seam_line_mask(table: pd.DataFrame, name: str) -> Bools:
     """Whether each value of an angle lies on a straight line through its seam: [rows]."""
     wrong = np.zeros(len(table), np.bool_)
     series = _possible(table, name)

@@ -22,7 +22,7 @@ from analysis.kinematics import integrate
 from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from analysis.quality.commands import hold_orders
 from analysis.quality.findings import Finding, Flags
-from analysis.quality.heading_wrap import JUDGED, WRAP_INTERPOLATED, interpolated_through_seam
+from analysis.quality.heading_wrap import JUDGED, WRAP_INTERPOLATED, seam_line_mask
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
 from analysis.quality.samples import is_possible, samples_of
 from analysis.quality.summary import ALL, OTHER_TURN
@@ -64,7 +64,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
-            value[bad & ~interpolated_through_seam(table, name) if name in JUDGED else bad] = np.nan
+            value[bad & ~seam_line_mask(table, name) if name in JUDGED else bad] = np.nan
         if finding.code == "out_of_range" and name in BY_NAME:
             value[~is_possible(name, value)] = np.nan
         columns[name] = value
@@ -111,7 +111,7 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     neighbours is shared out linearly. In holes beyond 10 s (60 s with a yaw rate) they become gaps.
     """
     name = finding.channel
-    wrong = interpolated_through_seam(table, name) if name in table else np.zeros(len(table), np.bool_)
+    wrong = seam_line_mask(table, name) if name in table else np.zeros(len(table), np.bool_)
     if not wrong.any():
         return _NOTHING
     value = table[name].to_numpy(dtype=float, copy=True)

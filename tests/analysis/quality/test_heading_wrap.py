@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.frames import Quality
 from acquisition.tables.import_table import import_table
-from analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, interpolated_through_seam
+from analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
 from analysis.tables.table import read_table
 from analysis.tables.time_index import NANO, times_ns
 from hybrid.simulation.sensors import Noise
@@ -61,7 +61,7 @@ def test_every_sample_on_a_line_through_north_is_found_and_no_other(
     assert (finding.code, finding.channel, finding.certain) == (WRAP_INTERPOLATED, "heading_deg", True)
     assert finding.estimate["samples"] == bad.sum()
     assert spoilt.index[bad][[0, -1]].tolist() == [finding.start, finding.end]
-    assert (interpolated_through_seam(spoilt, "heading_deg") == bad).all()
+    assert (seam_line_mask(spoilt, "heading_deg") == bad).all()
     assert check_heading_wrap(sound).findings == ()
 
 
