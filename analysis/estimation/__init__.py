@@ -1,1 +1,1 @@
-"""The motion with its uncertainty: laws of motion, noise levels from the data, Kalman filter and smoother."""
+"""Linear estimation, once: process models, Kalman filter and smoother, noise levels by likelihood, the motion."""

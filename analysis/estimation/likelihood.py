@@ -8,7 +8,7 @@ up to a limit only, and one beyond it does not fall as its variance grows: outli
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,3 +109,19 @@ def scores(
         moved[number] = (other - innovation) / deviation / _DIFFERENCE * inside
         grown[number] = np.log(its_variance / variance) / _DIFFERENCE * inside
     return grown @ (1.0 - ratio**2) + 2.0 * moved @ ratio, grown @ grown.T + 2.0 * moved @ moved.T
+
+
+NEARLY_ONE = 0.95
+"""Two estimates correlated by so much, either way, are one in all but name."""
+
+
+def correlated_pairs(names: Sequence[str], correlation: Floats) -> list[tuple[str, str, float]]:
+    """Pairs of ``names`` [P] whose estimates hang together, and their correlation, from all of them [P, P].
+
+    >>> correlated_pairs(["mass", "drag"], np.array([[1.0, -0.97], [-0.97, 1.0]]))
+    [('drag', 'mass', -0.97)]
+    """
+    return [
+        (names[one], names[other], float(correlation[one, other]))
+        for one in range(len(names)) for other in range(one) if abs(correlation[one, other]) > NEARLY_ONE
+    ]  # fmt: skip

@@ -3,6 +3,10 @@
 A step needs the derivative of every output with respect to every weight, which the few hundred weights of
 these networks allow. A few dozen steps come further than a thousand epochs of Adam, and in a fraction of the
 time. Each step sees rows drawn anew, so that its cost does not grow with the data.
+
+The steps are ours for these two reasons, other rows each time and an end where windows kept out stop gaining:
+``scipy.optimize.least_squares`` on all rows is after twelve steps 1.6 times (trf) and 2.1 times (lm) as far off on
+windows not seen, in 1.5 and 3.4 times the time that ours takes to its end (tests/benchmarks/least_squares.py).
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any, Literal, cast
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.entangled import entangled_pairs
+from analysis.estimation.likelihood import correlated_pairs
 from hybrid.prediction.scores import Interval
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
@@ -174,7 +174,7 @@ class Correlation:
 
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs that these data cannot tell apart in size, and their correlation."""
-        return entangled_pairs(self.names, self.matrix)
+        return correlated_pairs(self.names, self.matrix)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The recursions: one textbook filter, filterpy and the compiled one say the same; jumps, gaps, time in between."""
+"""Textbook filter, batch least squares, filterpy and the kernel say the same; jumps, gaps, time in between."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import block_diag, expm
+from scipy.stats import chi2
 
 from analysis.estimation.kalman import Gate, Start, Steps, Track, predicted, smooth_steps
-from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
+from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
 
 WIDE = Gate(limit=np.inf)
 START = Start(np.zeros(9), np.diag([100.0, 10.0, 1.0] * 3))
@@ -137,3 +139,85 @@ def test_beyond_the_last_step_the_covariance_grows() -> None:
     assert np.all(np.diff(variance) > 0)
     last = track.filtered.mean[-1:], track.filtered.covariance[-1:]
     assert track.at(ahead[2:3])[0] == pytest.approx(predicted(*last, np.array([5.0]), track.model)[0])
+
+
+def batch_least_squares(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.ndarray]:
+    """All states at once, the least squares of prior, process noise and measurements: means and covariances."""
+    count, n = steps.time_s.size, start.mean.size
+    gaps = np.diff(steps.time_s)
+    forward, added = model.transition(gaps), model.process_noise(gaps)
+    motion = np.eye(count * n)
+    for k in range(1, count):
+        motion[k * n : (k + 1) * n, (k - 1) * n : k * n] = -forward[k - 1]
+    weight = block_diag(*(np.linalg.inv(each) for each in (start.covariance, *added)))
+    information = motion.T @ weight @ motion
+    right = motion.T @ weight @ np.concatenate([start.mean, np.zeros((count - 1) * n)])
+    for k, c in np.argwhere(np.isfinite(steps.value)):
+        row = np.zeros(count * n)
+        row[k * n : (k + 1) * n] = steps.row[k, c]
+        information += np.outer(row, row) / steps.variance[k, c]
+        right += row * steps.value[k, c] / steps.variance[k, c]
+    covariance = np.linalg.inv(information)
+    own = np.stack([covariance[k * n : (k + 1) * n, k * n : (k + 1) * n] for k in range(count)])
+    return (covariance @ right).reshape(count, n), own
+
+
+@pytest.mark.parametrize("engine", ["filterpy", "compiled"])
+def test_the_smoother_is_the_batch_least_squares_solution(engine: str) -> None:
+    steps, model = irregular(5, 25), Model((1,), SLOW)
+    own, start = steps.for_model(model), START.for_model(model)
+    mean, covariance = batch_least_squares(own, start, model)
+    track = smoothed(steps, SLOW, WIDE, engine)
+    assert track.mean == pytest.approx(mean, rel=1e-6, abs=1e-6)
+    assert track.covariance == pytest.approx(covariance, rel=1e-5, abs=1e-8)
+
+
+def test_innovations_of_data_from_the_model_itself_are_white_and_of_unit_variance() -> None:
+    random, time_s, model = np.random.default_rng(6), np.arange(2000) * 0.7, Model((1, 1), SLOW_AND_WAVES)
+    start = START.for_model(model)
+    step, root = model.transition(np.array([0.7]))[0], np.linalg.cholesky(model.process_noise(np.array([0.7]))[0])
+    state, values = np.linalg.cholesky(start.covariance) @ random.standard_normal(start.mean.size), []
+    for _ in time_s:
+        values.append((model.sums @ state)[[3, 4]] + random.standard_normal(2) * (0.3, 0.05))
+        state = step @ state + root @ random.standard_normal(state.size)
+    filtered = smoothed(north_steps(time_s, np.array(values), (0.3, 0.05)), SLOW_AND_WAVES, WIDE).filtered
+    ratio = filtered.innovation / filtered.deviation
+    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], ratio.size)
+    assert low < (ratio**2).sum() < high
+    assert np.abs(ratio[1:].T @ ratio[:-1] / np.sqrt(len(ratio))).max() < 4.5
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=15, deadline=None)
+def test_the_order_of_channels_does_not_matter(seed: int) -> None:
+    """One after another they say what they say together."""
+    steps = irregular(seed, 30)
+    other = Steps(
+        steps.time_s, steps.value[:, ::-1].copy(), steps.row[:, ::-1].copy(), steps.variance[:, ::-1].copy(),
+        steps.turn, steps.jumps[::-1].copy(),
+    )  # fmt: skip
+    first, second = (smoothed(each, SLOW_AND_WAVES, WIDE) for each in (steps, other))
+    assert second.mean == pytest.approx(first.mean, rel=1e-6, abs=1e-6)
+    assert second.covariance == pytest.approx(first.covariance, rel=1e-5, abs=1e-7)
+
+
+@given(seed=st.integers(0, 10_000))
+@settings(max_examples=15, deadline=None)
+def test_what_comes_later_makes_no_state_less_certain(seed: int) -> None:
+    track = smoothed(irregular(seed, 30), SLOW_AND_WAVES, WIDE)
+    gained = track.filtered.covariance - track.covariance
+    scale = np.sqrt(np.einsum("kii->ki", track.filtered.covariance))
+    assert np.linalg.eigvalsh(gained / (scale[:, :, None] * scale[:, None])).min() > -1e-6
+
+
+@given(dt_s=st.floats(0.01, 5.0), frequency=st.floats(0.3, 3.0), damping=st.floats(0.02, 0.9))
+@settings(max_examples=40, deadline=None)
+def test_the_oscillator_is_the_matrix_exponential_and_keeps_its_variances(
+    dt_s: float, frequency: float, damping: float
+) -> None:
+    step = np.array(oscillator(dt_s, frequency, damping)).reshape(2, 2)
+    exact = expm(dt_s * np.array([[0.0, 1.0], [-(frequency**2), -2.0 * damping * frequency]]))
+    assert step == pytest.approx(exact, rel=1e-8, abs=1e-10)
+    stationary = np.diag([1.0, frequency**2])
+    assert np.linalg.eigvalsh(stationary - step @ stationary @ step.T).min() > -1e-12
+    assert decay(dt_s, 7.0) * decay(2.0, 7.0) == pytest.approx(decay(dt_s + 2.0, 7.0))

@@ -4,6 +4,10 @@ Levenberg's and Marquardt's steps on the whitened differences between predicted 
 prior. Every second's scale is its own median error, so that late seconds do not drown the early ones; windows in
 which something happened that no model could know count less (Huber). Windows that overlap count as often as there
 are seconds in them that no other has.
+
+The steps are ours since scales and weights are drawn up anew after each, and one costs sixty predictions of all
+windows. ``scipy.optimize.least_squares`` with the same Jacobians (trf) comes as far, 0.081 m on windows not seen,
+in 1.14 times the time; its lm to 0.087 m, in as long (tests/benchmarks/least_squares.py, mean of 3 seeds).
 """
 
 from __future__ import annotations

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from analysis.estimation.likelihood import correlated_pairs
 from hybrid.calibrators.adaptive.adaptation import (
     CURRENT_MPS,
     DRIFT_N,
@@ -27,7 +28,6 @@ from hybrid.calibrators.adaptive.adaptation import (
     WIND_MPS,
 )
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
-from hybrid.entangled import entangled_pairs
 from hybrid.vessel.plant import Plant
 
 UNKNOWN = 0.8
@@ -70,7 +70,7 @@ class Parameters:
 
     def entangled(self) -> list[tuple[str, str, float]]:
         """Pairs of identified parameters that cannot be told apart, and their correlation."""
-        return entangled_pairs([each.name for each in self.identified], self.correlation)
+        return correlated_pairs([each.name for each in self.identified], self.correlation)
 
 
 def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
