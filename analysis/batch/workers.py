@@ -89,6 +89,31 @@ def run_jobs(
         return _gathered(client, jobs, task, progress)
 
 
+def map_calls(
+    calls: Sequence[tuple[Any, ...]], workers: int | None = None, progress: Progress = lambda share: None
+) -> list[Any]:
+    """The results of calls, each a function and its arguments, on worker processes; in the order of the calls.
+
+    The first error ends all and is raised. With one of ``workers`` the calls are made in this process.
+    """
+    workers, done, results = workers or os.cpu_count() or 1, 0, []
+    if workers < 2:
+        for function, *arguments in calls:
+            results.append(function(*arguments))
+            progress(len(results) / len(calls))
+        return results
+    with _client(workers, None) as client:
+        futures = [client.submit(*each, pure=False) for each in calls]
+        try:
+            for future in import_module("distributed").as_completed(futures):
+                future.result()
+                progress((done := done + 1) / len(calls))
+            return list(client.gather(futures))
+        except BaseException:
+            client.cancel(futures, force=True)
+            raise
+
+
 @contextmanager
 def exclusive_folder(out: Path) -> Iterator[None]:
     """The output folder to ourselves, cleared of what interrupted runs left there; SIGTERM ends as Ctrl-C does."""
@@ -178,6 +203,7 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # our own marks know who is to blame
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
+        "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,  # one core a worker, as for BLAS and OpenMP
     }
     with dask.config.set(quiet):
         if scheduler is not None:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks"
-NAMES = ("trial_validation", "paper_reproduction", "missing_effect")
-_TIMEOUT_S = 1800
+NAMES = ("trial_validation", "paper_reproduction", "missing_effect", "fidelity_map")
+_TIMEOUT_S = 6 * 3600  # of a cell: the fidelity map takes its time on few cores
 _SECTION = re.compile(r'<h2 id="([^"]+)">(.*?)</h2>')
 
 

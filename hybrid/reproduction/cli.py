@@ -34,7 +34,7 @@ def table3(
     """Compare all methods in the paper's three sea states."""
     from acquisition.core.progress import bar
     from analysis.tables.files import make_folder
-    from hybrid.reproduction.seas import seas_of
+    from hybrid.reproduction.comparison import seas_of
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
     from hybrid.reproduction.tables import terminal_tables, write_table3
@@ -91,23 +91,27 @@ def fidelity(
     workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
-    """Degrade the reference step by step and learn from ever more windows."""
+    """Degrade the reference step by step and learn from ever more windows: runs the notebook ``fidelity_map``."""
+    from tempfile import TemporaryDirectory
+
     from acquisition.core.progress import bar
-    from analysis.tables.files import make_folder
-    from hybrid.reproduction.fidelity import papers_map
-    from hybrid.reproduction.fidelity_reading import reading, with_reading
+    from hybrid.calibrators import refuse_unknown
+    from hybrid.report.notebook import run_notebook
+    from hybrid.simulation.sea_state import sea_state_named
 
+    refuse_unknown(method)
+    sea_state_named(sea_state)
+    with TemporaryDirectory() as temporary, bar("fidelity") as progress:
+        folder = Path(temporary) if output is None else output.resolve()
+        asked = {"sea_state": sea_state, "method": method, "seed": seed, "seeds": seeds, "workers": workers}
+        page = folder / "fidelity_map.html"
+        run_notebook("fidelity_map", {**asked, "folder": str(folder)}, page, f"{method}, {sea_state} sea", progress)
+        found = json.loads((folder / "fidelity_map.json").read_text(encoding="utf-8"))
     if output is not None:
-        make_folder(output)
-    with bar("fidelity") as progress:
-        found = papers_map(sea_state, method, seed, seeds, workers, progress)
-    if output is not None:
-        from hybrid.reproduction.fidelity_plots import write_map
-
-        for path in write_map(found, output):
+        for path in sorted(output.glob("fidelity_map*")):
             typer.echo(path, err=True)
     if as_json:
-        typer.echo(json.dumps(with_reading(found)))
+        typer.echo(json.dumps(found))
         return
-    for sentence in reading(found):
+    for sentence in found["reading"]:
         typer.echo(sentence)

@@ -26,8 +26,7 @@ from hybrid.prediction.prediction_windows import PAST_S
 from hybrid.report.style import COLOUR, start_frame
 from hybrid.reproduction import plots
 from hybrid.reproduction.campaign import AZIMUTHS_DEG, SEA_STATES
-from hybrid.reproduction.comparison import Job
-from hybrid.reproduction.seas import Sea, example_sequence, seas_of
+from hybrid.reproduction.comparison import Job, Sea, example_sequence, seas_of
 
 SPREAD = ("reference", "data_driven", "paper", "additive", "hybrid")
 FAN, TRACKS = 12, 20

@@ -9,8 +9,7 @@ from hybrid.report.evaluation_tables import spread
 from hybrid.report.show import templates
 from hybrid.report.words import plain, unbroken
 from hybrid.reproduction.figures import FIGURES, Shown
-from hybrid.reproduction.published import PUBLISHED
-from hybrid.reproduction.table3 import Cell, Row, Table3
+from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3
 from hybrid.reproduction.tables import QUANTITY, counts_of, share
 
 __all__ = ["FIGURES", "counts_of"]  # for the template

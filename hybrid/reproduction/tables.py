@@ -13,8 +13,7 @@ from rich.table import Table
 from analysis.tables.files import atomic_file
 from hybrid.prediction.scores import Interval
 from hybrid.report.evaluation_tables import spread
-from hybrid.reproduction.published import PUBLISHED
-from hybrid.reproduction.table3 import Row, Table3
+from hybrid.reproduction.table3 import PUBLISHED, Row, Table3
 
 _COLUMNS = ("north\nm", "east\nm", "distance m", "less\nerror", "gap\nclosed", "in\n95 %", "random\nm",
             "less\nerror")  # fmt: skip

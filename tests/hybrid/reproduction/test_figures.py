@@ -18,10 +18,9 @@ from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import distances
 from hybrid.report.style import start_frame
 from hybrid.reproduction import comparison, figures, page, plots
-from hybrid.reproduction.comparison import Job
+from hybrid.reproduction.comparison import Job, seas_of
 from hybrid.reproduction.figures import FIGURES, Shown, shown_of, write_drawn
 from hybrid.reproduction.page import shortfalls, write_page
-from hybrid.reproduction.seas import seas_of
 from hybrid.reproduction.table3 import Table3, cells_of, rows_of
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows

@@ -24,10 +24,18 @@ from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import score
 from hybrid.reproduction import comparison
-from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of
-from hybrid.reproduction.published import PUBLISHED
-from hybrid.reproduction.seas import seas_of
-from hybrid.reproduction.table3 import ORDER, Row, Table3, bootstrap_means, cells_of, figures_of, rows_of, table3
+from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of, seas_of
+from hybrid.reproduction.table3 import (
+    ORDER,
+    PUBLISHED,
+    Row,
+    Table3,
+    bootstrap_means,
+    cells_of,
+    figures_of,
+    rows_of,
+    table3,
+)
 from hybrid.reproduction.tables import terminal_tables, write_table3
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
@@ -51,13 +59,13 @@ def quick(method: str, seed: int, plant: Plant) -> Calibrator:
 def small() -> Callable[[list[Job]], Table3]:
     """Small campaigns, compared in this process with little training."""
 
-    def compared(jobs: list[Job]) -> Table3:
+    def compare_methods(jobs: list[Job]) -> Table3:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(comparison, "make_calibrator", quick)
             patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
             return table_of(jobs, workers=1)
 
-    return compared
+    return compare_methods
 
 
 def table_of(jobs: list[Job], workers: int) -> Table3:
@@ -258,7 +266,7 @@ def test_files_hold_the_table(table: Table3, tmp_path: Path) -> None:
 
 def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
-    monkeypatch.setattr("hybrid.reproduction.seas.seas_of", lambda *_: ())
+    monkeypatch.setattr("hybrid.reproduction.comparison.seas_of", lambda *_: ())
     monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
     monkeypatch.setattr("hybrid.reproduction.figures.shown_of", lambda *_: None)  # the page without figures
     monkeypatch.setattr("hybrid.reproduction.figures.write_drawn", lambda *_: [])
