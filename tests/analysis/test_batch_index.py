@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -76,6 +77,11 @@ def test_what_recordings_call_themselves_is_text_and_no_markup() -> None:
     page = index_page([row(1, name=evil, vessel=evil), failed(evil, evil)], [(evil, [evil])], evil)
     assert "<script>alert" not in page
     assert 'href="%3Cscript%3Ealert%281%29%3C/script%3E%22%27%26/page.html"' in page
+
+
+def test_the_page_has_its_look() -> None:
+    """The colours are the first rule of the style; a stray character before it would lose them all."""
+    assert re.search(r"<style>\s*:root\{--ink:", index_page(ROWS, [], "season"))
 
 
 def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None:
