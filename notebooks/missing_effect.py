@@ -24,7 +24,7 @@ beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
-from hybrid.diagnosis.shown import read_shown
+from hybrid.diagnosis.serialisation import read_shown
 from hybrid.report.show import links, sections
 
 diagnosis, extras = read_shown(folder)

@@ -15,25 +15,36 @@ effect that the two make together, it was tried and was worse. Where it has none
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
 from scipy.stats import chi2, t
 
 from acquisition.core.arrays import Floats, Ints
+from acquisition.core.progress import Progress
 from hybrid.diagnosis.evidence import (
     Evidence,
     Fit,
     NormalEquations,
+    evidence_of,
     fit_columns,
     marginalise,
+    normal_equations,
     restored_data,
     restored_gram,
 )
 from hybrid.diagnosis.noise import FORCE_UNITS
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
+from hybrid.diagnosis.select_effects import (
+    LOOKS,
+    Selection,
+    fitted_coordinates,
+    rival_deficits,
+    search_effects,
+    search_on,
+)
 from hybrid.effects import Effect
 
 FALSE_ALARM = 0.005
@@ -42,13 +53,21 @@ FALSE_ALARM = 0.005
 UNSEEN = 0.05
 """One-sided level at which an effect has to predict legs that were left out."""
 
+_UNEVEN = 0.15  # of its own size: no current is quite even
+_OWN_FORM = 0.03  # of its own size: by more than that, what is named has another form than it is named for
+_NEGLIGIBLE = 0.01  # of what the named effects explain: an effect's own form is not exact either
 _TELLING = 0.95  # of the information is in the legs on which an effect is tried
 _FEW_LEGS = 3  # with fewer there is no scatter to judge by: the sum alone has to be above zero
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptanceTests:
-    """How an effect stands, given the others: chance by the model, by the scatter of legs, on unseen legs; size."""
+    """Tests of one effect, the others given.
+
+    ``gain`` in z' V^-1 z; ``p_value`` of that gain over ``spread``, the overdispersion of the score from leg to leg
+    (at least 1), corrected for the size of the catalogue; ``p_unseen`` one-sided, on legs left out;
+    ``large_enough`` whether its 95 % interval reaches a size that anyone cares about.
+    """
 
     name: str
     gain: float
@@ -82,7 +101,7 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
 
 
 def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
-    """What each leg says of an effect of the size that is fitted [L]: the noncentrality of its gain there."""
+    """The noncentrality [L] of the gain in each leg of an effect of the size that is fitted."""
     assert evidence.alone is not None
     columns = np.array(evidence.columns([name]))
     values = fit.values[evidence.places(fit, name)]
@@ -90,7 +109,7 @@ def _noncentrality(evidence: Evidence, fit: Fit, name: str) -> Floats:
 
 
 def _informative_legs(said: Floats) -> Ints:
-    """The legs that say most of what is said of an effect: those in which nothing happens cannot bear it out."""
+    """The legs that hold 95 % of the information: those in which nothing happens cannot bear an effect out."""
     order = np.argsort(-said)
     needed = int(np.searchsorted(np.cumsum(said[order]), _TELLING * said.sum())) + 1
     return np.asarray(order[:needed])
@@ -287,8 +306,8 @@ def _tested_family(
     gain = float((along**2 / values[kept]).sum()) / spread
     p_value = min(1.0, tests * float(chi2.sf(gain, int(kept.sum())))) if kept.any() else 1.0
     back = vectors[:, kept] / scale[:, None]
-    fit_columns, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
-    size = float(np.sqrt(max(float((fit_columns**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
+    estimate, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
+    size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
     if family.what in AXES:
         return LackOfFit(
             family.depends, family.what, p_value, gain, size * float(FORCE_UNITS[AXES.index(family.what)]), True
@@ -386,3 +405,73 @@ def _explained(evidence: Evidence, name: str, by: Sequence[str]) -> float:
     explained = (cross / scale[:, None]).T @ np.linalg.solve(inner, cross / scale[:, None])
     size = np.sqrt(np.maximum(np.diag(block), 1e-300))
     return float(np.linalg.eigvalsh(explained / np.outer(size, size))[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Acceptance:
+    """The fifth stage's result: the effects that stand all tests, and what they leave unexplained.
+
+    ``names`` are the effects, ``tests`` how each stands, ``evidence`` is linear about them and has every leg.
+    ``rival_deficits`` has, by name and rival, the log evidence that a rival lacks where the equations are linear
+    about it; ``lack_of_fit`` the families of the nuisance basis that stand out and matter, the surest first.
+    """
+
+    names: tuple[str, ...]
+    tests: Mapping[str, AcceptanceTests]
+    evidence: Evidence
+    rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    lack_of_fit: tuple[LackOfFit, ...] = ()
+
+
+def accept(selection: Selection, progress: Progress = lambda share: None) -> Acceptance:
+    """The fifth stage: test every selected effect, then what they leave unexplained.
+
+    Each named effect may then also change with the operating point, as a relative of it would that is in no
+    catalogue.
+    """
+    accepted = accept_names(selection, progress)
+    if accepted.names:
+        equations = accepted.evidence.equations
+        again = normal_equations(equations.linearisation, equations.noise, interactions=accepted.names)
+        accepted = replace(accepted, evidence=evidence_of(again, by_leg=True))
+    return replace(accepted, lack_of_fit=_lack_of_fit_that_matters(accepted))
+
+
+def accept_names(selection: Selection, progress: Progress = lambda share: None) -> Acceptance:
+    """Test every selected effect; who fails is barred, and the search goes on without."""
+    while True:
+        evidence = evidence_of(selection.evidence.equations, by_leg=True)
+        names, tests, barred = _drop_failures(evidence, selection.names, selection.barred)
+        if set(names) == set(selection.at) or selection.looks >= LOOKS:
+            return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
+        at = fitted_coordinates(evidence, names)
+        selection = search_on(replace(selection, evidence=evidence, at=at, barred=barred), progress)
+
+
+def _drop_failures(
+    evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]
+) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
+    """The effects that stand all tests, how they stand, and who is barred; who fails makes place for others."""
+    while True:
+        tests = {name: acceptance_tests(evidence, names, name) for name in names}
+        failed = [each for each in tests.values() if not each.accepted]
+        if not failed:
+            return names, tests, barred
+        worst = max(failed, key=lambda each: each.p_value)
+        barred |= {worst.name, *(each.name for each in failed if each.hopeless)}
+        names = search_effects(evidence, barred)
+
+
+def _lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
+    """What remains beside the named effects and is no mere trace of their own form."""
+    evidence = accepted.evidence
+    fit = evidence.fit(accepted.names)
+
+    def matters(each: LackOfFit) -> bool:
+        if each.what in accepted.names:  # a named effect that is uneven: by how much of itself
+            whole = np.take(fit.values, evidence.places(fit, each.what))
+            least = _OWN_FORM if each.depends in INTERACTIONS else _UNEVEN
+            return each.size > least * float(np.linalg.norm(whole))
+        return each.gain > _NEGLIGIBLE * fit.gain
+
+    return tuple(each for each in lack_of_fit(evidence, accepted.names) if each.found and matters(each))

@@ -17,12 +17,12 @@ from acquisition.core.arrays import Ints
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from analysis.windows.recordings import trial_names
-from hybrid.diagnosis.diagnose import Examined
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.result import Ladder
 from hybrid.diagnosis.select_effects import Coordinates
+from hybrid.diagnosis.verdict import Conclusion
 from hybrid.evaluation.splits import Draw, with_stopping
 from hybrid.evaluation.study import Errors, evaluate_draw, pool_draws
 from hybrid.prediction.baselines import reference
@@ -36,8 +36,8 @@ STRIDE_S = 5
 _LEAST_LEGS = 4  # over fewer a mean has no interval that says anything
 
 
-def calibrated(
-    normal_equations: Examined,
+def compare_calibrators(
+    conclusion: Conclusion,
     files: Sequence[Path],
     part_percent: tuple[float, float] = (0.0, 100.0),
     *,
@@ -45,23 +45,22 @@ def calibrated(
     rebuild_positions: bool = False,
     seed: int = 0,
     progress: Progress = lambda share: None,
-) -> Examined:
-    """The diagnosis with its ladder, on the recordings that it was made from, read as they were for it.
+) -> Ladder:
+    """The ladder of a diagnosis, on the recordings that it was made from, read as they were for it.
 
     Where too few windows are held the ladder has no rungs and says why.
     """
-    evidence = normal_equations.naming.evidence
+    equations = conclusion.accepted.evidence.equations
     try:
         gathered = load_dataset(
             files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
             rebuild_positions=rebuild_positions, shorter=True,
         )  # fmt: skip
-        seconds = seconds_in_folds(gathered.windows, evidence.equations.log, trial_names(files))
-        named = normal_equations.gap.without if normal_equations.naming.names else None
-        found = ladder(gathered.windows, seconds, evidence.equations.model, named, seed=seed, progress=progress)
+        seconds = seconds_in_folds(gathered.windows, equations.log, trial_names(files))
+        named = conclusion.gap.without if conclusion.accepted.names else None
+        return ladder(gathered.windows, seconds, equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
-        found = Ladder(HORIZON_S, METHOD, why_not=error.what)
-    return replace(normal_equations, extras=replace(normal_equations.extras, ladder=found))
+        return Ladder(HORIZON_S, METHOD, why_not=error.what)
 
 
 def seconds_in_folds(horizons: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:

@@ -52,20 +52,23 @@ def diagnose(
     ship = load_vessel(vessel or DEFAULT)
     make_folder(output)
     with bar("diagnosing") as progress:
-        examined = diagnose_files(
+        diagnosed = diagnose_files(
             files, ship, tolerance / 100.0, catalogue, percent_of(part),
             repair=repair, rebuild_positions=rebuild_positions, progress=progress,
         )  # fmt: skip
     if calibrate:
-        from hybrid.diagnosis.calibrator_comparison import calibrated
+        from dataclasses import replace
+
+        from hybrid.diagnosis.calibrator_comparison import compare_calibrators
 
         with bar("training") as progress:
-            examined = calibrated(
-                examined, files, percent_of(part),
+            ladder = compare_calibrators(
+                diagnosed.conclusion, files, percent_of(part),
                 repair=repair, rebuild_positions=rebuild_positions, seed=seed, progress=progress,
             )  # fmt: skip
-    written = write_diagnosis(examined, ship, output)
-    diagnosis = examined.diagnosis
+        diagnosed = replace(diagnosed, extras=replace(diagnosed.extras, ladder=ladder))
+    written = write_diagnosis(diagnosed, ship, output)
+    diagnosis = diagnosed.diagnosis
     if as_json:
         typer.echo(json.dumps(diagnosis.as_dict()))
         return
@@ -73,5 +76,5 @@ def diagnose(
 
     from hybrid.report.diagnosis_terminal import summary
 
-    Console().print(summary(diagnosis, examined.extras.ladder))
+    Console().print(summary(diagnosis, diagnosed.extras.ladder))
     typer.echo(str(written.report))

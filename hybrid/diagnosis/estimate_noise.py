@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,9 +19,9 @@ from hybrid.diagnosis.evidence import (
     tolerated_forces,
 )
 from hybrid.diagnosis.innovations import Columns, smoothed_state
-from hybrid.diagnosis.linearise import Model, Signature, sensor_readings
+from hybrid.diagnosis.linearise import Linearisation, linearise, sensor_readings
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.noise import FORCE_UNITS, Noise, NoiseEstimate
 from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
 from hybrid.diagnosis.nuisance_basis import WIND_MPS
 
@@ -35,25 +34,27 @@ _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # log likelihood that seven, or s
 _FEW = 50  # features are enough where nothing is decided
 
 
-def settled(log: Log, model: Model, tolerance: float, progress: Progress = lambda share: None) -> tuple[Log, Noise]:
-    """The log with a motion to be linear about that is better than the smoother's, and the noise in it.
+def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
+    """The second stage: the noise in a log, and a motion to be linear about that is better than the smoother's.
 
     The smoother knows nothing of ships: where a thruster moves, it is late. The model with all that may be missing
-    in it, and all that disturbs it, is not. The second look at the noise is the one that counts.
+    in it, and all that disturbs it, is not. So the noise is estimated twice; the second estimate counts.
     """
     noise: Noise | None = None
-    effects: Sequence[Signature] | None = None
     for round_ in range(2):
-        look = design_matrix(log, model, tolerance, _FEW, effects)
-        effects = look.effects  # the motion moves so little that they stay what they are, for a draw of them
+        log, model = linearisation.log, linearisation.model
+        look = design_matrix(linearisation, _FEW)
         noise = estimated_noise(log, look, noise)
         progress(0.3 + 0.5 * round_)
         rest, sensors = _rest(log, look, noise, seed=None)
         moved = look.linear.origin + smoothed_state(look.linear, rest, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=sensor_readings(log, model.plant(), moved) + sensors)
+        # the motion moves so little that effects stay what they are, for a draw of them
+        known = None if round_ else linearisation.effects
+        linearisation = linearise(log, model, linearisation.tolerance, known)
         progress(0.5 + 0.5 * round_)
     assert noise is not None
-    return log, noise
+    return NoiseEstimate(linearisation, noise)
 
 
 def estimated_noise(log: Log, look: DesignMatrix, start: Noise | None = None) -> Noise:

@@ -24,9 +24,9 @@ from acquisition.core.arrays import Floats, Ints
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.innovations import Columns, columns_of, whitened
-from hybrid.diagnosis.linearise import Linear, Model, Signature, linear_model, signatures
+from hybrid.diagnosis.linearise import Linear, Linearisation, Model, Signature
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.noise import FORCE_UNITS, Noise, NoiseEstimate
 from hybrid.diagnosis.nuisance_basis import (
     FEATURES,
     INTERACTIONS,
@@ -178,7 +178,13 @@ class ColumnLayout:
 
 @dataclass(frozen=True, slots=True)
 class NormalEquations:
-    """What one pass over a log gives: see the modules that it calls."""
+    """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
+
+    ``layout`` says which column is what; ``gram`` has the inner products leg by leg [L, C, C]; ``nuisance`` [n] are
+    the columns of N and ``nuisance_scale`` [n] the standard deviations of b. ``log``, ``model``, ``linear`` and
+    ``effects`` are those of the :class:`Linearisation`, ``tolerance`` [1] its share of ``range`` (N, N, N m), and
+    ``noise`` (SI) what the data were whitened with.
+    """
 
     log: Log
     model: Model
@@ -192,10 +198,18 @@ class NormalEquations:
     nuisance: Ints
     nuisance_scale: Floats
 
+    @property
+    def linearisation(self) -> Linearisation:
+        """What the regression is about."""
+        return Linearisation(self.log, self.model, self.tolerance, self.linear, self.effects)
+
 
 @dataclass(frozen=True, slots=True)
 class DesignMatrix:
-    """A log seen through a model, before any noise is known."""
+    """The columns of the regression before they are whitened, and which is what.
+
+    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``range`` is that of the forces in the trial.
+    """
 
     linear: Linear
     effects: tuple[Signature, ...]
@@ -205,45 +219,43 @@ class DesignMatrix:
     tolerance: float
 
 
-def normal_equations(
-    log: Log,
-    model: Model,
-    tolerance: float,
-    noise: Noise,
-    progress: Progress = lambda share: None,
-    interactions: Sequence[str] = (),
-    known_effects: Sequence[Signature] | None = None,
-) -> NormalEquations:
-    """Examine ``log`` through ``model``, which may have effects in it already.
+def weigh_evidence(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> Evidence:
+    """The third stage: what the data say of every effect of the catalogue at once."""
+    return evidence_of(normal_equations(estimate.linearisation, estimate.noise, progress=progress))
 
-    ``tolerance`` is the share of the force range that the model may be off by; ``interactions`` are effects that
-    may change with the operating point (:mod:`.nuisance_basis`); ``known_effects`` are signatures that are at hand.
+
+def normal_equations(
+    linearisation: Linearisation,
+    noise: Noise,
+    interactions: Sequence[str] = (),
+    progress: Progress = lambda share: None,
+) -> NormalEquations:
+    """The regression of a log's whitened data on effects and nuisances, by the Gram matrices of its columns.
+
+    ``interactions`` are effects that may change with the operating point (:mod:`.nuisance_basis`).
     """
-    look = design_matrix(log, model, tolerance, known_effects=known_effects, interactions=interactions)
-    nuisance, scale = _nuisances(look)
-    gram = gram_matrices(log, look.linear, look.columns, noise, progress)
+    log, linear = linearisation.log, linearisation.linear
+    design = design_matrix(linearisation, interactions=interactions)
+    nuisance, scale = _nuisances(design)
+    gram = gram_matrices(log, linear, design.columns, noise, progress)
     return NormalEquations(
-        log, model, look.linear, look.effects, look.range, tolerance, noise, look.layout, gram, nuisance, scale
-    )
+        log, linearisation.model, linear, design.effects, design.range, design.tolerance, noise, design.layout,
+        gram, nuisance, scale,
+    )  # fmt: skip
 
 
 def design_matrix(
-    log: Log,
-    model: Model,
-    tolerance: float,
-    number: int = FEATURES,
-    known_effects: Sequence[Signature] | None = None,
-    interactions: Sequence[str] = (),
+    linearisation: Linearisation, number: int = FEATURES, interactions: Sequence[str] = ()
 ) -> DesignMatrix:
-    """A look with so many features of the tolerance a force; ``known_effects`` are signatures that are at hand."""
-    linear = linear_model(log, model.plant())
-    effects = known_effects or signatures(log, model, linear.origin, list(model.catalogue))
+    """All columns of the regression before the filter, with so many features of the tolerance a force axis."""
+    log, model, linear = linearisation.log, linearisation.model, linearisation.linear
+    effects = linearisation.effects
     wind = wind_errors(log, model, linear.origin)
     extent = force_range(log, model.base, linear.origin)
     known = features(log, linear.origin, number)
-    more = nuisance_basis(log, linear.origin, effects, interactions)
-    columns = columns_of(linear, [*effects, *wind, *more.varying], np.hstack([known, more.features]))
-    varying = tuple(each.effect for each in more.varying)
+    basis = nuisance_basis(log, linear.origin, effects, interactions)
+    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([known, basis.features]))
+    varying = tuple(each.effect for each in basis.varying)
     of = [model.catalogue[label.split("*")[0]] for label in varying]
     layout = ColumnLayout(
         effect=tuple(each.effect for each in effects),
@@ -254,9 +266,9 @@ def design_matrix(
         varying=varying,
         varying_prior=np.array([each.free_scale[0] for each in of]),
         varying_tolerated=np.array([_tolerated_size(*each) for each in zip(varying, of, strict=True)]),
-        depends=more.depends,
+        depends=basis.depends,
     )
-    return DesignMatrix(linear, tuple(effects), columns, layout, extent, tolerance)
+    return DesignMatrix(linear, effects, columns, layout, extent, linearisation.tolerance)
 
 
 def _tolerated_size(label: str, effect: Effect) -> float:
@@ -318,9 +330,11 @@ _CLOCKS = (
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Inner products under V of the data without any effect, column 0, and all effects' columns [1+P, 1+P].
+    """The third stage's result: what the data say of P free coordinates of effects, nuisances marginalised.
 
-    ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone`` of each leg by itself.
+    ``inner`` [1+P, 1+P] are inner products under the inverse of V: of the data without any effect, column 0, and of
+    the effects' signatures. ``left_out`` [L, 1+P, 1+P] are the same with each leg left out, ``alone`` of each leg
+    by itself; None where nobody asked for legs. ``equations`` is the regression that they come from.
     """
 
     inner: Floats

@@ -1,4 +1,4 @@
-"""How thruster settings are to be read between their records.
+"""The input hold: how thruster settings are to be read between their records.
 
 A drive moves from record to record, and a straight line between them is near the truth. A recorder, or a simulator,
 that takes a setting and holds it until the next makes steps, half a record later or earlier in the mean than the
@@ -7,55 +7,41 @@ line: at one record a second enough to pass for what a ship lacks. The motion it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
-import pandas as pd
-
-from hybrid.diagnosis.estimate_noise import spread_out
-from hybrid.diagnosis.evidence import evidence_of, normal_equations
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log, mean_settings
-from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.select_effects import log_density, named, search_effects
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.acceptance import accept_names
+from hybrid.diagnosis.estimate_noise import estimate_noise, spread_out
+from hybrid.diagnosis.evidence import weigh_evidence
+from hybrid.diagnosis.linearise import linearise
+from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold
+from hybrid.diagnosis.noise import NoiseEstimate
+from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
 
 _ENOUGH_S = 600.0  # of the log: it shows in every turn
 _PLAIN = 20.0  # log likelihood by which steps have to be better than lines
 
 
-def read_as_fits(log: Log, tables: Sequence[pd.DataFrame], model: Model, tolerance: float, noise: Noise) -> Log:
-    """The log of ``tables`` with its settings read in the way that the motion asks for: as lines, or held."""
-    best, likeliest, some = log, -np.inf, spread_out(log, _ENOUGH_S)
-    for input_hold in INPUT_HOLDS:
-        other = log if input_hold == log.input_hold else read_as(log, tables, input_hold)
-        density = _explained(other.subset(some), model, tolerance, noise)
-        density -= _PLAIN if input_hold != log.input_hold else 0.0
-        if density > likeliest:
-            best, likeliest = other, density
-    return best
+def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
+    """The estimate with settings held as the motion asks for: as lines, or else as steps and the noise anew."""
+    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # the first of equals: lines
+    known = estimate.linearisation
+    if hold == known.log.input_hold:
+        return estimate
+    return estimate_noise(linearise(known.log.with_input_hold(hold), known.model, known.tolerance), progress)
 
 
-def _explained(log: Log, model: Model, tolerance: float, noise: Noise) -> float:
-    """How likely the data are with what is missing in the model so read.
+def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
+    """Of a part of the data with what is missing in the model so read, less what steps have to be better by.
 
-    Where settings come seldom, a lag or a delay is as large as the difference: about nothing it is not like itself.
+    Where settings come seldom, a lag or a delay is as large as the difference: it has to be selected at its size.
     """
+    known = estimate.linearisation
+    as_it_is = hold == known.log.input_hold
+    log = known.log if as_it_is else known.log.with_input_hold(hold)
+    part = linearise(log.subset(spread_out(log, _ENOUGH_S)), known.model, known.tolerance)
+    evidence = weigh_evidence(NoiseEstimate(part, estimate.noise))
     if log.setting_step_s > SELDOM_S:
-        naming = named(log, model, tolerance, noise)
-        return log_density(naming.evidence, naming.names)
-    evidence = evidence_of(normal_equations(log, model, tolerance, noise))
-    return log_density(evidence, search_effects(evidence))
-
-
-def read_as(log: Log, tables: Sequence[pd.DataFrame], input_hold: InputHold) -> Log:
-    """The log of ``tables`` with its settings read in another way; where that is not known, as before."""
-    controls = log.controls.copy()
-    for number, table in enumerate(tables):
-        rows = np.flatnonzero(log.recording == number)
-        if not rows.size:
-            continue
-        first, last = log.time_s[rows].min(), log.time_s[rows].max()
-        settings = mean_settings(table, np.arange(first, last + 1), input_hold)[log.time_s[rows] - first]
-        controls[rows] = np.where(np.isfinite(settings), settings, controls[rows])
-    return replace(log, controls=controls, input_hold=input_hold)
+        found = accept_names(select_effects(evidence))
+        density = log_density(found.evidence, found.names)
+    else:
+        density = log_density(evidence, search_effects(evidence))
+    return density if as_it_is else density - _PLAIN

@@ -67,13 +67,14 @@ class Model:
     """A reference plant, and the effects added to it by their free coordinates.
 
     ``base`` has no effects; ``given`` are those of the vessel's own file, ``at`` is what is added to these and to
-    others.
+    others. ``vessel`` is the file's content, where there is one.
     """
 
     base: Plant
     catalogue: Catalogue
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     given: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    vessel: Vessel | None = None
 
     def plant(self) -> Plant:
         """The plant with the effects."""
@@ -109,7 +110,36 @@ def model_of(vessel: Vessel, catalogue: Catalogue) -> Model:
         name: tuple(catalogue[name].free(values)) for name, values in vessel.effects.items() if name in catalogue
     }
     rest = {name: values for name, values in vessel.effects.items() if name not in catalogue}
-    return Model(apply_effects(bare_plant(vessel), rest), catalogue, given=given)
+    return Model(apply_effects(bare_plant(vessel), rest), catalogue, given=given, vessel=vessel)
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """The first stage's result: a model made linear along a log, and what each effect does to both.
+
+    ``log`` has the T seconds; ``model`` stands at the effects that it is made linear about; ``tolerance`` [1] is
+    the share of the force range that the model is granted to be off by. ``linear`` holds A, B, H and the data (SI,
+    angles in radians); ``effects`` the signatures D, E [T, 6] of the P free coordinates of the catalogue, in its
+    order, each per unit of its coordinate.
+    """
+
+    log: Log
+    model: Model
+    tolerance: float
+    linear: Linear
+    effects: tuple[Signature, ...]
+
+
+def linearise(
+    log: Log, model: Model, tolerance: float, effects: Sequence[Signature] | None = None
+) -> Linearisation:
+    """Make ``model`` linear along ``log``; ``effects`` are signatures that are at hand, else they are computed.
+
+    Raises :class:`ConfigurationError` for an effect whose bounds are too narrow for its ordinary size.
+    """
+    linear = linear_model(log, model.plant())
+    known = effects or signatures(log, model, linear.origin, list(model.catalogue))
+    return Linearisation(log, model, tolerance, linear, tuple(known))
 
 
 def linear_model(log: Log, plant: Plant) -> Linear:

@@ -10,8 +10,8 @@ held: those hide inertia and lags.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -50,8 +50,9 @@ class Log:
     ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad],
     speed [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up
     from 0. All SI, angles in radians, heading without jumps. ``refused`` counts samples that lay off by themselves,
-    ``setting_step_s`` is how often thruster settings were recorded, ``reading`` what they are taken to do between,
-    ``levels`` what the smoother thought of noise.
+    ``setting_step_s`` is how often thruster settings were recorded, ``input_hold`` what they are taken to do
+    between, ``held`` has the controls [T, 4, 5] under other holds; ``levels`` is what the smoother thought of
+    noise.
     """
 
     measured: Floats
@@ -67,6 +68,7 @@ class Log:
     setting_step_s: float = 0.1
     levels: tuple[NoiseLevels, ...] = ()
     input_hold: InputHold = "line"
+    held: Mapping[InputHold, Floats] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -87,7 +89,12 @@ class Log:
         chosen = {name: getattr(self, name)[rows] for name in _ARRAYS}
         for name in ("block", "leg"):
             chosen[name] = np.unique(chosen[name], return_inverse=True)[1].astype(np.int64)
-        return replace(self, **chosen)
+        held = {name: controls[rows] for name, controls in self.held.items()}
+        return replace(self, held=held, **chosen)
+
+    def with_input_hold(self, hold: InputHold) -> Log:
+        """The same with the thruster settings held otherwise between their records."""
+        return replace(self, controls=self.held[hold], input_hold=hold)
 
 
 _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")
@@ -113,9 +120,11 @@ def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
             where=", ".join(str(table.attrs.get("recording", "the table")) for table in tables),
             fix="see what is missing with `seatrial check`",
         )
+    held = {hold: np.concatenate([each.held[hold] for each in joined]) for hold in INPUT_HOLDS[1:]}
     together: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in joined]) for name in _ARRAYS}
     return Log(
         **together,
+        held=held,
         refused=sum(each.refused for each in joined),
         setting_step_s=max(each.setting_step_s for each in joined),
         levels=tuple(level for each in joined for level in each.levels),
@@ -131,10 +140,12 @@ def _one(table: pd.DataFrame, block_s: int) -> Log:
     block = _blocks(usable, block_s)
     leg = np.where(block >= 0, _legs(block, seconds), -1)
     rows = block >= 0
+    others = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
+    held = {hold: np.where(np.isfinite(each), each, controls)[rows] for hold, each in others.items()}
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows],
-        leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, setting_step_s(table), (levels,),
+        leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, setting_step_s(table), (levels,), held=held,
     )  # fmt: skip
 
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
+
+if TYPE_CHECKING:
+    from hybrid.diagnosis.linearise import Linearisation
 
 FORCE_UNITS = np.array([1e3, 1e3, 1e4])
 """The filter reckons forces in kN and moments in 10 kN m, so that its numbers are of one size."""
@@ -69,3 +72,15 @@ class Noise:
         ]
         drift = [self.drift[0], *self.drift, self.drift_s]
         return np.array([*sensors, *gust, *slow, self.slow_s, *swing, *drift])
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseEstimate:
+    """The second stage's result: the equations about a better motion, and what nobody can predict in them.
+
+    ``linearisation`` is about the motion that the model with its disturbances makes out [T, 6]; ``noise`` are the
+    likeliest standard deviations (SI) of sensors, gusts, slow forces and waves.
+    """
+
+    linearisation: Linearisation
+    noise: Noise

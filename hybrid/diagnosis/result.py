@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.likelihood import correlated_pairs
 from hybrid.prediction.scores import Interval
+
+if TYPE_CHECKING:
+    from hybrid.diagnosis.map import Map
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 
@@ -248,6 +251,35 @@ class Diagnosis:
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
         }
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """One contradiction: the sensor effect that explains it best, and its size.
+
+    ``free`` and ``standard_errors`` are of its free coordinates, in the units of its parameters; ``p_value`` is
+    corrected for the number of effects tested. ``alike`` are effects that without a ship model look the same.
+    """
+
+    effect: str
+    free: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    p_value: float
+    alike: tuple[str, ...]
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Extras:
+    """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, the
+    sensors' contradictions, how the estimates are correlated, and what a calibrator adds (None where nobody
+    looked)."""
+
+    map: Map | None = None
+    map_after: Map | None = None
+    consistency: Sequence[Consistency] | None = None
+    ladder: Ladder | None = None
+    correlation: Correlation | None = None
 
 
 def finite(value: Any) -> Any:

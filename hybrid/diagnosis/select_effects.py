@@ -1,4 +1,4 @@
-"""Which effects the data ask for: forward, backward and swap steps over the catalogue by evidence.
+"""Stepwise selection: which effects the data ask for, by forward, backward and swap steps over the catalogue.
 
 The evidence for a set of effects weighs how well they explain the data against how much they could have explained
 (MacKay 1992, Kass and Raftery 1995); each effect pays besides for the catalogue's size. Whatever the search brings
@@ -14,11 +14,8 @@ from itertools import combinations
 import numpy as np
 
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.acceptance import AcceptanceTests, acceptance_tests
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations, restored_gram
-from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.linearise import linearise
 
 CLOSE = 4.5
 """A rival that lacks less log evidence stays in the answer: so the truth is thrown out once in 700 times."""
@@ -26,7 +23,9 @@ CLOSE = 4.5
 _PAIRS_OF = 8
 _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
 _MOST = 6
-_LOOKS = 10
+LOOKS = 10
+"""So often the equations are made linear anew at most."""
+
 _CLOSER = 3  # delays by themselves that are looked at closer where several effects seem to be at work
 _SWAPS, _DOUBT = 2, 0.25  # rivals that are looked at closer, where they lack less than this of the evidence
 
@@ -107,49 +106,46 @@ def has_converged(
 
 
 @dataclass(frozen=True, slots=True)
-class Naming:
-    """What was named: the effects, how each stands, the last view of the data, linear about them.
+class Selection:
+    """The fourth stage's result: the effects that explain the data best, before they are tested.
 
-    ``nearer`` has, by name and rival, what a rival lacks where the equations are linear about the rival.
+    ``names`` are the effects and ``evidence`` is linear about ``at``, their free coordinates; ``barred`` may not be
+    selected any more. ``tried`` has the log density of the data with each set that the search began from, linear
+    about itself; ``looks`` counts how often the equations were made linear.
     """
 
     names: tuple[str, ...]
-    tests: dict[str, AcceptanceTests]
     evidence: Evidence
-    nearer: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    at: Coordinates = field(default_factory=dict)
+    barred: frozenset[str] = frozenset()
+    tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
+    looks: int = 0
 
 
-def named(
-    log: Log,
-    model: Model,
-    tolerance: float,
-    noise: Noise,
-    barred: frozenset[str] = frozenset(),
-    progress: Progress = lambda share: None,
-) -> Naming:
-    """Search, make linear about what is found, and search again until it stays; then test it.
+def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
+    """The fourth stage: stepwise selection by evidence, linear anew about what is found until that stays."""
+    at, tried = _starting_point(evidence, lambda some: linear_about(evidence, some), frozenset())
+    return search_on(Selection((), evidence, at, tried=tried), progress)
 
-    Who fails a test is barred, and the search goes on without.
-    """
 
-    def look(at: Coordinates) -> Evidence:
-        return evidence_of(normal_equations(log, replace(model, at=at), tolerance, noise))
-
-    evidence = look({})
-    at, tried = _starting_point(evidence, look, barred)
-    for number in range(_LOOKS):
-        evidence = look(at) if at else evidence
-        names = search_effects(evidence, barred)
-        progress(min(0.9, (number + 1) / 4.0))
-        if not has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE) and number < _LOOKS - 1:
-            at = fitted_coordinates(evidence, names)
-            continue
-        evidence = evidence_of(evidence.equations, by_leg=True)
-        names, tests, barred = _standing(evidence, names, barred)
-        if set(names) == set(at):
+def search_on(selection: Selection, progress: Progress = lambda share: None) -> Selection:
+    """Search among what is not barred, first about the coordinates of ``selection``, until what is found stays."""
+    evidence, at = selection.evidence, selection.at
+    for number in range(selection.looks + 1, LOOKS + 1):
+        evidence = linear_about(evidence, at) if at else evidence
+        names = search_effects(evidence, selection.barred)
+        progress(min(0.9, number / 4.0))
+        if number == LOOKS or has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE):
             break
         at = fitted_coordinates(evidence, names)
-    return Naming(names, tests, evidence, _rival_deficits(evidence, names, tried))
+    return replace(selection, names=names, evidence=evidence, at=at, looks=number)
+
+
+def linear_about(evidence: Evidence, at: Coordinates) -> Evidence:
+    """The evidence of the same data with the equations linear about effects ``at`` these free coordinates."""
+    equations = evidence.equations
+    model = replace(equations.model, at=at)
+    return evidence_of(normal_equations(linearise(equations.log, model, equations.tolerance), equations.noise))
 
 
 def _starting_point(
@@ -157,8 +153,8 @@ def _starting_point(
 ) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
     """What to be linear about first, and how well each set that was tried explains the data, linear about itself.
 
-    It is what a look about nothing finds, or what is almost as good there: what is far from nothing is not like
-    itself there.
+    It is what the search finds with the equations linear about no effect, or what is almost as good there: the
+    linear signature of a large effect, taken at zero, is not its signature at its size.
     """
     names = search_effects(evidence, barred)
     starts = [names, *_single_delays(evidence, names, barred), *_swaps(evidence, names, barred)]
@@ -176,7 +172,7 @@ def _starting_point(
 def _linear_about_itself(
     evidence: Evidence, look: Callable[[Coordinates], Evidence], names: tuple[str, ...]
 ) -> tuple[Coordinates, Evidence]:
-    """A set of effects at the values that explain most, as far as two steps go, and the view about them."""
+    """A set of effects at the values that explain most, as far as two steps go, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
     seen = look(at)
     if not seen.possible(names) or has_converged(seen, names, at, _SETTLED, _SETTLED_SHARE):
@@ -186,7 +182,7 @@ def _linear_about_itself(
 
 
 def _single_delays(evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
-    """Strong delays, each by itself: about nothing a long one is no more like itself than like several others."""
+    """Strong delays, each by itself: linear about zero, a long one looks like several others as much as itself."""
     late = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
     if len(names) < 2 or not late & set(names):
         return []
@@ -206,7 +202,7 @@ def _swaps(evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]) -
     return [swapped for _, swapped in sorted(found)[:_SWAPS]]
 
 
-def _rival_deficits(
+def rival_deficits(
     evidence: Evidence, names: tuple[str, ...], tried: Mapping[tuple[str, ...], float]
 ) -> dict[tuple[str, str], float]:
     """What rivals lack that were tried in the place of one of ``names``."""
@@ -216,17 +212,3 @@ def _rival_deficits(
         if len(out) == len(put) == 1:
             result[out.pop(), put.pop()] = mine - density
     return result
-
-
-def _standing(
-    evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]
-) -> tuple[tuple[str, ...], dict[str, AcceptanceTests], frozenset[str]]:
-    """The effects that stand all tests, how they stand, and who is barred; who fails makes place for others."""
-    while True:
-        tests = {name: acceptance_tests(evidence, names, name) for name in names}
-        failed = [each for each in tests.values() if not each.accepted]
-        if not failed:
-            return names, tests, barred
-        worst = max(failed, key=lambda each: each.p_value)
-        barred |= {worst.name, *(each.name for each in failed if each.hopeless)}
-        names = search_effects(evidence, barred)

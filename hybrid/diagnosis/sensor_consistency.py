@@ -9,12 +9,12 @@ of all.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import AcceptanceTests, acceptance_tests
+from hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
 from hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
 from hybrid.diagnosis.innovations import columns_of
 from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, sensor_readings, signatures
@@ -24,15 +24,12 @@ from hybrid.diagnosis.nuisance_basis import ForceRange, tolerances
 from hybrid.diagnosis.select_effects import (
     CLOSE,
     Coordinates,
-    Naming,
     fitted_coordinates,
     has_converged,
     rivals_of,
     search_effects,
 )
-from hybrid.diagnosis.words import number, parameter_title
 from hybrid.effects import Catalogue
-from hybrid.report.words import listed, plain
 from hybrid.vessel.sensors import HEADING
 
 _UNKNOWN = np.array([3.0, 3.0, 0.3])  # m/s, m/s, rad/s: a second's change of speed of which nothing is known
@@ -42,30 +39,8 @@ _LOOKS = 6
 _SETTLED = 0.5  # of a standard error
 
 
-@dataclass(frozen=True, slots=True)
-class Consistency:
-    """One contradiction: the sensor effect that explains it best, and its size.
-
-    ``free`` and ``standard_errors`` are of its free coordinates, in the units of its parameters; ``p_value`` is
-    corrected for the number of effects tested. ``alike`` are effects that without a ship model look the same.
-    """
-
-    effect: str
-    free: tuple[float, ...]
-    standard_errors: tuple[float, ...]
-    p_value: float
-    alike: tuple[str, ...]
-    sentence: str
-
-
-def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
-    """What must be wrong with the sensors of ``log``, the surest first; empty where they agree."""
-    naming = contradictory_sensors(log, model, noise)
-    return stated(naming) if naming else ()
-
-
-def contradictory_sensors(log: Log, model: Model, noise: Noise) -> Naming | None:
-    """The sensor effects with which the sensors of ``log`` contradict each other, named as others are; or None.
+def find_contradictions(log: Log, model: Model, noise: Noise) -> Acceptance | None:
+    """The sensor effects with which the sensors of ``log`` contradict each other, selected as others are; or None.
 
     ``model`` gives the catalogue, and the plant only what happens within a second; its effects are left out.
     """
@@ -76,7 +51,7 @@ def contradictory_sensors(log: Log, model: Model, noise: Noise) -> Naming | None
     evidence, names = _found(log, Model(model.base, sensors, given=given), noise)
     names = _commoner(evidence, names)
     return (
-        Naming(names, {name: acceptance_tests(evidence, names, name) for name in names}, evidence)
+        Acceptance(names, {name: acceptance_tests(evidence, names, name) for name in names}, evidence)
         if names
         else None
     )
@@ -93,12 +68,6 @@ def _commoner(evidence: Evidence, names: tuple[str, ...]) -> tuple[str, ...]:
                 names = swapped
                 break
     return names
-
-
-def stated(naming: Naming) -> tuple[Consistency, ...]:
-    """Each contradiction in words, the surest first."""
-    results = [_stated(naming.evidence, naming.names, test) for test in naming.tests.values()]
-    return tuple(sorted(results, key=lambda each: each.p_value))
 
 
 def motion_sensors(log: Log, model: Model) -> Catalogue:
@@ -236,24 +205,3 @@ def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:
         around[:, quarter, 2] = tau * r
         around[:, quarter, 3:] = tau * change
     return np.asarray(np.einsum("tcq,tqc->tc", log.weight, around))
-
-
-def _stated(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> Consistency:
-    model = evidence.equations.model
-    effect = model.catalogue[test.name]
-    fit = evidence.fit(names)
-    places = evidence.places(fit, test.name)
-    free = tuple(float(fit.values[place]) for place in places)
-    errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
-    rivals = sorted((less, rival) for rival, less in rivals_of(evidence, names, test.name).items() if less < CLOSE)
-    alike = tuple(rival for _, rival in rivals)
-    values = model.values(test.name, free)
-    words = ", ".join(
-        f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
-        f"{'' if each.unit == '1' else each.unit}".rstrip()
-        for each, error in zip(effect.parameters, errors, strict=True)
-    )
-    sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
-    if alike:
-        sentence += f"; without a ship model {listed([plain(each) for each in alike], 'or')} would look the same"
-    return Consistency(test.name, free, errors, test.p_value, alike, sentence + ".")

@@ -1,35 +1,102 @@
-"""From what was named and what remains to a verdict, in words and numbers."""
+"""The verdict: what stays named, its sizes and rivals, the gap on legs left out, and the trial to make next."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, degrees, hypot
+from dataclasses import dataclass, replace
+from math import atan2, degrees, exp, hypot
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import LackOfFit
-from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
-from hybrid.diagnosis.result import Correlation, Estimate, Rival, Unexplained, Verdict
-from hybrid.diagnosis.select_effects import CLOSE, Naming, rivals_of
-from hybrid.diagnosis.words import DEPENDS
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
+from hybrid.diagnosis.evidence import Evidence, NormalEquations
+from hybrid.diagnosis.gap import HeldOut, gap_on_unseen_legs, with_noise_floor
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.map import Map, map_of
+from hybrid.diagnosis.result import Estimate, Manoeuvre, Rival, Suspect, Verdict
+from hybrid.diagnosis.select_effects import CLOSE, fitted_coordinates, linear_about, rivals_of
+from hybrid.diagnosis.sensor_consistency import find_contradictions
 from hybrid.effects import Effect
-from hybrid.report.words import plain
+from hybrid.planning.information import limits
+from hybrid.planning.next_manoeuvre import Pair, next_manoeuvre
+
+_RIVALS = 10  # of one effect, the closest, that a manoeuvre is chosen to separate
 
 WEAK = 9.0
 """A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""
 
 _WIDTH = 1.96
-_CREDIBLE = 3  # effects at once; more are as a rule what imitates one that is missing in the catalogue
+CREDIBLE = 3
+"""Effects at once; more are as a rule what imitates one that is missing in the catalogue."""
 
 
-def estimates(naming: Naming, name: str) -> dict[str, Estimate]:
+@dataclass(frozen=True, slots=True)
+class Conclusion:
+    """The sixth stage's result: what is named in the end, as numbers; :mod:`hybrid.report` puts it into words.
+
+    ``first`` is what was accepted, ``accepted`` what stays named beside what no effect explains; ``sensors`` are
+    the effects with which the sensors contradict each other, None where they agree. ``gap`` is measured on legs
+    left out [m]; ``rivals`` could stand in the place of a named effect, by the log odds that they lack;
+    ``composites`` are groups that may be one effect which is not in the catalogue, ``tied`` all groups that these
+    data cannot tell apart. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
+    """
+
+    verdict: Verdict
+    first: Acceptance
+    accepted: Acceptance
+    sensors: Acceptance | None
+    gap: HeldOut
+    rivals: tuple[Rival, ...]
+    composites: tuple[tuple[str, ...], ...]
+    tied: tuple[tuple[str, ...], ...]
+    next_manoeuvre: Manoeuvre | None
+    suspects: tuple[Suspect, ...]
+    maps: tuple[Map, Map]
+
+    @property
+    def left_open(self) -> float:
+        """The share of the gap that stays open [1]."""
+        return min(1.0, max(0.0, 1.0 - self.gap.gap.closed))
+
+
+def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) -> Conclusion:
+    """The sixth stage: what stays named, how far that closes the gap, and what could stand in its place."""
+    equations, found = first.evidence.equations, first.lack_of_fit
+    sensors = find_contradictions(equations.log, equations.model, equations.noise)
+    accepted = _beside_the_unknown(first, sensors) if found else first
+    progress(0.2)
+    gap = _gap(accepted, equations.log, found)
+    if found:
+        gap = with_noise_floor(gap, equations)
+    rivals = close_rivals(accepted)
+    unknown = bool(found) or len(accepted.names) > CREDIBLE
+    composites = [] if unknown else composite_effects(accepted.evidence, accepted.names)
+    tied = [] if unknown else [*groups(accepted.names, rivals), *composites]
+    progress(0.5)
+    return Conclusion(
+        verdict=verdict_of(accepted.names, tied, unknown),
+        first=first,
+        accepted=accepted,
+        sensors=sensors,
+        gap=gap,
+        rivals=tuple(rivals),
+        composites=tuple(composites),
+        tied=tuple(tied),
+        next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, _part(progress, 0.5, 1.0)),
+        suspects=suspects(first.evidence),
+        maps=(map_of(equations), map_of(_last_look(accepted, first), repaired=True)),
+    )
+
+
+def estimates(accepted: Acceptance, name: str) -> dict[str, Estimate]:
     """The parameters of a named effect with their 95 % intervals."""
-    evidence, effect = naming.evidence, naming.evidence.equations.model.catalogue[name]
-    fit = evidence.fit(naming.names, prior=True)
+    evidence, effect = accepted.evidence, accepted.evidence.equations.model.catalogue[name]
+    fit = evidence.fit(accepted.names, prior=True)
     places = evidence.places(fit, name)
-    covariance = fit.covariance[np.ix_(places, places)] * naming.tests[name].spread
-    given = naming.evidence.equations.model.given.get(name, (0.0,) * len(places))
+    covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
+    given = accepted.evidence.equations.model.given.get(name, (0.0,) * len(places))
     return intervals(effect, fit.values[places] + np.array(given), covariance)
 
 
@@ -63,12 +130,12 @@ def _polar(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estima
     }
 
 
-def close_rivals(naming: Naming) -> list[Rival]:
+def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     found = []
-    for name in naming.names:
-        for rival, less in rivals_of(naming.evidence, naming.names, name).items():
-            less = min(less, naming.nearer.get((name, rival), less))
+    for name in accepted.names:
+        for rival, less in rivals_of(accepted.evidence, accepted.names, name).items():
+            less = min(less, accepted.rival_deficits.get((name, rival), less))
             if less < 3.0 * CLOSE:
                 found.append(Rival(name, rival, float(less)))
     return sorted(found, key=lambda each: each.evidence)
@@ -84,7 +151,7 @@ def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...
     return result
 
 
-def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: Unexplained | None) -> Verdict:
+def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: bool) -> Verdict:
     """One word for it."""
     if unknown:
         return "unknown"
@@ -93,56 +160,69 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: U
     return "indistinguishable" if tied else "named"
 
 
-def unexplained(found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
-    """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
-    if found:
-        found = _told(found)
-        where = tuple(dict.fromkeys(each.depends for each in found))
-        return Unexplained(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
-    if len(effects) <= _CREDIBLE:
+def _beside_the_unknown(accepted: Acceptance, sensors: Acceptance | None) -> Acceptance:
+    """What stays named beside what no effect explains.
+
+    What is unknown may look like any force, and a force that is named beside it may be its imitation. Only what the
+    ``sensors`` show against each other needs no model of the ship.
+    """
+    return sensors or replace(accepted, names=(), tests={})
+
+
+def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
+    """The log through the whole model with what is named in it."""
+    last = first.evidence.equations
+    if accepted is first:
+        return last
+    return linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
+
+
+def _gap(accepted: Acceptance, log: Log, found: Sequence[LackOfFit]) -> HeldOut:
+    """The gap on legs left out.
+
+    Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.
+    """
+    others = frozenset(accepted.evidence.names) - set(accepted.names)
+    barred = others if found or not accepted.names else frozenset[str]()
+    return gap_on_unseen_legs(
+        log, accepted.evidence, accepted.names, fitted_coordinates(accepted.evidence, accepted.names), barred
+    )
+
+
+def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> Manoeuvre | None:
+    """What to do next where a rival is close; where it is not, but not far either, too."""
+    pairs = [pair for name in accepted.names for pair in _pairs(accepted, name, rivals)]
+    vessel = accepted.evidence.equations.model.vessel
+    if not pairs or vessel is None:
         return None
-    families = " and ".join(dict.fromkeys(each.family for each in effects))
-    words = (
-        f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
-    )
-    return Unexplained(share_of_gap, (OPERATION,), words)
+    values = {name: each for name, each in accepted.evidence.values(accepted.names).items() if each is not None}
+    return next_manoeuvre(accepted.evidence.equations, vessel, values, pairs, progress)
 
 
-def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:
-    """Without weaker signs that an effect has another form than it is named for."""
-    first = {each.what: each for each in reversed(found) if each.depends in INTERACTIONS}
-    return [each for each in found if each.depends not in INTERACTIONS or each is first[each.what]]
+def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pair]:
+    """A named effect and its closest rivals, each against each: whichever is true, by how likely it is."""
+    others = tuple(each for each in accepted.names if each != name)
+    close = {each.name: each.evidence for each in rivals if each.instead_of == name and each.evidence < WEAK}
+    group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
+    found = {each: accepted.evidence.values((*others, each))[each] for each in group}
+    return [
+        Pair(one, rival, values, others, exp(-group[one]))
+        for one, values in found.items()
+        for rival in group
+        if rival != one and values is not None
+    ]
 
 
-_UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
+def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
+    """Every effect of the catalogue by how much better the model is with it alone."""
+    smallest, result = limits(evidence.equations), []
+    for name in evidence.names:
+        effect = evidence.equations.model.catalogue[name]
+        fit = evidence.fit([name], prior=True)  # of some these data say nothing at all
+        chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
+        result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
+    return tuple(sorted(result, key=lambda each: -each.evidence))
 
 
-def looks_like(remainder: LackOfFit) -> str:
-    """One family in words: its axis or effect, on what it depends, and its size."""
-    if remainder.what == "force":
-        return (
-            f"forces that depend on speeds and thrusters, off by some {100.0 * remainder.size:.2g} % of their range"
-        )
-    if remainder.what in AXES:
-        kind = "moment" if remainder.what == "yaw" else "force"
-        size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
-        return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
-    varies = f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
-    return (
-        f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in INTERACTIONS else varies
-    )
-
-
-def correlation_of(naming: Naming) -> Correlation:
-    """How the estimates of what was named are correlated, in its free coordinates."""
-    fit = naming.evidence.fit(naming.names)
-    deviation = np.sqrt(np.diag(fit.covariance))
-    titles, order = list[str](), list[int]()
-    for name in naming.names:
-        places = naming.evidence.places(fit, name)
-        titles += [
-            f"{plain(name)}, {number}" if len(places) > 1 else plain(name) for number, _ in enumerate(places, 1)
-        ]
-        order += places
-    matrix = fit.covariance / np.outer(deviation, deviation)
-    return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
+def _part(progress: Progress, first: float, last: float) -> Progress:
+    return lambda share: progress(first + (last - first) * share)

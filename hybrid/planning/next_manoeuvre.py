@@ -18,6 +18,7 @@ from scipy.stats import norm
 from acquisition.core.errors import ModelRangeError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
+from hybrid.diagnosis.linearise import linearise
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE
@@ -119,7 +120,7 @@ def rehearsal_of(
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
     made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
     joined = behind(log, [one_leg(each) for each in made.values()])
-    whole = normal_equations(joined, model, equations.tolerance, equations.noise, progress=progress)
+    whole = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
     return Rehearsal(design_of(whole), range(log.legs), tuple(made))
 
 

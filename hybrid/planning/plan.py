@@ -17,9 +17,9 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
-from hybrid.diagnosis.estimate_noise import settled
+from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import normal_equations
-from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE, Catalogue, vessel_plant
@@ -164,7 +164,7 @@ def noise_in(
     every = {**CATALOGUE, **catalogue}  # what is ruled out as missing may be known to be there
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
     model = Model(vessel_plant(vessel, every), catalogue)
-    return settled(log_of([table]), model, tolerance, progress)[1]
+    return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
 
 
 def plan(
@@ -185,7 +185,9 @@ def plan(
     asked = [rehearsed(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     joined = _joined([*asked, *made.values()])
-    whole = normal_equations(joined, Model(ship, catalogue), tolerance, noise, progress=part_of(progress, 0, 2))
+    whole = normal_equations(
+        linearise(joined, Model(ship, catalogue), tolerance), noise, progress=part_of(progress, 0, 2)
+    )
     design = design_of(whole)
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))

@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from analysis.report.rendering import Page, render
-from hybrid.diagnosis.result import Correlation, Diagnosis, Ladder
+from hybrid.diagnosis.result import Diagnosis, Extras
 from hybrid.report.diagnosis_words import verdict_sentence
 from hybrid.report.show import templates
 
-if TYPE_CHECKING:
-    from hybrid.diagnosis.map import Map
-    from hybrid.diagnosis.sensor_consistency import Consistency
-
 PAGE_FILE = "report.html"
-
-
-@dataclass(frozen=True, slots=True)
-class Extras:
-    """What the page shows beside the diagnosis: the map of the reference model and of the repaired one, the
-    sensors' contradictions, how the estimates are correlated, and what a calibrator adds (None where nobody
-    looked)."""
-
-    map: Map | None = None
-    map_after: Map | None = None
-    consistency: Sequence[Consistency] | None = None
-    ladder: Ladder | None = None
-    correlation: Correlation | None = None
 
 
 def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:

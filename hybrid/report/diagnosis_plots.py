@@ -15,9 +15,9 @@ from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Suspect, Tracks
 from hybrid.diagnosis.select_effects import CLOSE
-from hybrid.diagnosis.words import parameter_title
 from hybrid.effects import FAMILIES
 from hybrid.prediction.scores import Interval, distances
+from hybrid.report.diagnosis_phrases import parameter_title
 from hybrid.report.style import interval_bar, logarithmic, plain_numbers, start_frame
 from hybrid.report.words import plain
 

@@ -6,7 +6,7 @@ from rich.console import Group
 from rich.text import Text
 
 from hybrid.diagnosis.result import Diagnosis, Ladder
-from hybrid.diagnosis.words import alternatives
+from hybrid.report.diagnosis_phrases import alternatives
 from hybrid.report.diagnosis_words import ladder_sentence
 
 _VERDICTS = {

@@ -7,8 +7,8 @@ from math import isfinite
 from typing import Any
 
 from hybrid.diagnosis.result import Correlation, Diagnosis, Estimate, Ladder, NamedEffect, Place, Suspect
-from hybrid.diagnosis.words import DEPENDS, alternatives, chance, number, parameter_title, percent
 from hybrid.prediction.scores import FEW_LEGS, Interval
+from hybrid.report.diagnosis_phrases import DEPENDS, alternatives, chance, number, parameter_title, percent
 from hybrid.report.words import listed, plain
 
 __all__ = ["FEW_LEGS"]  # for the template

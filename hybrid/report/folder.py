@@ -18,7 +18,7 @@ from acquisition.core.errors import ConfigurationError, InputError, SeatrialErro
 from acquisition.core.progress import Progress, part_of
 from analysis.tables.files import make_folder
 from analysis.tables.provenance import sha256_of
-from hybrid.diagnosis.shown import read_json
+from hybrid.diagnosis.serialisation import read_json
 from hybrid.report.case import load_case
 from hybrid.report.notebook import run_notebook
 from hybrid.report.paper_sections import is_reproduced

@@ -51,8 +51,7 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
-    from hybrid.diagnosis.shown import read_shown
-    from hybrid.diagnosis.words import chance, percent
+    from hybrid.diagnosis.serialisation import read_shown
     from hybrid.report import (
         diagnosis_map_plots,
         diagnosis_plots,
@@ -62,6 +61,7 @@ def templates() -> Environment:
         trial_plots,
         trial_sections,
     )
+    from hybrid.report.diagnosis_phrases import chance, percent
     from hybrid.reproduction import page as table3
 
     made = environment(Path(__file__).parent / "templates")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +17,14 @@ from acquisition.recording.trial import software_version
 from analysis.prepare import Preparation, prepare
 from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import select
-from hybrid.diagnosis.add import repaired
-from hybrid.diagnosis.diagnose import Examined, diagnose
-from hybrid.diagnosis.shown import write_shown
-from hybrid.effects import Catalogue
+from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
+from hybrid.diagnosis.result import Diagnosis, Extras
+from hybrid.diagnosis.serialisation import write_shown
+from hybrid.diagnosis.verdict import Conclusion
+from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.report.diagnosis_page import PAGE_FILE, write_report
-from hybrid.vessel.files import save_vessel
+from hybrid.report.diagnosis_sentences import describe
+from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 
 
@@ -36,6 +38,29 @@ class Written:
     ladder: Path
 
 
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """A diagnosis, the numbers that it was made from, and what its page shows beside it."""
+
+    diagnosis: Diagnosis
+    conclusion: Conclusion
+    extras: Extras
+
+
+def diagnose_tables(
+    tables: Sequence[pd.DataFrame],
+    vessel: Vessel,
+    tolerance: float = TOLERANCE,
+    catalogue: Catalogue = CATALOGUE,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Progress = lambda share: None,
+) -> Diagnosed:
+    """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`."""
+    conclusion = diagnose(tables, vessel, tolerance, catalogue, progress)
+    diagnosis, extras = describe(conclusion, provenance)
+    return Diagnosed(diagnosis, conclusion, extras)
+
+
 def diagnose_files(
     files: Sequence[Path],
     vessel: Vessel,
@@ -46,7 +71,7 @@ def diagnose_files(
     repair: bool = False,
     rebuild_positions: bool = False,
     progress: Progress = lambda share: None,
-) -> Examined:
+) -> Diagnosed:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
@@ -68,23 +93,25 @@ def diagnose_files(
         "rebuild_positions": rebuild_positions,
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
     }
-    return diagnose(tables, vessel, tolerance, catalogue, provenance, lambda share: progress(0.1 + 0.9 * share))
+    return diagnose_tables(
+        tables, vessel, tolerance, catalogue, provenance, lambda share: progress(0.1 + 0.9 * share)
+    )
 
 
-def write_diagnosis(examined: Examined, vessel: Vessel, folder: Path) -> Written:
+def write_diagnosis(diagnosed: Diagnosed, vessel: Vessel, folder: Path) -> Written:
     """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
     calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Raises :class:`StorageError`.
     """
-    ladder = examined.extras.ladder
+    ladder = diagnosed.extras.ladder
     written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json")
-    _write_json(examined.diagnosis.as_dict(), written.json)
+    _write_json(diagnosed.diagnosis.as_dict(), written.json)
     if ladder is None:
         written.ladder.unlink(missing_ok=True)
     else:
         _write_json(ladder.as_dict(), written.ladder)
-    save_vessel(repaired(vessel, examined.diagnosis), written.vessel)
-    write_shown(examined.diagnosis, examined.extras, folder)
-    write_report(examined.diagnosis, examined.extras, folder)
+    save_vessel(repaired(vessel, diagnosed.diagnosis), written.vessel)
+    write_shown(diagnosed.diagnosis, diagnosed.extras, folder)
+    write_report(diagnosed.diagnosis, diagnosed.extras, folder)
     return written
 
 
@@ -93,3 +120,36 @@ def _write_json(values: Mapping[str, Any], path: Path) -> None:
         path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise storage_error(path, error) from error
+
+
+def repaired(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
+    """``vessel`` with what was named, and where that comes from.
+
+    A named effect that the vessel has already takes that one's place: its value is what both come to.
+    """
+    effects = {
+        each.name: {name: estimate.value for name, estimate in each.parameters.items()}
+        for each in diagnosis.effects
+    }
+    notes = {
+        f"diagnosis_{each.name}": "; ".join(
+            f"{name} {estimate.value:.6g} ({estimate.low:.6g} to {estimate.high:.6g}) {estimate.unit}"
+            for name, estimate in each.parameters.items()
+        )
+        for each in diagnosis.effects
+    }
+    result = with_effects(vessel, effects, **_plain(diagnosis.provenance), **notes, verdict=diagnosis.verdict)
+    return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
+
+
+def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:
+    named = ", ".join(each.name for each in diagnosis.effects) or "nothing"
+    return f"{vessel.description or vessel.name}; a diagnosis added {named}"
+
+
+def _plain(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """What a TOML table may hold: texts and numbers."""
+    return {
+        f"diagnosis_{key}": value if isinstance(value, int | float) else str(value)
+        for key, value in provenance.items()
+    }

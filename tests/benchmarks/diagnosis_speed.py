@@ -17,12 +17,13 @@ from threadpoolctl import threadpool_limits
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from hybrid.diagnosis.acceptance import accept
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
-from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import evidence_of, normal_equations
-from hybrid.diagnosis.linearise import model_of
+from hybrid.diagnosis.estimate_noise import estimate_noise
+from hybrid.diagnosis.evidence import weigh_evidence
+from hybrid.diagnosis.linearise import linearise, model_of
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.select_effects import named
+from hybrid.diagnosis.select_effects import select_effects
 from hybrid.effects import CATALOGUE, Catalogue
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -49,9 +50,9 @@ def stages(tables: list[pd.DataFrame], catalogue: Catalogue = CATALOGUE) -> dict
     vessel = load_vessel("gunnerus_short")
     model = model_of(vessel, catalogue)
     with threadpool_limits(1, user_api="blas"):
-        log_s, (log, noise) = timed(lambda: settled(log_of(tables), model, TOLERANCE))
-        score_s, _ = timed(lambda: evidence_of(normal_equations(log, model, TOLERANCE, noise)))
-        naming_s, _ = timed(lambda: named(log, model, TOLERANCE, noise))
+        log_s, estimate = timed(lambda: estimate_noise(linearise(log_of(tables), model, TOLERANCE)))
+        score_s, evidence = timed(lambda: weigh_evidence(estimate))
+        naming_s, _ = timed(lambda: accept(select_effects(evidence)))
     whole_s, _ = timed(lambda: diagnose(tables, vessel, TOLERANCE, catalogue))
     return {"log and noise": log_s, "one score of all": score_s, "naming": naming_s, "whole diagnosis": whole_s}
 

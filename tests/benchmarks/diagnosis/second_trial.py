@@ -8,12 +8,13 @@ from math import inf, isnan
 import pandas as pd
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.diagnosis.diagnose import TOLERANCE, Examined, diagnose
+from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.effects import CATALOGUE
 from hybrid.planning.next_manoeuvre import usual_rpm
 from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from hybrid.vessel.parameters import Vessel
+from hybrid.workflows.diagnose import Diagnosed, diagnose_tables
 from tests.benchmarks.diagnosis.design import Design, Hidden, simulated
 from tests.benchmarks.other_ship.programmes import HOLD, STEER, TURN, ZIGZAG, Order
 
@@ -22,20 +23,20 @@ _ANOTHER_SEED = 50_000_000
 
 
 def with_next_manoeuvre(
-    design: Design, hidden: Hidden, table: pd.DataFrame, examined: Examined, vessel: Vessel
-) -> Examined:
+    design: Design, hidden: Hidden, table: pd.DataFrame, examined: Diagnosed, vessel: Vessel
+) -> Diagnosed:
     """The diagnosis of the recording and of the manoeuvre that it asked for, the same hidden in both."""
     asked = examined.diagnosis.next_manoeuvre
     assert asked is not None
     orders = orders_of(candidate_of(asked.what, examined, vessel).legs)
     later = replace(design, seed=design.seed + _ANOTHER_SEED, duration_s=60.0 * MINUTES)
     second, _ = simulated(later, hidden, orders=orders)
-    return diagnose([table, second.set_axis(second.index + _ANOTHER_DAY)], vessel, TOLERANCE, CATALOGUE)
+    return diagnose_tables([table, second.set_axis(second.index + _ANOTHER_DAY)], vessel, TOLERANCE, CATALOGUE)
 
 
-def candidate_of(what: str, examined: Examined, vessel: Vessel) -> Candidate:
+def candidate_of(what: str, examined: Diagnosed, vessel: Vessel) -> Candidate:
     """The candidate of the repertoire that is asked for in these words."""
-    for each in repertoire(shafts_of(vessel, usual_rpm(examined.naming.evidence.equations.log))):
+    for each in repertoire(shafts_of(vessel, usual_rpm(examined.conclusion.accepted.evidence.equations.log))):
         if what.startswith(each.what):
             return each
     raise ConfigurationError(f"no candidate reads {what!r}")

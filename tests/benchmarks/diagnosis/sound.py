@@ -10,9 +10,9 @@ import numpy as np
 
 from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.diagnose import TOLERANCE
-from hybrid.diagnosis.estimate_noise import settled
+from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import model_of
+from hybrid.diagnosis.linearise import linearise, model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.effects import CATALOGUE, Effect
 from hybrid.planning.information import TOLD_APART, Information, free_limits, information_of, separation
@@ -34,8 +34,8 @@ def examination_of(design: Design, outside: Mapping[str, float] | None = None) -
     """One look at a trial with nothing of the catalogue hidden in it."""
     table, _ = simulated(design, {}, outside)
     model = model_of(load_vessel(VESSEL), CATALOGUE)
-    log, noise = settled(log_of([table]), model, TOLERANCE)
-    return normal_equations(log, model, TOLERANCE, noise)
+    estimate = estimate_noise(linearise(log_of([table]), model, TOLERANCE))
+    return normal_equations(estimate.linearisation, estimate.noise)
 
 
 def sound(design: Design) -> dict[str, Any]:

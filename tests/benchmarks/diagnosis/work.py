@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.errors import ModelRangeError, SeatrialError
-from hybrid.diagnosis.diagnose import TOLERANCE, Examined, diagnose
+from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import catalogue_with
 from hybrid.vessel.files import load_vessel
+from hybrid.workflows.diagnose import Diagnosed, diagnose_tables
 from tests.benchmarks.diagnosis.cases import Case
 from tests.benchmarks.diagnosis.design import VESSEL, Design, Hidden, simulated
 from tests.benchmarks.diagnosis.outside_size import size_found
@@ -83,7 +84,7 @@ def judged(planned: Planned) -> Plain:
     vessel = load_vessel(VESSEL)
     catalogue = catalogue_with((), tuple(planned.hidden) if case.blind else ())
     began = time.perf_counter()
-    examined = diagnose([table], vessel, TOLERANCE, catalogue)
+    examined = diagnose_tables([table], vessel, TOLERANCE, catalogue)
     took = time.perf_counter() - began
     result = {
         **described(planned, truth),
@@ -117,13 +118,13 @@ def said(diagnosis: Diagnosis) -> Plain:
     return {**{name: plain[name] for name in kept}, "force_range": list(force_range.values())}
 
 
-def errors_over_bounds(examined: Examined, hidden: Hidden) -> list[float]:
+def errors_over_bounds(examined: Diagnosed, hidden: Hidden) -> list[float]:
     """Error over standard error, by free coordinate, of effects that are hidden and named.
 
     The standard errors are those of a joint fit of what is truly hidden on the last view of the data: the bound.
     """
     named = {each.name: each for each in examined.diagnosis.effects}
-    evidence, result = examined.naming.evidence, []
+    evidence, result = examined.conclusion.accepted.evidence, []
     fit = evidence.fit(tuple(hidden))
     for name, values in hidden.items():
         if name not in named:

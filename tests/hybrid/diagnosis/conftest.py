@@ -8,15 +8,17 @@ from typing import Any
 import pytest
 from threadpoolctl import threadpool_limits
 
-from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.acceptance import Acceptance, accept_names
+from hybrid.diagnosis.estimate_noise import estimate_noise
+from hybrid.diagnosis.evidence import weigh_evidence
+from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.select_effects import Naming, named
+from hybrid.diagnosis.select_effects import select_effects
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial
 
-Diagnosed = Callable[..., Naming]
+Diagnosed = Callable[..., Acceptance]
 TOLERANCE = 0.01
 
 
@@ -31,15 +33,15 @@ def one_thread() -> Iterator[None]:
 def diagnosed(plant: Plant) -> Diagnosed:
     """What is named in a trial; keywords as those of the simulator, one asked for before is given again."""
 
-    def naming(**trial: Any) -> Naming:
+    def naming(**trial: Any) -> Acceptance:
         table, _ = make_trial(**trial)
         model = Model(plant, CATALOGUE)
-        log, noise = settled(log_of([table]), model, TOLERANCE)
-        return named(log, model, TOLERANCE, noise)
+        estimate = estimate_noise(linearise(log_of([table]), model, TOLERANCE))
+        return accept_names(select_effects(weigh_evidence(estimate)))
 
-    known: dict[str, Naming] = {}
+    known: dict[str, Acceptance] = {}
 
-    def once(**trial: Any) -> Naming:
+    def once(**trial: Any) -> Acceptance:
         key = repr(trial)
         if key not in known:
             known[key] = naming(**trial)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.acceptance import lack_of_fit
-from hybrid.diagnosis.select_effects import CLOSE, Naming
+from hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
+from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.diagnosis.verdict import close_rivals
 from tests.hybrid.diagnosis.conftest import Diagnosed
 
@@ -15,14 +15,14 @@ CURRENT = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 200.0}}
 SHORT_S = 1200.0
 
 
-def standard_error(naming: Naming, name: str) -> Floats:
+def standard_error(naming: Acceptance, name: str) -> Floats:
     """Of the free coordinates of a named effect."""
     fit = naming.evidence.fit(naming.names)
     places = [fit.columns.index(column) for column in naming.evidence.columns([name])]
     return np.sqrt(np.diag(fit.covariance)[places])
 
 
-def error(naming: Naming, name: str, **truth: float) -> Floats:
+def error(naming: Acceptance, name: str, **truth: float) -> Floats:
     """Estimate less truth in free coordinates."""
     fit, model = naming.evidence.fit(naming.names), naming.evidence.equations.model
     places = [fit.columns.index(column) for column in naming.evidence.columns([name])]

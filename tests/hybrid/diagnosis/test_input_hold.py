@@ -9,11 +9,12 @@ import pandas as pd
 import pytest
 
 from acquisition.core.channels import COMMAND
-from hybrid.diagnosis.input_hold import read_as, read_as_fits
-from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.input_hold import choose_input_hold
+from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
-from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.noise import Noise, NoiseEstimate
 from hybrid.effects import CATALOGUE, apply_effects
+from hybrid.planning.rehearse import behind
 from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
@@ -60,11 +61,11 @@ def test_the_motion_says_how_settings_are_to_be_read(plant: Plant, kind: InputHo
     lags = {"thruster_lag": {"time_constant_s": 2.0}} if kind == "until the next record" else {}
     table = recorded(apply_effects(plant, lags), kind)
     log = log_of([table])
-    assert log.reading == "line"
+    assert log.input_hold == "line"
     model = Model(plant, {**SMALL_CATALOGUE, **{name: CATALOGUE[name] for name in lags}})
     levels = Noise(position_m=0.05, heading_rad=2e-3, surge_mps=0.03, sway_mps=0.03, yaw_rate_radps=1e-3)
-    read = read_as_fits(log, [table], model, 0.01, levels)
-    assert read.reading == kind
+    read = choose_input_hold(NoiseEstimate(linearise(log, model, 0.01), levels)).linearisation.log
+    assert read.input_hold == kind
     assert (read is log) == (kind == "line")
 
 
@@ -85,9 +86,15 @@ def test_a_log_of_two_recordings_is_read_again_as_a_whole(plant: Plant) -> None:
     table = recorded(plant, "until the next record")
     later = table.set_axis(table.index + pd.Timedelta(days=1))
     log = log_of([table, later])
-    held = read_as(log, [table, later], "until the next record")
+    held = log.with_input_hold("until the next record")
     halves = [held.controls[held.recording == number] for number in (0, 1)]
     assert halves[0] == pytest.approx(halves[1])
     inside = held.controls[:, :, 0]
     assert np.ptp(inside, axis=1).max() < 1e-9  # it changes at full seconds only
     assert np.ptp(log.controls[:, :, 0], axis=1).max() > 0.1
+
+
+def test_a_rehearsal_behind_a_recording_makes_a_log_whose_parts_can_be_taken(plant: Plant) -> None:
+    log = log_of([recorded(plant, "line")])
+    joined = behind(log, [log])
+    assert len(joined.subset(joined.leg > log.leg.max())) == len(log)

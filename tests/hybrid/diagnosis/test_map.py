@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.map import (
     FORCES,
     LEAST_S,
@@ -34,18 +34,20 @@ MOMENT_NM = 2e5
 YAW = {"yaw_asymmetry": CATALOGUE["yaw_asymmetry"]}
 
 
-def design_matrix(
+def examined(
     truth: Plant, plant: Plant, seed: int, at: Mapping[str, tuple[float, ...]] | None = None
 ) -> NormalEquations:
     """An examination of a trial of ``truth`` through ``plant`` with the effects ``at``."""
-    return normal_equations(noisy_log(truth, seed), Model(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005, QUIET)
+    return normal_equations(
+        linearise(noisy_log(truth, seed), Model(plant, SMALL_CATALOGUE | YAW, at=at or {}), 0.005), QUIET
+    )
 
 
 @pytest.fixture(scope="module")
 def turned(plant: Plant) -> NormalEquations:
     """A trial of a ship that a steady moment turns, seen through a model that has it."""
     at = {"yaw_asymmetry": (MOMENT_NM,)}
-    return design_matrix(plant.shifted(constant_N_nm=MOMENT_NM), plant, 1, at)
+    return examined(plant.shifted(constant_N_nm=MOMENT_NM), plant, 1, at)
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +105,7 @@ def test_where_is_the_notable_part_of_the_reference_models_map(turned: NormalEqu
 @pytest.mark.parametrize("seed", [11, 12])
 def test_a_right_model_has_an_empty_map(plant: Plant, seed: int) -> None:
     """Noise alone puts nothing on the map."""
-    assert max(abs(each.z) for each in map_of(design_matrix(plant, plant, seed)).places) < 4.0
+    assert max(abs(each.z) for each in map_of(examined(plant, plant, seed)).places) < 4.0
 
 
 def test_seconds_are_counted(turned_map: Map) -> None:

@@ -12,11 +12,10 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from hybrid.diagnosis.result import Diagnosis, Ladder
-from hybrid.diagnosis.sensor_consistency import Consistency
+from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
-from hybrid.report.diagnosis_page import Extras, page_of, verdict_sentence, write_report
+from hybrid.report.diagnosis_page import page_of, verdict_sentence, write_report
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(

@@ -11,7 +11,6 @@ from scipy.stats import binom, chi2, kstest
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import FALSE_ALARM, unseen_gains
 from hybrid.diagnosis.acceptance import acceptance_tests as stands
-from hybrid.diagnosis.diagnose import suspects
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.select_effects import (
@@ -22,6 +21,7 @@ from hybrid.diagnosis.select_effects import (
     rivals_of,
     search_effects,
 )
+from hybrid.diagnosis.verdict import suspects
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.examination_by_hand import (
     SMALL_CATALOGUE,

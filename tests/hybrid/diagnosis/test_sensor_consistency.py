@@ -9,13 +9,27 @@ import pytest
 
 from hybrid.diagnosis.evidence import evidence_of
 from hybrid.diagnosis.linearise import Model, linear_model
-from hybrid.diagnosis.log import log_of
+from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.sensor_consistency import _normal_equations, consistency, motion_sensors, without_dynamics
+from hybrid.diagnosis.result import Consistency
+from hybrid.diagnosis.sensor_consistency import (
+    _normal_equations,
+    find_contradictions,
+    motion_sensors,
+    without_dynamics,
+)
 from hybrid.effects import CATALOGUE, apply_effects
+from hybrid.report.diagnosis_sentences import contradictions
 from hybrid.vessel.plant import Plant
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.noisy_log import QUIET, noisy_log
+
+
+def consistency(log: Log, model: Model, noise: Noise) -> tuple[Consistency, ...]:
+    """What is said of the sensors, the surest first; nothing where they agree."""
+    found = find_contradictions(log, model, noise)
+    return contradictions(found) if found else ()
+
 
 HIDDEN = {
     "heading_bias": {"angle_deg": 1.5},

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hybrid.diagnosis.result import Estimate
-from hybrid.diagnosis.sentences import sentence
 from hybrid.effects import CATALOGUE
+from hybrid.report.diagnosis_sentences import sentence
 
 
 def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) -> str:

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from acquisition.core.errors import InputError
-from hybrid.diagnosis.result import Correlation, Diagnosis, Tracks
-from hybrid.diagnosis.sensor_consistency import Consistency
-from hybrid.diagnosis.shown import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_shown, write_shown
-from hybrid.report.diagnosis_page import Extras, page_of
+from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Extras, Tracks
+from hybrid.diagnosis.serialisation import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_shown, write_shown
+from hybrid.report.diagnosis_page import page_of
 from tests.hybrid.diagnosis.made_up import a_ladder, a_map, named, of_verdict
 
 SENSORS = Consistency("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from hybrid.diagnosis.acceptance import LackOfFit
 from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.verdict import intervals, unexplained, verdict_of
+from hybrid.diagnosis.verdict import intervals, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
+from hybrid.report.diagnosis_sentences import unexplained
 
 SHEAR = LackOfFit("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
 FADING = LackOfFit("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
@@ -18,11 +19,11 @@ FADING = LackOfFit("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
 
 def test_one_word_for_it() -> None:
     unknown = unexplained([SHEAR], [], 0.4)
-    assert verdict_of((), [], None) == "nothing_missing"
-    assert verdict_of(("skeg",), [], None) == "named"
-    assert verdict_of(("skeg",), [("skeg", "trim")], None) == "indistinguishable"
-    assert verdict_of(("skeg",), [("skeg", "trim")], unknown) == "unknown"
-    assert verdict_of((), [], unknown) == "unknown"
+    assert verdict_of((), [], unknown=False) == "nothing_missing"
+    assert verdict_of(("skeg",), [], unknown=False) == "named"
+    assert verdict_of(("skeg",), [("skeg", "trim")], unknown=False) == "indistinguishable"
+    assert verdict_of(("skeg",), [("skeg", "trim")], unknown=unknown is not None) == "unknown"
+    assert verdict_of((), [], unknown=unknown is not None) == "unknown"
 
 
 def test_what_remains_is_said_with_its_size_and_what_it_hangs_on() -> None:

@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import norm, t
 
-from hybrid.diagnosis.estimate_noise import settled
-from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.acceptance import accept_names
+from hybrid.diagnosis.estimate_noise import estimate_noise
+from hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
+from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.select_effects import named
+from hybrid.diagnosis.select_effects import select_effects
 from hybrid.effects import CATALOGUE
 from hybrid.planning.information import (
     Information,
@@ -44,7 +45,7 @@ SOME = {
 
 def examination_at(plant: Plant, vessel: Vessel, tolerance: float) -> NormalEquations:
     log = rehearsed(zigzag(swings=12), vessel, plant, CALM, 600)
-    return normal_equations(log, Model(plant, SOME), tolerance, Noise())
+    return normal_equations(linearise(log, Model(plant, SOME), tolerance), Noise())
 
 
 @pytest.fixture(scope="module")
@@ -157,8 +158,8 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
     """At 1.2 times the limit in nine of ten; 20 trials may show 16 by chance."""
     model, sea = Model(plant, CATALOGUE), SeaState(4.0, 0.5, 5.0, 0.0, drift_n_per_m2=0.0)
     table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, 0)
-    log, noise = settled(log_of([table]), model, 0.01)
-    limit = limits(normal_equations(log, model, 0.01, noise))
+    estimate = estimate_noise(linearise(log_of([table]), model, 0.01))
+    limit = limits(normal_equations(estimate.linearisation, estimate.noise))
     names = [name for name in CATALOGUE if limit[name] < 3.0 * CATALOGUE[name].free_scale[0]]
     names = [name for name in names if CATALOGUE[name].chart == "linear"][::2][:20]
     missed = []
@@ -166,7 +167,7 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
         effect = CATALOGUE[name]
         size = effect.values([1.2 * limit[name], *(0.0,) * (len(effect.free_scale) - 1)])
         table, _ = simulate_trial("gunnerus_short", sea, "programme", 1500.0, 1.0, number, {name: size})
-        log, noise = settled(log_of([table]), model, 0.01)
-        if not named(log, model, 0.01, noise).names:
+        estimate = estimate_noise(linearise(log_of([table]), model, 0.01))
+        if not accept_names(select_effects(weigh_evidence(estimate))).names:
             missed.append(name)
     assert len(missed) <= 0.2 * len(names), missed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
-from hybrid.diagnosis.linearise import Model
+from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE
@@ -46,7 +46,7 @@ Rank = Callable[[str, str, Values], list[Ranked]]
 
 def recorded(plant: Plant, vessel: Vessel, legs: Manoeuvre) -> NormalEquations:
     log = rehearsed(legs, vessel, plant, BREEZE, 600)
-    return normal_equations(log, Model(plant, SOME), 0.01, Noise())
+    return normal_equations(linearise(log, Model(plant, SOME), 0.01), Noise())
 
 
 def ranking(rehearsal: Rehearsal) -> Rank:

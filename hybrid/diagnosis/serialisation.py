@@ -20,9 +20,11 @@ from acquisition.core.errors import InputError, storage_error
 from analysis.tables.files import read_parquet, write_parquet
 from hybrid.diagnosis.map import FORCES, Map
 from hybrid.diagnosis.result import (
+    Consistency,
     Correlation,
     Diagnosis,
     Estimate,
+    Extras,
     Gap,
     Ladder,
     Manoeuvre,
@@ -33,9 +35,7 @@ from hybrid.diagnosis.result import (
     Tracks,
     Unexplained,
 )
-from hybrid.diagnosis.sensor_consistency import Consistency
 from hybrid.prediction.scores import Interval
-from hybrid.report.diagnosis_page import Extras
 
 DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"
 MAP, TRACKS = "map.parquet", "tracks.parquet"

@@ -1,0 +1,352 @@
+"""A diagnosis in words: each named effect and each contradiction of sensors, what remains, remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
+from hybrid.diagnosis.evidence import Evidence
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.map import notable
+from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
+from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Estimate, Extras, NamedEffect, Unexplained
+from hybrid.diagnosis.select_effects import CLOSE, rivals_of
+from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
+from hybrid.effects import Effect
+from hybrid.effects.catalogue import VERSION
+from hybrid.report.diagnosis_phrases import DEPENDS, number, parameter_title
+from hybrid.report.words import listed, plain
+
+Parameters = Mapping[str, Estimate]
+
+
+def sentence(effect: Effect, parameters: Parameters, share_of_gap: float) -> str:
+    """A named effect in one plain sentence, with its size, certainty and share of the gap."""
+    if effect.name in _TWO:
+        what, ends = _of_two(_TWO[effect.name], parameters)
+    elif effect.name in _ONE:
+        what, ends = _of_one(effect, _ONE[effect.name], next(iter(parameters.values())))
+    else:
+        what, ends = _of_any(effect, parameters)
+    return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+
+
+def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple[str, str]:
+    """A size in words: where there are two texts, the second is for what is less than neutral, without a sign.
+
+    In percent of change where the text has percent.
+    """
+    neutral = effect.parameters[0].neutral
+    less = len(texts) == 2 and bool(estimate.value < neutral)
+    text = texts[less]
+
+    def size(value: float) -> float:
+        change = 100.0 * (value - neutral) if "%" in text and isfinite(neutral) else value
+        return -change if less else change
+
+    low, high = sorted((size(estimate.low), size(estimate.high)))
+    return text.format(number(size(estimate.value))), span(low, high)
+
+
+def _of_two(text: str, parameters: Parameters) -> tuple[str, str]:
+    values = [number(each.value) if each.unit != "deg" else f"{each.value:.0f}" for each in parameters.values()]
+    ends = "; ".join(span(each.low, each.high, each.unit) for each in parameters.values())
+    return text.format(*values), ends
+
+
+def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:
+    """What is in no list of ours: its name and its parameters."""
+    sizes = ", ".join(
+        f"{plain(name.rsplit('_', 1)[0])} {number(each.value)} {each.unit}".removesuffix(" 1")
+        for name, each in parameters.items()
+    )
+    ends = "; ".join(span(each.low, each.high) for each in parameters.values())
+    return f"The model lacks {plain(effect.name)}: {sizes}", ends
+
+
+def span(low: float, high: float, unit: str = "") -> str:
+    """The ends of an interval; angles in whole degrees.
+
+    >>> span(0.341, 0.36), span(-1.2, 0.5), span(202.7, 206.9, "deg")
+    ('0.341-0.36', '−1.2 to 0.5', '203-207')
+    """
+    ends = [f"{end:.0f}".replace("-", "\u2212") if unit == "deg" else number(end) for end in (low, high)]
+    return "-".join(ends) if low >= 0.0 else " to ".join(ends)
+
+
+_TWO = {
+    "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
+    "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
+    "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
+    "reference point",
+    "speed_sensor_offset": "The recorded speeds are those of a point {} m ahead and {} m to starboard of the "
+    "reference point",
+}
+"""Effects of two parameters, in their order."""
+
+
+def _more_or_less(what: str) -> tuple[str, str]:
+    return what + " {} % more than the model's", what + " {} % less than the model's"
+
+
+def _too(what: str, above: str, below: str) -> tuple[str, str]:
+    return f"{what} {above}", f"{what} {below}"
+
+
+_ONE: dict[str, tuple[str, ...]] = {
+    "loading": ("The ship is {} % heavier than her model", "The ship is {} % lighter than her model"),
+    "surge_added_mass": _more_or_less("The water's inertia ahead is"),
+    "sway_added_mass": _more_or_less("The water's inertia sideways is"),
+    "yaw_inertia": _more_or_less("The inertia in yaw is"),
+    "hull_fouling": _more_or_less("The hull's resistance straight ahead is"),
+    "cross_flow_drag": _more_or_less("The hull's cross-flow drag is"),
+    "drift_force": _more_or_less("The side force of the drifting hull is"),
+    "drift_moment": _more_or_less("The yaw moment of the drifting hull is"),
+    "turning_force": _more_or_less("The side force of the turning hull is"),
+    "turning_drag": _more_or_less("The resistance of the turning hull is"),
+    "yaw_damping": _more_or_less("The hull's resistance to turning is"),
+    "trim": (
+        "The hull's side force acts {} m further forward than the model's, as of trim by the head",
+        "The hull's side force acts {} m further aft than the model's, as of trim by the stern",
+    ),
+    "skeg": ("The hull has {} m2 more skeg than the model", "The hull has {} m2 less skeg than the model"),
+    "towed_load": (
+        "Something holds the ship back with a steady {} N",
+        "Something pushes the ship ahead with a steady {} N",
+    ),
+    "hull_lengthening": ("The ship is {} m longer than her model", "The ship is {} m shorter than her model"),
+    "shallow_water": ("The water is about {} m deep, and the hull feels it",),
+    **{
+        f"thrust_loss_{name}": (f"{drive} {{}} % of {its} thrust", f"{more} {{}} % more thrust than the model's")
+        for name, drive, its, more in (
+            ("port", "The port thruster lacks", "its", "The port thruster has"),
+            ("starboard", "The starboard thruster lacks", "its", "The starboard thruster has"),
+            ("both", "Both thrusters lack", "their", "Both thrusters have"),
+        )
+    },
+    "wake_fraction": (
+        "The wake slows the water at the thrusters by {} %",
+        "The water at the thrusters is {} % faster than the ship",
+    ),
+    "pod_side_force": _more_or_less("The side force of the pods in oblique flow is"),
+    "tunnel_thrust_loss": (
+        "The tunnel thruster lacks {} % of its side force",
+        "The tunnel thruster has {} % more side force than the model's",
+    ),
+    "azimuth_offset_port": ("The port azimuth truly stands {} deg beyond what it reports",),
+    "azimuth_offset_starboard": ("The starboard azimuth truly stands {} deg beyond what it reports",),
+    "azimuth_offset_both": ("Both azimuths truly stand {} deg beyond what they report",),
+    "azimuth_scale": (
+        "Both azimuths truly turn {} % more than they report",
+        "Both azimuths truly turn {} % less than they report",
+    ),
+    "yaw_asymmetry": (
+        "A steady moment of {} N m turns the ship to starboard",
+        "A steady moment of {} N m turns the ship to port",
+    ),
+    "sway_asymmetry": (
+        "A steady force of {} N pushes the ship to starboard",
+        "A steady force of {} N pushes the ship to port",
+    ),
+    "wind_load": (
+        "The wind loads are {} % more than the tables say",
+        "The wind loads are {} % less than the tables say",
+    ),
+    "wind_drag": _more_or_less("The wind force along the ship is"),
+    "wind_side_load": _more_or_less("The wind force across the ship is"),
+    "wind_yaw_load": _more_or_less("The yaw moment of the wind is"),
+    "position_delay": _too("Positions are stamped {} s", "too late", "too early"),
+    "heading_delay": _too("Headings are stamped {} s", "too late", "too early"),
+    "speed_delay": _too("Surge, sway and yaw rate are stamped {} s", "too late", "too early"),
+    "command_delay": _too("The drives' feedback is stamped {} s", "too late", "too early"),
+    "thruster_lag": ("The thrusters follow what is recorded with a lag of {} s",),
+    "heading_bias": _too("The compass reads {} deg", "too much", "too little"),
+    "speed_sensor_rotation": (
+        "The speed sensor is turned {} deg clockwise",
+        "The speed sensor is turned {} deg counter-clockwise",
+    ),
+    "speed_scale": ("Reported speeds are {} times the true ones",),
+    "sway_bias": (
+        "The speed sensor reports {} m/s too much to starboard",
+        "The speed sensor reports {} m/s too much to port",
+    ),
+    "yaw_rate_bias": _too("The rate gyro reads {} deg/s", "too much", "too little"),
+    "yaw_rate_scale": ("Reported yaw rates are {} times the true ones",),
+    "wind_direction_bias": _too("The wind vane reads {} deg", "too much", "too little"),
+    "wind_speed_scale": ("Reported wind speeds are {} times the true ones",),
+}
+"""Effects of one parameter: in words for more, and for less where that is said otherwise."""
+
+
+def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None) -> tuple[Diagnosis, Extras]:
+    """A conclusion as the contract's diagnosis, in words where it has words, and what a report shows beside it."""
+    first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
+    equations = first.evidence.equations
+    effects = tuple(_named_effect(conclusion, name) for name in accepted.names)
+    diagnosis = Diagnosis(
+        verdict=conclusion.verdict,
+        tolerance=equations.tolerance,
+        effects=effects,
+        rivals=conclusion.rivals,
+        indistinguishable=conclusion.tied,
+        unknown=unexplained(
+            first.lack_of_fit, [equations.model.catalogue[name] for name in accepted.names], conclusion.left_open
+        ),
+        where=notable(conclusion.maps[0].places),
+        gap=gap.gap,
+        next_manoeuvre=conclusion.next_manoeuvre,
+        suspects=conclusion.suspects,
+        tracks=gap.tracks,
+        remarks=_remarks(conclusion, effects),
+        provenance={**(provenance or {}), **_provenance(first)},
+    )
+    sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
+    return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
+
+
+def _named_effect(conclusion: Conclusion, name: str) -> NamedEffect:
+    accepted, gap = conclusion.accepted, conclusion.gap
+    effect, test = accepted.evidence.equations.model.catalogue[name], accepted.tests[name]
+    parameters = estimates(accepted, name)
+    share = float(gap.shares.get(name, 0.0))
+    log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(
+        [n for n in accepted.names if n != name]
+    )
+    return NamedEffect(
+        name, effect.family, effect.kind, parameters, share, test.p_value, log_odds,
+        sentence(effect, parameters, share),
+    )  # fmt: skip
+
+
+def unexplained(found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
+    """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
+    if found:
+        found = _told(found)
+        where = tuple(dict.fromkeys(each.depends for each in found))
+        return Unexplained(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
+    if len(effects) <= CREDIBLE:
+        return None
+    families = " and ".join(dict.fromkeys(each.family for each in effects))
+    words = (
+        f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
+    )
+    return Unexplained(share_of_gap, (OPERATION,), words)
+
+
+def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:
+    """Without weaker signs that an effect has another form than it is named for."""
+    first = {each.what: each for each in reversed(found) if each.depends in INTERACTIONS}
+    return [each for each in found if each.depends not in INTERACTIONS or each is first[each.what]]
+
+
+_UNIT = {"surge": "N", "sway": "N", "yaw": "N m"}
+
+
+def looks_like(remainder: LackOfFit) -> str:
+    """One family in words: its axis or effect, on what it depends, and its size."""
+    if remainder.what == "force":
+        return (
+            f"forces that depend on speeds and thrusters, off by some {100.0 * remainder.size:.2g} % of their range"
+        )
+    if remainder.what in AXES:
+        kind = "moment" if remainder.what == "yaw" else "force"
+        size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
+        return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
+    varies = f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
+    return (
+        f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in INTERACTIONS else varies
+    )
+
+
+def correlation_of(accepted: Acceptance) -> Correlation:
+    """How the estimates of what was named are correlated, in its free coordinates."""
+    fit = accepted.evidence.fit(accepted.names)
+    deviation = np.sqrt(np.diag(fit.covariance))
+    titles, order = list[str](), list[int]()
+    for name in accepted.names:
+        places = accepted.evidence.places(fit, name)
+        titles += [
+            f"{plain(name)}, {number}" if len(places) > 1 else plain(name) for number, _ in enumerate(places, 1)
+        ]
+        order += places
+    matrix = fit.covariance / np.outer(deviation, deviation)
+    return Correlation(tuple(titles), np.asarray(matrix[np.ix_(order, order)]))
+
+
+def contradictions(sensors: Acceptance) -> tuple[Consistency, ...]:
+    """Each contradiction in words, the surest first."""
+    results = [_contradiction(sensors.evidence, sensors.names, test) for test in sensors.tests.values()]
+    return tuple(sorted(results, key=lambda each: each.p_value))
+
+
+def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceTests) -> Consistency:
+    model = evidence.equations.model
+    effect = model.catalogue[test.name]
+    fit = evidence.fit(names)
+    places = evidence.places(fit, test.name)
+    free = tuple(float(fit.values[place]) for place in places)
+    errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
+    rivals = sorted((less, rival) for rival, less in rivals_of(evidence, names, test.name).items() if less < CLOSE)
+    alike = tuple(rival for _, rival in rivals)
+    values = model.values(test.name, free)
+    words = ", ".join(
+        f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
+        f"{'' if each.unit == '1' else each.unit}".rstrip()
+        for each, error in zip(effect.parameters, errors, strict=True)
+    )
+    sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
+    if alike:
+        sentence += f"; without a ship model {listed([plain(each) for each in alike], 'or')} would look the same"
+    return Consistency(test.name, free, errors, test.p_value, alike, sentence + ".")
+
+
+def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
+    equations = conclusion.first.evidence.equations
+    log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
+    remarks = []
+    if not log.wind[:, 1].any():
+        remarks.append("no wind was recorded: what the wind does cannot be told from other causes")
+    remarks += _about_settings(log)
+    if log.refused:
+        remarks.append(f"{log.refused} samples lay off by themselves and were refused")
+    for group in conclusion.composites:
+        family = next(each.family for each in effects if each.name in group)
+        remarks.append(
+            f"{listed([plain(name) for name in group])} are of one family, {family}: together they may be one "
+            "effect that is not in the catalogue"
+        )
+    if effects and gap.gap.closed < 0.0:
+        remarks.append(
+            "predictions are no better with what was named: what the model lacks besides is larger, and hides it"
+        )
+    for each in effects:
+        if vessel is not None and each.name in vessel.effects:
+            remarks.append(
+                f"{each.name} stands in the vessel's file already: its value here takes that one's place"
+            )
+    return tuple(remarks)
+
+
+def _about_settings(log: Log) -> list[str]:
+    """How thruster settings were read between their records, where that is not as usual."""
+    if log.input_hold == "line":
+        seldom = f"thruster settings were recorded every {log.setting_step_s:g} s: lags below that are not seen"
+        return [seldom] if log.setting_step_s > 0.5 else []
+    held = f"thruster settings are read as held {log.input_hold}: with lines between them the motion is less likely"
+    late = "; or they are held until the next, and act that much later"
+    return [held + late if log.input_hold == "since the last record" else held]
+
+
+def _provenance(first: Acceptance) -> dict[str, Any]:
+    """What every verdict states: the catalogue, the force range of which the tolerance is a share, the noise."""
+    extent = first.evidence.equations.range
+    return {
+        "catalogue_version": VERSION,
+        "effects_in_catalogue": len(first.evidence.names),
+        "force_range": {"surge_n": extent.surge_n, "sway_n": extent.sway_n, "yaw_nm": extent.yaw_nm},
+        "noise": first.evidence.equations.noise.as_dict(),
+    }
