@@ -1,10 +1,24 @@
-"""The command line's front door: mounts the commands of the three packages, nothing else."""
+"""The front door: ``import seatrial as st`` for scripts, and the command line.
+
+The names of a script are loaded when they are used, so that importing costs nothing. Each is the function that its
+command calls; it returns a table or a result that prints and plots itself.
+
+    import seatrial as st
+
+    table = st.prepare("trial.mcap", rate_hz=1.0)
+    print(st.check("trial.mcap"))
+    calibrator = st.train("earlier.mcap", vessel="gunnerus_short")
+    print(st.validate("trial.mcap", calibrator))
+    prediction = st.predict("trial.mcap", at="+60", calibrator=calibrator)
+    diagnosis = st.diagnose("trial.mcap", vessel="gunnerus_short")
+"""
 
 from __future__ import annotations
 
 import sys
 from contextlib import nullcontext
 from functools import cache
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import SeatrialError
@@ -57,10 +71,45 @@ def _say_version(wanted: bool) -> None:
         raise typer.Exit
 
 
+_SCRIPTING = "hybrid.scripting"
+_PLACES = {
+    "batch": "analysis.batch.batch:run_batch",
+    "export": "analysis.tables.export:export_table",
+    "import_table": "acquisition.tables.import_table:import_table",
+    "info": "acquisition.recording.info:describe",
+    "load_calibrator": "hybrid.calibrators.artefact:load",
+    "load_vessel": "hybrid.vessel.files:load_vessel",
+    "read": "analysis.tables.table:read_table",
+    "resample": "analysis.tables.resample:resample",
+    "save_calibrator": "hybrid.calibrators.artefact:save",
+    "save_vessel": "hybrid.vessel.files:save_vessel",
+    "smooth": "analysis.estimation.smoother:smooth",
+    "vessels": "hybrid.vessel.files:vessel_names",
+    "version": "acquisition.recording.trial:software_version",
+} | {
+    name: f"{_SCRIPTING}:{name}"
+    for name in (
+        "check", "diagnose", "effects", "evaluate", "manoeuvres", "plan", "plot", "predict", "prepare", "report",
+        "simulate", "train", "validate", "windows", "write",
+    )
+}  # fmt: skip
+"""The names of a script: the module that each is in, and what it is called there."""
+
+__all__ = ["main", *sorted(_PLACES)]
+
+
 def __getattr__(name: str) -> Any:
     if name == "app":
         return _app()
+    if name in _PLACES:
+        module, _, attribute = _PLACES[name].partition(":")
+        globals()[name] = value = getattr(import_module(module), attribute)
+        return value
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 def main() -> None:

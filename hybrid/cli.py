@@ -66,28 +66,14 @@ def simulate(
     effects_file: EffectsOption = None,
 ) -> None:
     """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
-    from acquisition.recording.tables import write_table
-    from acquisition.recording.trial import Trial
     from hybrid.effects.catalogue import catalogue_with, parse_effects
-    from hybrid.simulation.trial import simulate_trial, write_truth
+    from hybrid.scripting import simulate as run
 
     catalogue = catalogue_with(effects_file or ())
     hidden = parse_effects(hide or (), catalogue)
-    table, truth = simulate_trial(vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
-    latitude_deg, longitude_deg = SIMULATED_ORIGIN
-    trial = Trial(
-        name=output.stem,
-        vessel=vessel,
-        place="Trondheimsfjord, simulated",
-        origin_latitude_deg=latitude_deg,
-        origin_longitude_deg=longitude_deg,
-        sea_state=sea_state,
-        crew_notes=f"simulated {manoeuvre}",
-    )
-    count = write_table(table, output, trial, source="simulated")
-    truth_path = output.with_suffix(".truth.json")
-    write_truth(truth, truth_path)
-    typer.echo(f"{count:,} samples of {duration:g} s in {output}; the truth is in {truth_path}", err=True)
+    table = run(output, vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
+    samples, truth = int(table.notna().to_numpy().sum()), output.with_suffix(".truth.json")
+    typer.echo(f"{samples:,} samples of {duration:g} s in {output}; the truth is in {truth}", err=True)
 
 
 def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None:
@@ -122,27 +108,19 @@ def train(
     as_json: AsJson = False,
 ) -> None:
     """Train a calibrator on held windows."""
-    from acquisition.core.progress import bar
     from analysis.tables.files import make_folder
-    from analysis.tables.table import percent_of
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.artefact import save
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.dataset import load_dataset
-    from hybrid.vessel.files import DEFAULT, load_vessel, located
-    from hybrid.workflows.train import train as run
+    from hybrid.scripting import train as run
+    from hybrid.vessel.files import DEFAULT, load_vessel
 
     refuse_unknown(method)
-    name = located(vessel or DEFAULT)
-    plant = vessel_plant(load_vessel(name))
-    make_folder(output)
-    with bar("reading") as progress:
-        dataset = load_dataset(
-            files, horizon, stride, percent_of(part), progress, shorter=True,
-            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
-        )  # fmt: skip
-    with bar("training") as progress:
-        trained = run(dataset, name, plant, method, seed, progress)
+    load_vessel(vessel or DEFAULT)
+    make_folder(output)  # before hours of work
+    trained = run(
+        files, vessel, method, horizon, stride_s=stride, part=part,
+        repair=repair, rebuild_positions=rebuild_positions, seed=seed,
+    )  # fmt: skip
     path = save(trained, output)
     if as_json:
         typer.echo(json.dumps({"calibrator": str(path.parent), **trained.metrics}))
@@ -174,26 +152,15 @@ def validate(
     as_json: AsJson = False,
 ) -> None:
     """Score every baseline, and the calibrator if one is given."""
-    from acquisition.core.progress import bar
-    from analysis.tables.table import percent_of
-    from hybrid.calibrators.artefact import load, plant_for
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.prediction.dataset import load_dataset
-    from hybrid.vessel.files import DEFAULT, load_vessel
-    from hybrid.workflows.validate import refuse_training_data
-    from hybrid.workflows.validate import validate as run
+    from hybrid.calibrators.artefact import load
+    from hybrid.scripting import validate as run
+    from hybrid.vessel.files import DEFAULT
 
     trained = load(calibrator) if calibrator else None
-    plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
-    seconds = horizon or (trained.horizon_s if trained else HORIZON_S)
-    with bar("reading") as progress:
-        dataset = load_dataset(
-            files, seconds, stride, percent_of(part), progress,
-            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
-        )  # fmt: skip
-    if trained is not None and not allow_seen:
-        refuse_training_data(dataset.sources, trained)
-    validation = run(dataset, plant, trained)
+    validation = run(
+        files, trained, vessel, horizon, stride_s=stride, part=part,
+        repair=repair, rebuild_positions=rebuild_positions, allow_seen=allow_seen,
+    )  # fmt: skip
     typer.echo(f"reference: the model {trained.vessel if trained else vessel or DEFAULT}", err=True)
     if as_json:
         typer.echo(json.dumps(validation.as_dict()))
@@ -216,21 +183,9 @@ def predict(
     as_json: AsJson = False,
 ) -> None:
     """Predict one track with its band."""
-    from analysis.tables.resample import resample
-    from analysis.tables.table import read_table, require
-    from hybrid.calibrators.artefact import load, plant_for
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.vessel.files import DEFAULT, load_vessel
-    from hybrid.workflows.predict import parse_time
-    from hybrid.workflows.predict import predict as run
+    from hybrid.scripting import predict as run
 
-    trained = load(calibrator) if calibrator else None
-    plant = plant_for(trained, vessel) if trained else vessel_plant(load_vessel(vessel or DEFAULT))
-    table = read_table(file)
-    require(table)
-    table = resample(table)
-    seconds = horizon or (trained.horizon_s if trained else HORIZON_S)
-    prediction = run(table, parse_time(at, table), seconds, plant, trained)
+    prediction = run(file, at, calibrator, vessel, horizon)
     if as_json:
         typer.echo(json.dumps(prediction.as_dict()))
         return

@@ -45,34 +45,18 @@ def evaluate(
     """Fit every method on one part of recordings and judge it on the other."""
     from rich.console import Console
 
-    from acquisition.core.progress import bar
     from analysis.tables.files import make_folder
-    from hybrid.calibrators import METHODS, make_calibrator
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.evaluation.splits import refuse_unknown
-    from hybrid.evaluation.study import study
-    from hybrid.evaluation.summary import evaluation_of
-    from hybrid.prediction.dataset import load_dataset
     from hybrid.report.evaluation_page import write_evaluation
     from hybrid.report.evaluation_tables import evaluation_tables
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.scripting import evaluate as run
+    from hybrid.vessel.files import DEFAULT
 
-    splits = list(dict.fromkeys(split or (["leg", "time"] if len(files) == 1 else ["leg", "time", "recording"])))
-    methods = list(dict.fromkeys(method or METHODS))
-    refuse_unknown(splits)
-    for each in methods:
-        make_calibrator(each)
-    plant = vessel_plant(load_vessel(vessel or DEFAULT))
     if output is not None:
         make_folder(output)
-    with bar("reading") as progress:
-        dataset = load_dataset(
-            files, horizon, stride, progress=progress, shorter=True,
-            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
-        )  # fmt: skip
-    with bar("fitting") as progress:
-        judged = study(dataset.windows, plant, methods, splits, draws, seed, progress)
-    evaluation = evaluation_of(judged, plant.length_overall_m, seed)
+    evaluation = run(
+        files, vessel, horizon, splits=split or (), methods=method or (), draws=draws, stride_s=stride,
+        repair=repair, rebuild_positions=rebuild_positions, seed=seed,
+    )  # fmt: skip
     about = {
         "files": [str(each) for each in files],
         "vessel": vessel or DEFAULT,

@@ -41,21 +41,12 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Say before a trial which effects it could show, from what size, and which it could not tell apart."""
-    from acquisition.core.progress import bar
-    from hybrid.effects.catalogue import catalogue_with
-    from hybrid.planning.plan import noise_in, programme_of
-    from hybrid.planning.plan import plan as run
-    from hybrid.simulation.sea_state import sea_state_named
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.scripting import plan as run
 
-    ship, sea = load_vessel(vessel or DEFAULT), sea_state_named(sea_state)
-    catalogue = catalogue_with(effects_file or (), without or ())
-    parts = programme_of(manoeuvres or (), ship, duration)
-    share = tolerance / 100.0
-    with bar("noise") as progress:
-        noise = noise_in(ship, sea, share, catalogue, progress)
-    with bar("planning") as progress:
-        planned = run(parts, ship, sea, noise, share, catalogue, progress)
+    planned = run(
+        vessel, manoeuvres or (), duration, sea_state, tolerance,
+        effect_files=effects_file or (), without=without or (),
+    )  # fmt: skip
     text = json.dumps(planned.as_dict())
     if output is not None:
         _write(planned, text, output)

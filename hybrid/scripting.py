@@ -1,0 +1,418 @@
+"""The functions of ``import seatrial as st``: one call a job, on files and tables, with names for what comes along.
+
+They load what their arguments name (recordings, a vessel, a calibrator's folder), show progress on a terminal, and
+return tables or result objects. The commands call them too, so that a script and the command line agree. A
+*recording* is the path of an MCAP file; where several may be given, one path or a sequence of them. ``part`` is a
+share of each recording's time in percent, as ``"0..70"``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from acquisition.core.progress import bar
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from analysis.quality.check import DataQuality
+    from analysis.windows.held import HeldWindows
+    from hybrid.calibrators.artefact import TrainedCalibrator
+    from hybrid.effects.catalogue import Catalogue
+    from hybrid.evaluation.summary import Evaluation
+    from hybrid.planning.plan import Plan
+    from hybrid.vessel.parameters import Vessel
+    from hybrid.vessel.plant import Plant
+    from hybrid.workflows.diagnose import Diagnosed
+    from hybrid.workflows.predict import Prediction
+    from hybrid.workflows.validate import Validation
+
+Paths = str | Path | Sequence[str | Path]
+HORIZON_S = 15
+"""How far is predicted where nobody says [s]."""
+SIMULATED_ORIGIN = (63.44, 10.40)
+"""Latitude and longitude that simulated trials start from [deg]."""
+
+
+def write(table: pd.DataFrame, path: str | Path, vessel: str = "", **trial: Any) -> Path:
+    """A table of channels as a recording; ``trial`` is what :class:`acquisition.recording.trial.Trial` holds.
+
+    The table has a UTC index and the columns of the conventions. Raises :class:`StorageError`.
+    """
+    from acquisition.recording.tables import write_table
+    from acquisition.recording.trial import Trial
+
+    target = Path(path)
+    write_table(table, target, Trial(**{"name": target.stem, "vessel": vessel, **trial}), source="table")
+    return target
+
+
+def check(data: str | Path | pd.DataFrame) -> DataQuality:
+    """What is wrong with a recording or a table of raw samples: channel by channel, and against each other."""
+    from analysis.quality.check import check_recording, check_table
+
+    if not isinstance(data, str | Path):
+        return check_table(data)
+    from acquisition.recording.reader import read_recording
+
+    return check_recording(read_recording(data))
+
+
+def prepare(
+    recording: str | Path,
+    rate_hz: float | None = 1.0,
+    *,
+    repair: bool = True,
+    remove_delays: bool = False,
+    smooth: bool = False,
+    flags: bool = False,
+) -> pd.DataFrame:
+    """The table of a recording at ``rate_hz`` (raw samples for ``None``), by default with the certain repairs.
+
+    ``smooth`` takes the motion from the Kalman smoother, with standard deviations; ``flags`` adds a quality flag
+    beside every value. What was done stands in ``table.attrs``.
+    """
+    from acquisition.recording.reader import read_recording
+    from analysis.prepare import Preparation
+    from analysis.prepare import prepare as prepare_recording
+
+    return prepare_recording(read_recording(recording), Preparation(rate_hz, repair, remove_delays, smooth, flags))
+
+
+def windows(
+    data: Paths | pd.DataFrame, horizon_s: int = HORIZON_S, stride_s: int = 5, *, repair: bool = False
+) -> HeldWindows:
+    """The stretches of ``horizon_s`` in which the actuators were held: of recordings, or of a table at 1 Hz."""
+    import pandas as pd
+
+    from analysis.windows.held import held_windows
+    from analysis.windows.recordings import WindowOptions, windows_of_recordings
+
+    if isinstance(data, pd.DataFrame):
+        return held_windows(data, horizon_s, stride_s)
+    with bar("reading") as progress:
+        return windows_of_recordings(
+            as_paths(data), WindowOptions(horizon_s, stride_s, repair=repair, starts=False), progress
+        )
+
+
+def manoeuvres(recording: str | Path, length_m: float | None = None) -> pd.DataFrame:
+    """The manoeuvres of a recording: one row an index, with its 95 % interval, its unit and its IMO limit.
+
+    ``length_m`` between perpendiculars gives indices in ship lengths and the limits that depend on it.
+    """
+    import pandas as pd
+
+    from analysis.manoeuvres.report import manoeuvres_of
+
+    rows = [
+        {"manoeuvre": each.name, "kind": each.kind, "side": each.side, "start": each.start, "index": name,
+         "value": index.value, "low": index.low, "high": index.high, "unit": index.unit, "limit": index.limit}
+        for each in manoeuvres_of(Path(recording), length_m).manoeuvres
+        for name, index in each.indices.items()
+    ]  # fmt: skip
+    columns = ["manoeuvre", "kind", "side", "start", "index", "value", "low", "high", "unit", "limit"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def simulate(
+    path: str | Path,
+    vessel: str | Path = "gunnerus_short",
+    sea_state: str = "calm",
+    manoeuvre: str = "voyage",
+    duration_s: float = 1200.0,
+    rate_hz: float = 10.0,
+    seed: int = 0,
+    hidden: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    catalogue: Catalogue | None = None,
+) -> pd.DataFrame:
+    """A simulated trial as its sensors would have recorded it: written as a recording to ``path``, and returned.
+
+    ``hidden`` maps names of effects to their parameters; what was hidden goes to ``PATH.truth.json`` and into
+    nothing else.
+    """
+    from acquisition.recording.tables import write_table
+    from acquisition.recording.trial import Trial
+    from hybrid.effects import CATALOGUE
+    from hybrid.simulation.trial import simulate_trial, write_truth
+
+    target = Path(path)
+    table, truth = simulate_trial(
+        str(vessel), sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=catalogue or CATALOGUE
+    )
+    latitude_deg, longitude_deg = SIMULATED_ORIGIN
+    trial = Trial(
+        name=target.stem,
+        vessel=str(vessel),
+        place="Trondheimsfjord, simulated",
+        origin_latitude_deg=latitude_deg,
+        origin_longitude_deg=longitude_deg,
+        sea_state=sea_state,
+        crew_notes=f"simulated {manoeuvre}",
+    )
+    write_table(table, target, trial, source="simulated")
+    write_truth(truth, target.with_suffix(".truth.json"))
+    return table
+
+
+def effects(*files: str | Path) -> pd.DataFrame:
+    """The catalogue of effects that a model may lack, with those of ``files``: one row a parameter."""
+    import pandas as pd
+
+    from hybrid.effects.catalogue import catalogue_with
+
+    rows = [
+        {"effect": effect.name, "family": effect.family, "kind": effect.kind, "parameter": each.name,
+         "unit": each.unit, "neutral": each.neutral, "low": each.low, "high": each.high, "what": effect.what}
+        for effect in catalogue_with(files).values()
+        for each in effect.parameters
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def train(
+    recordings: Paths,
+    vessel: str | Path | None = None,
+    method: str = "adaptive",
+    horizon_s: int = HORIZON_S,
+    *,
+    stride_s: int = 5,
+    part: str = "0..100",
+    repair: bool = False,
+    rebuild_positions: bool = False,
+    seed: int = 0,
+) -> TrainedCalibrator:
+    """A calibrator on the model of ``vessel``, trained on held windows of recordings.
+
+    Raises :class:`DataShortageError` where no window is held, :class:`ConfigurationError` for an unknown method.
+    """
+    from hybrid.calibrators import refuse_unknown
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.vessel.files import DEFAULT, load_vessel, located
+    from hybrid.workflows.train import train as train_calibrator
+
+    refuse_unknown(method)
+    name = located(str(vessel or DEFAULT))
+    plant = vessel_plant(load_vessel(name))
+    dataset = _dataset(recordings, horizon_s, stride_s, part, repair, rebuild_positions, shorter=True)
+    with bar("training") as progress:
+        return train_calibrator(dataset, name, plant, method, seed, progress)
+
+
+def validate(
+    recordings: Paths,
+    calibrator: TrainedCalibrator | str | Path | None = None,
+    vessel: str | Path | None = None,
+    horizon_s: int | None = None,
+    *,
+    stride_s: int = 5,
+    part: str = "0..100",
+    repair: bool = False,
+    rebuild_positions: bool = False,
+    allow_seen: bool = False,
+) -> Validation:
+    """Every baseline, and the calibrator if one is given, judged on the held windows of recordings.
+
+    Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
+    """
+    from hybrid.workflows.validate import refuse_training_data
+    from hybrid.workflows.validate import validate as validate_dataset
+
+    trained, plant, seconds = _model(calibrator, vessel, horizon_s)
+    dataset = _dataset(recordings, seconds, stride_s, part, repair, rebuild_positions)
+    if trained is not None and not allow_seen:
+        refuse_training_data(dataset.sources, trained)
+    return validate_dataset(dataset, plant, trained)
+
+
+def evaluate(
+    recordings: Paths,
+    vessel: str | Path | None = None,
+    horizon_s: int = HORIZON_S,
+    *,
+    splits: Sequence[str] = (),
+    methods: Sequence[str] = (),
+    draws: int = 5,
+    stride_s: int = 5,
+    repair: bool = False,
+    rebuild_positions: bool = False,
+    seed: int = 0,
+) -> Evaluation:
+    """What each method is worth on recordings like these: fitted on one part of them and judged on the other.
+
+    ``splits`` are ``leg``, ``time``, ``recording``, ``random`` (without any: leg and time, and recording where
+    there are several); ``methods`` are kinds of calibrators (without any: all).
+    """
+    from hybrid.calibrators import METHODS, refuse_unknown
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.evaluation import splits as split_kinds
+    from hybrid.evaluation.study import study
+    from hybrid.evaluation.summary import evaluation_of
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    kinds = (
+        list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(as_paths(recordings)) == 1 else 3]
+    )
+    names = list(dict.fromkeys(methods or METHODS))
+    split_kinds.refuse_unknown(kinds)
+    for each in names:
+        refuse_unknown(each)
+    plant = vessel_plant(load_vessel(vessel or DEFAULT))
+    dataset = _dataset(recordings, horizon_s, stride_s, "0..100", repair, rebuild_positions, shorter=True)
+    with bar("fitting") as progress:
+        judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
+    return evaluation_of(judged, plant.length_overall_m, seed)
+
+
+def predict(
+    recording: str | Path,
+    at: str,
+    calibrator: TrainedCalibrator | str | Path | None = None,
+    vessel: str | Path | None = None,
+    horizon_s: int | None = None,
+) -> Prediction:
+    """One predicted track with its region, from the instant ``at`` of a recording.
+
+    ``at`` is ISO 8601 with zone, seconds since 1970, or ``+SECONDS`` from the recording's start.
+    """
+    from analysis.tables.resample import resample
+    from analysis.tables.table import read_table, require
+    from hybrid.workflows.predict import parse_time
+    from hybrid.workflows.predict import predict as predict_at
+
+    trained, plant, seconds = _model(calibrator, vessel, horizon_s)
+    table = read_table(recording)
+    require(table)
+    table = resample(table)
+    return predict_at(table, parse_time(at, table), seconds, plant, trained)
+
+
+def diagnose(
+    recordings: Paths,
+    vessel: str | Path | Vessel | None = None,
+    tolerance_percent: float = 1.0,
+    *,
+    effect_files: Sequence[str | Path] = (),
+    without: Sequence[str] = (),
+    part: str = "0..100",
+    repair: bool = False,
+    rebuild_positions: bool = False,
+) -> Diagnosed:
+    """What the model of ``vessel`` lacks, by recordings: the effects named, their sizes, the gap before and after.
+
+    ``tolerance_percent`` of the force range is how far off the model may be anyway; ``effect_files`` add effects to
+    the catalogue, ``without`` takes effects out of it.
+    """
+    from analysis.tables.table import percent_of
+    from hybrid.effects.catalogue import catalogue_with
+    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.workflows.diagnose import diagnose_files
+
+    catalogue = catalogue_with(effect_files, without)
+    ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    with bar("diagnosing") as progress:
+        return diagnose_files(
+            as_paths(recordings), ship, tolerance_percent / 100.0, catalogue, percent_of(part),
+            repair=repair, rebuild_positions=rebuild_positions, progress=progress,
+        )  # fmt: skip
+
+
+def plan(
+    vessel: str | Path | None = None,
+    manoeuvres: Sequence[str] = (),
+    duration_min: float = 60.0,
+    sea_state: str = "gentle",
+    tolerance_percent: float = 1.0,
+    *,
+    effect_files: Sequence[str | Path] = (),
+    without: Sequence[str] = (),
+) -> Plan:
+    """Before a trial: which effects a programme of manoeuvres would show, from what size, and a better one."""
+    from hybrid.effects.catalogue import catalogue_with
+    from hybrid.planning.plan import noise_in, programme_of
+    from hybrid.planning.plan import plan as plan_programme
+    from hybrid.simulation.sea_state import sea_state_named
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    ship, sea = load_vessel(vessel or DEFAULT), sea_state_named(sea_state)
+    catalogue, share = catalogue_with(effect_files, without), tolerance_percent / 100.0
+    parts = programme_of(manoeuvres, ship, duration_min)
+    with bar("noise") as progress:
+        noise = noise_in(ship, sea, share, catalogue, progress)
+    with bar("planning") as progress:
+        return plan_programme(parts, ship, sea, noise, share, catalogue, progress)
+
+
+def report(folder: str | Path, **choices: Any) -> list[Path]:
+    """The notebook report of a folder (a trial, a diagnosis, the paper's results, a batch) or of one recording.
+
+    ``choices`` are the fields of :class:`hybrid.report.folder.Choices`. Returns the paths of its pages.
+    """
+    from hybrid.report.folder import Choices
+    from hybrid.report.folder import report as write_reports
+
+    with bar("report") as progress:
+        return write_reports(Path(folder), Choices(**choices), progress=progress)
+
+
+def plot(table: pd.DataFrame) -> Figure:
+    """The track and the channels of a table, side by side. Raises :class:`DataShortageError` for an empty table."""
+    from matplotlib.figure import Figure
+
+    from acquisition.core.errors import DataShortageError
+    from analysis.report.trial_figures import channels_figure, track_figure
+
+    parts = [each for each in (track_figure(table), channels_figure(table)) if each is not None]
+    if not parts:
+        raise DataShortageError(
+            "the table has no channel to plot", fix="give a table with columns of the conventions"
+        )
+    figure = Figure(figsize=(8.0 * len(parts), 8.0), layout="constrained")
+    places = figure.subfigures(1, len(parts), squeeze=False)[0]
+    for (draw, _, _), place in zip(parts, places, strict=True):
+        draw(place)
+    return figure
+
+
+def as_paths(recordings: Paths) -> list[Path]:
+    """One path, or several, as a list."""
+    return [Path(recordings)] if isinstance(recordings, str | Path) else [Path(each) for each in recordings]
+
+
+def _model(
+    calibrator: TrainedCalibrator | str | Path | None, vessel: str | Path | None, horizon_s: int | None
+) -> tuple[TrainedCalibrator | None, Plant, int]:
+    """The calibrator, the plant it corrects (or that of ``vessel``), and how far is predicted [s]."""
+    from hybrid.calibrators.artefact import load, plant_for
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    if calibrator is None:
+        return None, vessel_plant(load_vessel(vessel or DEFAULT)), horizon_s or HORIZON_S
+    trained = load(Path(calibrator)) if isinstance(calibrator, str | Path) else calibrator
+    name = None if vessel is None else str(vessel)
+    return trained, plant_for(trained, name), horizon_s or trained.horizon_s
+
+
+def _dataset(
+    recordings: Paths,
+    horizon_s: int,
+    stride_s: int,
+    part: str,
+    repair: bool,
+    rebuild_positions: bool,
+    *,
+    shorter: bool = False,
+) -> Any:
+    from analysis.tables.table import percent_of
+    from hybrid.prediction.dataset import load_dataset
+
+    with bar("reading") as progress:
+        return load_dataset(
+            as_paths(recordings), horizon_s, stride_s, percent_of(part), progress, shorter=shorter,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+        )  # fmt: skip
