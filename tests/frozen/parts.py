@@ -302,6 +302,6 @@ def batch() -> dict[str, Any]:
     summary = answer("batch", "season", "-o", "out", "--workers", 1, "--no-pictures", "--length", 28.9)
     index = pd.read_parquet("out/index.parquet").sort_values("name")
     summary.pop("index")  # an absolute path
-    of_the_run = ["software", "options", "bytes"]
+    of_the_run = ["sha256", "software", "options", "bytes"]
     rows = json.loads(index.drop(columns=of_the_run).to_json(orient="records", double_precision=15))
     return {"summary": summary, "index": {row["name"]: row for row in rows}}
