@@ -292,6 +292,13 @@ PARTS |= {f"diagnose-{year}": Part(partial(_diagnosed, year), real=True) for yea
 # What goes through worker processes.
 
 
+@_part("evaluate")
+def evaluate() -> dict[str, Any]:
+    """The adaptive calibrator on two trials, split by leg and by recording."""
+    how = ("--split", "leg", "--split", "recording", "--draws", 1, "--method", "adaptive", *VESSEL)
+    return {"adaptive": answer("evaluate", _fouled(6), _fouled(7), *how)}
+
+
 @_part("batch")
 def batch() -> dict[str, Any]:
     """Ten recordings in one index: manoeuvres of five kinds in two seas."""
