@@ -105,7 +105,7 @@ def map_calls(
     with _client(workers, None) as client:
         futures = [client.submit(*each, pure=False) for each in calls]
         try:
-            for future in import_module("distributed").as_completed(futures):
+            for future in import_module("distributed").as_completed(futures, loop=client.loop):
                 future.result()
                 progress((done := done + 1) / len(calls))
             return list(client.gather(futures))

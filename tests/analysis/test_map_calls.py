@@ -1,0 +1,22 @@
+"""Calls on worker processes: their results in order, whatever the number of workers, and the first error raised."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import pytest
+
+from analysis.batch.workers import map_calls
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_the_order_of_the_calls(workers: int) -> None:
+    shares: list[float] = []
+    assert map_calls([(sqrt, 9.0), (divmod, 7, 2), (sqrt, 4.0)], workers, shares.append) == [3.0, (3, 1), 2.0]
+    assert shares == pytest.approx([1 / 3, 2 / 3, 1.0])
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_ends_all(workers: int) -> None:
+    with pytest.raises(ValueError, match="math domain"):
+        map_calls([(sqrt, 9.0), (sqrt, -1.0)], workers)
