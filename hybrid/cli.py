@@ -68,8 +68,10 @@ def simulate(
     """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
     from hybrid.effects.catalogue import catalogue_with, parse_effects
     from hybrid.scripting import simulate as run
+    from hybrid.vessel.files import load_vessel
 
-    catalogue = catalogue_with(effects_file or ())
+    ship = load_vessel(vessel)
+    catalogue = catalogue_with(effects_file or (), actuators=ship.actuators)
     hidden = parse_effects(hide or (), catalogue)
     table = run(output, vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
     samples, truth = int(table.notna().to_numpy().sum()), output.with_suffix(".truth.json")

@@ -135,19 +135,21 @@ def simulate(
     ``hidden`` maps names of effects to their parameters; what was hidden goes to ``PATH.truth.json`` and into
     nothing else.
     """
+    from acquisition.core.actuators import as_text
     from acquisition.recording.tables import write_table
     from acquisition.recording.trial import Trial
-    from hybrid.effects import CATALOGUE
+    from hybrid.effects.catalogue import catalogue_with
     from hybrid.simulation.trial import simulate_trial, write_truth
+    from hybrid.vessel.files import load_vessel
 
-    target = Path(path)
-    table, truth = simulate_trial(
-        str(vessel), sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=catalogue or CATALOGUE
-    )
+    target, ship = Path(path), load_vessel(vessel)
+    known = catalogue_with(actuators=ship.actuators) if catalogue is None else catalogue
+    table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)
     latitude_deg, longitude_deg = SIMULATED_ORIGIN
     trial = Trial(
         name=target.stem,
         vessel=str(vessel),
+        actuators=as_text(ship.actuators),
         place="Trondheimsfjord, simulated",
         origin_latitude_deg=latitude_deg,
         origin_longitude_deg=longitude_deg,
@@ -312,8 +314,8 @@ def diagnose(
     from hybrid.vessel.files import DEFAULT, load_vessel
     from hybrid.workflows.diagnose import diagnose_files
 
-    catalogue = catalogue_with(effect_files, without)
     ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    catalogue = catalogue_with(effect_files, without, ship.actuators)
     with bar("diagnosing") as progress:
         return diagnose_files(
             as_paths(recordings), ship, tolerance_percent / 100.0, catalogue, percent_of(part),
@@ -339,7 +341,7 @@ def plan(
     from hybrid.vessel.files import DEFAULT, load_vessel
 
     ship, sea = load_vessel(vessel or DEFAULT), sea_state_named(sea_state)
-    catalogue, share = catalogue_with(effect_files, without), tolerance_percent / 100.0
+    catalogue, share = catalogue_with(effect_files, without, ship.actuators), tolerance_percent / 100.0
     parts = programme_of(manoeuvres, ship, duration_min)
     with bar("noise") as progress:
         noise = noise_in(ship, sea, share, catalogue, progress)

@@ -65,7 +65,7 @@ from hybrid.report.style import COLOUR, plain_numbers
 from hybrid.report.words import listed
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import HULL, NUMBERS, Plant
+from hybrid.vessel.plant import HULL, Plant
 
 # %% [markdown]
 # ## Degraded references
@@ -125,11 +125,12 @@ def single_degradations(
 def blended(truth: Plant, reference: Plant, share: float) -> Plant:
     """Every number of the truth moved by ``share`` of the way to the reference's; the truth's extra forces stay."""
     numbers: dict[str, Any] = {}
-    for name in NUMBERS:
-        ours, theirs = np.asarray(getattr(truth, name)), np.asarray(getattr(reference, name))
+    others = reference.numbers()
+    for name, own in truth.numbers().items():
+        ours, theirs = np.asarray(own), np.asarray(others[name])
         value = (1.0 - share) * ours + share * theirs
         numbers[name] = tuple(value.tolist()) if value.ndim else float(value)
-    return replace(truth, **numbers)
+    return truth.replaced(**numbers)
 
 
 def livelier(reference: Plant, factor: float) -> Plant:

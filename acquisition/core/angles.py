@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import BY_NAME, CIRCULAR
+from acquisition.core.channels import BY_NAME, is_circular
 
 
 def wrap_360(angle_deg: ArrayLike) -> Floats:
@@ -25,7 +25,7 @@ def wrap_180(angle_deg: ArrayLike) -> Floats:
 
 def in_turn(name: str, values: ArrayLike) -> Floats:
     """Values of a channel in the turn that its range gives; unchanged where it is no angle."""
-    if name not in CIRCULAR:
+    if not is_circular(name):
         return np.asarray(values, dtype=float)
     return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from acquisition.core.channels import BY_NAME, Channel
+from acquisition.core.channel import Channel
+from acquisition.core.channels import BY_NAME
 from acquisition.recording.prediction_schema import PREDICTION
 
 RAW_PREFIX = "/raw/"

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import BY_NAME
+from acquisition.core.actuators import from_text
+from acquisition.core.channels import channel_names
 from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import Quality, Sample
 from acquisition.recording.trial import Trial
@@ -35,7 +36,8 @@ def write_table(
     name. The file appears under its name only when it is complete. Raises :class:`InputError` for a column that
     is no channel, :class:`StorageError` when the file cannot be written.
     """
-    unknown = [name for name in table.columns if name not in BY_NAME]
+    known = channel_names(from_text(trial.actuators))
+    unknown = [name for name in table.columns if name not in known]
     if unknown:
         raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
     target = Path(path)

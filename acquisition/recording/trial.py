@@ -20,7 +20,8 @@ class Trial:
     """The run sheet of one recording. ``None`` and the empty string mean: not known.
 
     ``loading`` and ``sea_state`` are in the crew's words, ``trim_m`` is positive by the stern. The origin is that
-    of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to.
+    of the north-east-down tangent plane that ``north_m`` and ``east_m`` refer to. ``actuators`` lists the ship's as
+    :func:`acquisition.core.actuators.as_text` writes them; empty for the default list.
     """
 
     name: str = ""
@@ -34,6 +35,7 @@ class Trial:
     trim_m: float | None = None
     loading: str = ""
     sea_state: str = ""
+    actuators: str = ""
 
     @property
     def origin(self) -> tuple[float, float] | None:

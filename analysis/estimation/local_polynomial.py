@@ -24,7 +24,7 @@ import pandas as pd
 
 from acquisition.core.angles import unwrap, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import CIRCULAR, POSE, VELOCITY
+from acquisition.core.channels import POSE, VELOCITY, is_circular
 from analysis.tables.time_index import NANO, times_ns
 
 MOTION = (*POSE, *VELOCITY)
@@ -43,8 +43,8 @@ def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd
     columns = {}
     for name in MOTION:
         values = table[name].to_numpy(dtype=float)
-        smooth = local_quadratic(unwrap(values) if name in CIRCULAR else values, half_width_s / step_s)
-        columns[name] = wrap_360(smooth) if name in CIRCULAR else smooth
+        smooth = local_quadratic(unwrap(values) if is_circular(name) else values, half_width_s / step_s)
+        columns[name] = wrap_360(smooth) if is_circular(name) else smooth
     return pd.DataFrame(columns, index=table.index)
 
 
@@ -94,9 +94,9 @@ def one_sided_motion(table: pd.DataFrame, at: pd.Timestamp, width_s: float = HAL
     row = {}
     for name in MOTION:
         values = table[name].to_numpy(dtype=float)[near]
-        series = unwrap(values) if name in CIRCULAR else values
+        series = unwrap(values) if is_circular(name) else values
         end = one_sided_value(before_s[near] / width_s, series, 2 if name in _PARABOLIC else 1)
-        row[name] = float(wrap_360(end)) if name in CIRCULAR else end
+        row[name] = float(wrap_360(end)) if is_circular(name) else end
     return pd.DataFrame(row, index=pd.DatetimeIndex([at], name=table.index.name))
 
 

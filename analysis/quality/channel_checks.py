@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import Channel
+from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality
 from analysis.quality.findings import Flags
 from analysis.quality.samples import Stretch, flags_where, is_possible, sort_by_time, times_of

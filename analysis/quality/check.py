@@ -11,7 +11,7 @@ import pandas as pd
 
 from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import channel_names
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series
 from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
@@ -31,7 +31,7 @@ from analysis.quality.summary import (
 )
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps, select_samples
 from analysis.quality.wind import check_wind
-from analysis.tables.table import table_of
+from analysis.tables.table import actuators_in_recording, table_actuators, table_of
 from analysis.tables.time_index import index_of, main_stretch, times_ns, utc_index
 
 CHECKS: tuple[Check, ...] = (check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_wind)
@@ -75,7 +75,7 @@ def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> 
     Raises :class:`DataShortageError` for a recording without channels.
     """
     joined = table_of(recording) if table is None else table
-    names = [name for name in BY_NAME if name in recording.series]
+    names = [name for name in channel_names(actuators_in_recording(recording)) if name in recording.series]
     samples = {name: series_samples(recording.series[name], name) for name in names}
     whole = {name: pd.Series(recording.series[name].value, samples[name].index, name=name) for name in names}
     return _check(samples, whole, joined, recording.series)
@@ -88,7 +88,7 @@ def check_table(table: pd.DataFrame) -> DataQuality:
     an index that is no time in UTC.
     """
     utc = table.set_axis(utc_index(table), axis=0)
-    names = [name for name in BY_NAME if name in utc and utc[name].notna().any()]
+    names = [name for name in channel_names(table_actuators(utc)) if name in utc and utc[name].notna().any()]
     samples = {name: column_samples(utc, name) for name in names}
     order = np.argsort(times_ns(utc), kind="stable")
     joined = utc.iloc[order][names]

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import kind_of_control, names_of
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import BY_NAME, COMMAND
+from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
 from analysis.quality.samples import (
@@ -27,6 +28,7 @@ from analysis.quality.samples import (
     samples_of,
     set_flags,
 )
+from analysis.tables.table import table_actuators, table_controls
 from analysis.tables.time_index import utc_index
 
 ORDER_INTERPOLATED = "order_interpolated"
@@ -57,7 +59,7 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
     One finding a command channel. ``estimate``: the ``share`` of time in ramps, ``longest_s``, and how many
     ``ramps``. The values within a ramp, its first excepted, are flagged suspect.
     """
-    names = tuple(name for name in COMMAND if name in table)
+    names = tuple(name for name in table_controls(table) if name in table)
     flags, index, findings = initial_flags(table, names), utc_index(table), []
     for name in names:
         series = samples_of(table, name)
@@ -152,7 +154,6 @@ def _rounding(value: Floats) -> float:
     return _ROUNDING * scale
 
 
-SHAFTS = tuple(name for name in COMMAND if name.endswith("_rpm"))
 _REPEATS = 0.3
 """A feedback that repeats its value more often than this is too coarse, or an order: it may well stand still."""
 _SHORTEST_S = 5.0
@@ -169,7 +170,7 @@ def check_thruster_feedback(table: pd.DataFrame) -> CheckResult:
     Frozen samples are flagged bad, ``estimate`` holds the ``seconds`` of all stretches together; a channel in
     per cent is suspect, ``estimate`` holds ``factor`` with ``low`` and ``high`` where the sister shaft gives it.
     """
-    names = tuple(name for name in COMMAND if name in table)
+    names = tuple(name for name in table_controls(table) if name in table)
     flags, findings = initial_flags(table, names), []
     scaled = {finding.channel: finding for finding in _percent_scaled(table)}
     for name in names:
@@ -238,11 +239,11 @@ def _frozen_finding(table: pd.DataFrame, name: str, series: Samples, first: Ints
 def _percent_scaled(table: pd.DataFrame) -> list[Finding]:
     """Shafts whose values are limited to 100 while the sister's are a constant multiple, or that stop at 100."""
     findings = []
-    for name in SHAFTS:
+    for name in (each for each in table_controls(table) if each.endswith("_rpm")):
         series = samples_of(table, name)
         if series.rows.size < 3 * _PIECES or np.abs(series.value).max() > 1.02 * _PER_CENT:
             continue
-        estimate = _factor_to_sister(table, name, series)
+        estimate = next(filter(None, (_factor_to(table, each, series) for each in _sisters(table, name))), {})
         if estimate or _stops_at_100(series.value):
             findings.append(_percent_finding(table, name, series, estimate))
     return findings
@@ -259,13 +260,20 @@ def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: 
     return Finding("percent_scaled", name, *ends, text, remedy, estimate)
 
 
-def _factor_to_sister(table: pd.DataFrame, name: str, series: Samples) -> dict[str, float]:
-    """The constant ratio of the sister shaft to this one with its 95 % interval; empty if there is none.
+def _sisters(table: pd.DataFrame, name: str) -> list[str]:
+    """The shafts of other actuators of the same kind, but for tunnel thrusters: those run by themselves."""
+    actuators = table_actuators(table)
+    kind = kind_of_control(name, actuators)
+    others = [f"{each}_rpm" for each in names_of(actuators, kind)] if kind != "tunnel" else []
+    return [each for each in others if each != name]
+
+
+def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:
+    """The constant ratio of a sister shaft to this one with its 95 % interval; empty if there is none.
 
     The two keep one ratio within 5 % all through the recording, too large a ratio for two shafts that differ
     in trim: nobody runs them so, but for a single setting, from one end of a trial to the other.
     """
-    sister = {"port_rpm": "starboard_rpm", "starboard_rpm": "port_rpm"}.get(name, "")
     other = samples_of(table, sister)
     if other.rows.size < 3 * _PIECES or np.abs(other.value).max() <= 1.02 * _PER_CENT:
         return {}

@@ -15,7 +15,7 @@ from scipy import special
 
 from acquisition.core.angles import difference, wrap_360
 from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import BY_NAME, COMMAND
+from acquisition.core.channels import BY_NAME, is_circular
 from analysis.quality.findings import CheckResult, Finding, initial_flags
 from analysis.quality.samples import (
     Samples,
@@ -26,10 +26,11 @@ from analysis.quality.samples import (
     samples_of,
     set_flags,
 )
+from analysis.tables.table import table_controls
 from analysis.tables.time_index import utc_index
 
 WRAP_INTERPOLATED = "heading_wrap_interpolated"
-JUDGED = ("heading_deg", "wind_direction_deg", *(name for name in COMMAND if BY_NAME[name].circular))
+_ALWAYS_JUDGED = ("heading_deg", "wind_direction_deg")
 _SMALLEST_DEG = 1.0
 """Samples nearer than this to where they belong are left: they do no harm and noise looks like them."""
 _LARGEST_DEG = 45.0
@@ -42,13 +43,19 @@ _CONTROL_TURNS_DEG = (73.0, 131.0, 229.0, 287.0)
 """Not halves, thirds or quarters of a turn: samples on the lines crowd there."""
 
 
+def is_judged(table: pd.DataFrame, name: str) -> bool:
+    """Whether a channel is an angle that :func:`check_heading_wrap` judges: heading, wind, an actuator's."""
+    return name in _ALWAYS_JUDGED or (name in table_controls(table) and is_circular(name))
+
+
 def check_heading_wrap(table: pd.DataFrame) -> CheckResult:
     """Find angles that were interpolated straight through their seam (``heading_wrap_interpolated``).
 
     Judges the heading, the wind's direction and the azimuths, one finding a channel; the samples on the
     lines are flagged bad. ``estimate`` says how many ``samples`` on how many ``places``.
     """
-    names = tuple(name for name in JUDGED if name in table)
+    judged = (name for name in (*_ALWAYS_JUDGED, *table_controls(table)) if is_judged(table, name))
+    names = tuple(name for name in judged if name in table)
     flags, index, findings = initial_flags(table, names), utc_index(table), []
     for name in names:
         series = _possible(table, name)

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import Channel
+from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality
 from analysis.kinematics import to_earth
 from analysis.quality.findings import Flags

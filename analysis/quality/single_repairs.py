@@ -22,7 +22,7 @@ from analysis.kinematics import integrate
 from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from analysis.quality.commands import hold_orders
 from analysis.quality.findings import Finding, Flags
-from analysis.quality.heading_wrap import JUDGED, WRAP_INTERPOLATED, seam_line_mask
+from analysis.quality.heading_wrap import WRAP_INTERPOLATED, is_judged, seam_line_mask
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
 from analysis.quality.samples import is_possible, samples_of
 from analysis.quality.summary import ALL, OTHER_TURN
@@ -64,7 +64,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         value = table[name].to_numpy(dtype=float, copy=True)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
-            value[bad & ~seam_line_mask(table, name) if name in JUDGED else bad] = np.nan
+            value[bad & ~seam_line_mask(table, name) if is_judged(table, name) else bad] = np.nan
         if finding.code == "out_of_range" and name in BY_NAME:
             value[~is_possible(name, value)] = np.nan
         columns[name] = value

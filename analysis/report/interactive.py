@@ -13,7 +13,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from acquisition.core.channels import BY_NAME, NAMES, is_circular
 from acquisition.core.errors import ConfigurationError
 from acquisition.recording.trial import software_version
 from analysis.report.interactive_data import DECIMALS, page_data, panels_of
@@ -74,7 +74,7 @@ def interactive_page(
     """
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
-    data |= {"style": _style(data), "angles": [name for name in data["channels"] if name in CIRCULAR]}
+    data |= {"style": _style(data), "angles": [name for name in data["channels"] if is_circular(name)]}
     heading = title or "Trial"
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'

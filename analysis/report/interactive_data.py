@@ -14,7 +14,7 @@ import pandas as pd
 
 from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from acquisition.core.channels import BY_NAME, NAMES, is_circular
 from acquisition.core.errors import DataShortageError, InputError
 from analysis.tables.time_index import NANO, times_ns
 
@@ -67,7 +67,7 @@ def page_data(
         "time_s": seconds_since(time_ns[rows], start_ms),
         "channels": {name: nullable(values) for name, values in shown.items()},
         "holes": broken.tolist(),
-        "lifts": {name: wraps_of(values) for name, values in shown.items() if name in CIRCULAR},
+        "lifts": {name: wraps_of(values) for name, values in shown.items() if is_circular(name)},
         "legs": [] if windows is None else leg_stretches(windows, start_ms),
         "held": [] if windows is None else held_stretches(windows, start_ms),
         "predicted": {name: prediction_data(each, start_ms) for name, each in (predicted or {}).items()},
@@ -180,7 +180,7 @@ def prediction_data(predicted: pd.DataFrame, start_ms: int) -> dict[str, Any]:
         for name in PREDICTED
         if name in predicted
     }
-    turns = {name: wraps_of(values) for name, values in shown.items() if name in CIRCULAR}
+    turns = {name: wraps_of(values) for name, values in shown.items() if is_circular(name)}
     return {
         "every": max(every, 1),
         "time_s": seconds_since(times_ns(predicted)[chosen], start_ms),

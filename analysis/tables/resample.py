@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import difference, in_turn
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
+from acquisition.core.channels import is_circular, is_setting
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
 from analysis.tables.provenance import add_step
@@ -52,7 +52,6 @@ class Filter:
 
 MOTION_FILTER = Filter(degree=2, reach=3, taper=1.5)
 SETTING_FILTER = Filter(degree=1, reach=2, taper=1.0)
-SETTINGS = frozenset((*COMMAND, *(name for name in BY_NAME if "_order_" in name), "rudder_angle_deg"))
 """Channels that people and controllers set: they move in steps."""
 
 
@@ -162,7 +161,7 @@ def _resampled(
     name: str, time_ns: Ints, values: Floats, grid_ns: Ints, rate: Fraction, longest_gap_s: float | None
 ) -> Floats:
     """One channel's valid samples on the grid; NaN where it has nothing to say."""
-    circular = name in CIRCULAR
+    circular = is_circular(name)
     times, samples = _sorted_without_repeats(time_ns, values, circular)
     result = np.full(grid_ns.size, np.nan)
     if times.size == 0 or grid_ns.size == 0:
@@ -172,7 +171,7 @@ def _resampled(
     covered, before, share = _bracket(times, grid_ns, limit_ns)
     result[covered] = _interpolated(samples, before[covered], share[covered], circular)
     if 0 < interval_ns < _FASTER * NANO / rate:
-        rule = SETTING_FILTER if name in SETTINGS else MOTION_FILTER
+        rule = SETTING_FILTER if is_setting(name) else MOTION_FILTER
         smooth = _local_fit(times, samples, grid_ns, float(NANO / rate), rule, circular)
         replaced = covered & np.isfinite(smooth)
         result[replaced] = smooth[replaced]

@@ -12,8 +12,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import Actuators, as_text, channel_by_rule, control_names
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series, read_recording
@@ -43,12 +44,38 @@ def table_of(recording: Recording) -> pd.DataFrame:
 
 def channels_of(recording: Recording) -> list[str]:
     """The channels that a recording holds, in their order. Raises :class:`DataShortageError` if there is none."""
-    names = [name for name in BY_NAME if name in recording.series]
+    names = [name for name in channel_names(actuators_in_recording(recording)) if name in recording.series]
     if not names:
         raise DataShortageError(
             "holds no channel", where=str(recording.path), fix="check the sources of its configuration"
         )
     return names
+
+
+def actuators_in_recording(recording: Recording) -> Actuators:
+    """The actuators of the ship that a recording is of, as it says itself; else by rule from its channels."""
+    return actuators_of(recording.series, {"trial": {"actuators": recording.trial.actuators}})
+
+
+def said_of(actuators: Actuators) -> dict[str, Any]:
+    """What the ``attrs`` of a table say of its ship's actuators: nothing for the default list."""
+    text = as_text(actuators)
+    return {"trial": {"actuators": text}} if text else {}
+
+
+def table_actuators(table: pd.DataFrame) -> Actuators:
+    """The actuators of the ship that a table is of, as it says itself; else by rule from its columns."""
+    return actuators_of(table.columns, table.attrs)
+
+
+def trial_channels(table: pd.DataFrame) -> tuple[str, ...]:
+    """The channels of the trial that a table is of: motion, wind, and the controls of that ship."""
+    return trial_names(table_actuators(table))
+
+
+def table_controls(table: pd.DataFrame) -> tuple[str, ...]:
+    """The control channels of the ship that a table is of."""
+    return control_names(table_actuators(table))
 
 
 def attributes_of(recording: Recording) -> dict[str, Any]:
@@ -129,16 +156,18 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
 def delays_in_ns(delays: Mapping[str, float]) -> dict[str, int]:
     """Delays by channel [s] in ns. Raises :class:`InputError` for what is no channel or no possible delay."""
     for name, delay_s in delays.items():
-        if name not in BY_NAME:
+        if name not in BY_NAME and channel_by_rule(name) is None:
             raise InputError(f"a delay of {name} is asked for, which is no channel", fix="name one of the channels")
         if not abs(delay_s) <= _LONGEST_DELAY_S:
             raise InputError(f"a delay of {delay_s} s of {name} is not possible", fix="give at most an hour")
     return {name: round(delay_s * NANO) for name, delay_s in delays.items()}
 
 
-def require(table: pd.DataFrame, names: tuple[str, ...] = NAMES, where: str = "") -> None:
-    """Raise :class:`InputError` naming the channels of ``names`` that a table lacks."""
-    missing = [name for name in names if name not in table or not table[name].notna().any()]
+def require(table: pd.DataFrame, names: tuple[str, ...] | None = None, where: str = "") -> None:
+    """Raise :class:`InputError` naming the channels of ``names``, by default the trial's, that a table lacks."""
+    missing = [
+        name for name in names or trial_channels(table) if name not in table or not table[name].notna().any()
+    ]
     if missing:
         raise InputError(
             f"has no {', '.join(missing)}",

@@ -1,7 +1,7 @@
 """Held windows: stretches of a recording in which the thrusters were left alone, on which models are judged.
 
 A candidate starts every ``stride_s`` seconds of the table and covers seconds 0 to ``horizon_s``. It is kept
-when all 13 channels are there at every second and both shafts, both azimuths and the tunnel thruster are held
+when all channels are there at every second and the controls of all actuators are held
 (:mod:`analysis.windows.steady_controls`); otherwise it is counted under the first reason that applies. Windows
 that share a second, or that follow each other at one held setting, form a leg: whoever splits data by leg or by
 trial never has one second on both sides.
@@ -17,20 +17,29 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
+from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import difference
 from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import CIRCULAR, COMMAND, NAMES
+from acquisition.core.channels import is_circular, trial_names
 from acquisition.core.errors import DataShortageError, InputError
+from analysis.tables.table import said_of, table_actuators
 from analysis.tables.time_index import NANO, index_of, times_ns
-from analysis.windows.steady_controls import Tolerances, held, tolerance_of
+from analysis.windows.steady_controls import Sort, Tolerances, held, sort_of, tolerance_of
 
-REASONS = ("gap", "missing_data", "azimuth_moved", "rpm_moved", "tunnel_moved")
+_MOVED: dict[Sort, str] = {"azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved"}
+REASONS = ("gap", "missing_data", *_MOVED.values())
 """Why a candidate is dropped, in the order in which the reasons are asked."""
 
-COLUMNS = ("window", "second", *NAMES, "trial", "leg", "start")
-"""The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes after them."""
+_LABELS = ("window", "second"), ("trial", "leg", "start")
 
-MOVED = ("azimuth_moved", "rpm_moved", "tunnel_moved")
+
+def columns_for(actuators: Actuators) -> tuple[str, ...]:
+    """The columns of the long table of windows; where moving ones are kept too, ``held`` (bool) comes last."""
+    before, after = _LABELS
+    return (*before, *trial_names(actuators), *after)
+
+
+MOVED = tuple(_MOVED.values())
 """The reasons for which a window is whole but not held."""
 
 
@@ -38,7 +47,7 @@ MOVED = ("azimuth_moved", "rpm_moved", "tunnel_moved")
 class HeldWindows:
     """The kept windows and the account of all candidates.
 
-    ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the 13
+    ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the
     channels, ``trial``, ``leg`` and ``start`` (UTC time of second 0). ``candidates`` equals ``kept`` plus all
     of ``dropped``. ``starts`` has one row a window, see :func:`analysis.windows.recordings.add_start_states`.
     ``provenance`` says by trial where they come from (:func:`analysis.tables.provenance.provenance_of`).
@@ -87,11 +96,12 @@ def held_windows(
             f"a horizon of {horizon_s} s every {stride_s} s is not possible",
             fix="give a horizon of at least 2 s and a stride of at least 1 s",
         )
-    start_ns, values, there = _every_second(table)
+    actuators = table_actuators(table)
+    start_ns, values, there = _every_second(table, trial_names(actuators))
     if start_ns.size < horizon_s + 1:
-        empty = _assembled(values, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
+        empty = _assembled(values, actuators, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
         return _marked(empty, np.empty(0, dtype=bool)) if keep_moving else empty
-    reason = _reasons(values, there, horizon_s + 1, stride_s, tolerances or Tolerances())
+    reason = _reasons(values, actuators, there, horizon_s + 1, stride_s, tolerances or Tolerances())
     wanted = reason == len(REASONS)
     if keep_moving:
         wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
@@ -99,7 +109,7 @@ def held_windows(
     counts = np.bincount(reason[~wanted], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
     account = (int(reason.size), dropped)
-    result = _assembled(values, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
+    result = _assembled(values, actuators, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
     return _marked(result, reason[wanted] == len(REASONS)) if keep_moving else result
 
 
@@ -109,9 +119,9 @@ def _marked(windows: HeldWindows, held_ones: Bools) -> HeldWindows:
     return replace(windows, rows=windows.rows.assign(held=marks))
 
 
-def _every_second(table: pd.DataFrame) -> tuple[Ints, Floats, Bools]:
-    """Times [s], values of the 13 channels [s, 13] and where the table has a row, without holes in time."""
-    missing = [name for name in NAMES if name not in table.columns]
+def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Floats, Bools]:
+    """Times [s], values of the channels [s, channels] and where the table has a row, without holes in time."""
+    missing = [name for name in names if name not in table.columns]
     if missing:
         raise InputError(
             f"has no {', '.join(missing)}",
@@ -120,15 +130,15 @@ def _every_second(table: pd.DataFrame) -> tuple[Ints, Floats, Bools]:
         )
     time_ns = times_ns(table)
     if time_ns.size == 0:
-        return _no_windows(), np.empty((0, len(NAMES))), np.empty(0, dtype=bool)
+        return _no_windows(), np.empty((0, len(names))), np.empty(0, dtype=bool)
     row = (time_ns - time_ns[0]) // NANO
     if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
         raise InputError(
             "the table is not one row a second, in order and on whole seconds",
             fix="resample it to 1 Hz first",
         )
-    values = np.full((int(row[-1]) + 1, len(NAMES)), np.nan)
-    values[row] = table[list(NAMES)].to_numpy(dtype=float)
+    values = np.full((int(row[-1]) + 1, len(names)), np.nan)
+    values[row] = table[list(names)].to_numpy(dtype=float)
     there = np.zeros(values.shape[0], dtype=bool)
     there[row] = True
     return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
@@ -138,21 +148,21 @@ def _no_windows() -> Ints:
     return np.empty(0, dtype=np.int64)
 
 
-def _reasons(values: Floats, there: Bools, rows: int, stride: int, rule: Tolerances) -> Ints:
+def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stride: int, rule: Tolerances) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
     def always(flag: Bools) -> Bools:
         return np.asarray(sliding_window_view(flag, rows)[::stride].all(axis=1))
 
     valid = np.isfinite(values)
-    column = {name: values[:, NAMES.index(name)] for name in COMMAND}
-    steady = {name: held(name, column[name], rows, stride, rule) for name in COMMAND}
+    steady = {sort: np.ones(len(always(there)), dtype=bool) for sort in _MOVED}
+    for name, series in zip(trial_names(actuators), values.T, strict=True):
+        if name in control_names(actuators):
+            steady[sort_of(name, actuators)] &= held(name, series, rows, stride, rule, actuators)
     passed = (
         always(np.asarray(there & valid.any(axis=1))),
         always(np.asarray(valid.all(axis=1))),
-        steady["port_angle_deg"] & steady["starboard_angle_deg"],
-        steady["port_rpm"] & steady["starboard_rpm"],
-        steady["tunnel_rpm"],
+        *steady.values(),
     )
     failed = ~np.stack([*passed, np.zeros_like(passed[0])], axis=1)
     return np.asarray(failed.argmax(axis=1), dtype=np.int64)
@@ -160,6 +170,7 @@ def _reasons(values: Floats, there: Bools, rows: int, stride: int, rule: Toleran
 
 def _assembled(
     values: Floats,
+    actuators: Actuators,
     time_ns: Ints,
     starts: Ints,
     trial: str,
@@ -171,22 +182,25 @@ def _assembled(
     """The long table of the windows that start at rows ``starts``."""
     second = np.arange(horizon_s + 1, dtype=np.int64)
     row = (starts[:, None] + second).ravel()
-    leg = _legs(values, starts, horizon_s, stride_s, tolerances or Tolerances())
+    leg = _legs(values, actuators, starts, horizon_s, stride_s, tolerances or Tolerances())
     leg_name = pd.array([f"{trial}/{number + 1:03d}" for number in range(leg.max(initial=-1) + 1)], dtype="str")
     columns = {
         "window": np.repeat(np.arange(starts.size, dtype=np.int64), second.size),
         "second": np.tile(second, starts.size),
-        **dict(zip(NAMES, values[row].T, strict=True)),
+        **dict(zip(trial_names(actuators), values[row].T, strict=True)),
         "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
         "leg": leg_name.take(np.repeat(leg, second.size)),
         "start": index_of(np.repeat(time_ns[starts], second.size)),
     }
-    rows = pd.DataFrame(columns, columns=list(COLUMNS))
+    rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
+    rows.attrs.update(said_of(actuators))
     candidates, dropped = account
     return HeldWindows(rows, candidates, int(starts.size), dropped, horizon_s, stride_s)
 
 
-def _legs(values: Floats, starts: Ints, horizon_s: int, stride_s: int, rule: Tolerances) -> Ints:
+def _legs(
+    values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, stride_s: int, rule: Tolerances
+) -> Ints:
     """The number of the leg of each window.
 
     A window continues the leg of the one before it if the two share a second, or if it starts within a
@@ -194,16 +208,18 @@ def _legs(values: Floats, starts: Ints, horizon_s: int, stride_s: int, rule: Tol
     """
     if starts.size == 0:
         return _no_windows()
-    commands = [NAMES.index(name) for name in COMMAND]
-    setting = values[:, commands][starts[:, None] + np.arange(horizon_s + 1)]
+    names = control_names(actuators)
+    setting = values[:, [trial_names(actuators).index(name) for name in names]][
+        starts[:, None] + np.arange(horizon_s + 1)
+    ]
     apart = np.abs(np.diff(np.median(setting, axis=1), axis=0))
-    for column, name in enumerate(COMMAND):
-        if name in CIRCULAR:
+    for column, name in enumerate(names):
+        if is_circular(name):
             middle = setting[:, 0, column] + np.median(
                 difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
             apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
-    limit = np.array([tolerance_of(name, rule).span for name in COMMAND])
+    limit = np.array([tolerance_of(name, rule, actuators).span for name in names])
     between = starts[1:] - (starts[:-1] + horizon_s)
     same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
     return np.concatenate([[0], np.cumsum(~same_leg)])
@@ -225,6 +241,8 @@ def join_windows(parts: Sequence[HeldWindows]) -> HeldWindows:
         offset += part.kept
         for reason, times in part.dropped.items():
             dropped[reason] = dropped.get(reason, 0) + times
+    if len({tuple(frame.columns) for frame in frames}) > 1:
+        raise InputError("windows of ships with different actuators cannot be joined", fix="take one ship's trials")
     rows = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
     ordered = {reason: dropped[reason] for reason in REASONS if reason in dropped}
     candidates = sum(part.candidates for part in parts)

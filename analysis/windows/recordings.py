@@ -20,7 +20,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from acquisition.core.channels import BY_NAME, NAMES, POSE, VELOCITY
+from acquisition.core.actuators import from_text
+from acquisition.core.channels import BY_NAME, POSE, VELOCITY
 from acquisition.core.errors import InputError
 from acquisition.recording.reader import read_recording
 from analysis.estimation.smoother import COVARIANCE_NAMES, Smoothed, smooth
@@ -28,8 +29,8 @@ from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
 from analysis.tables.provenance import provenance_of, refuse_duplicates
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import select
-from analysis.windows.held import COLUMNS, HeldWindows, held_windows, join_windows, require_windows
+from analysis.tables.table import said_of, select, table_actuators, trial_channels
+from analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
 
 
 def tables_of_recordings(
@@ -167,9 +168,10 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
         "horizon_s": windows.horizon_s,
         "stride_s": windows.stride_s,
     }
-    units = {name: BY_NAME[name].unit for name in NAMES} | {"second": "s"}
+    units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
-    write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance})
+    said = said_of(table_actuators(windows.rows)).get("trial", {})
+    write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
     if windows.starts is not None:
         states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
         about = {"covariance": "SI, angles in radians", **provenance}
@@ -184,9 +186,12 @@ def starts_path(path: Path | str) -> Path:
 def read_windows(path: Path | str) -> HeldWindows:
     """Read what :func:`write_windows` wrote. Raises :class:`InputError` for any other file."""
     rows, metadata = read_parquet(path)
-    if "windows" not in metadata or set(COLUMNS) - set(rows.columns):
+    actuators = from_text(metadata["actuators"]) if "actuators" in metadata else table_actuators(rows)
+    columns = columns_for(actuators)
+    if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
-    names = [*COLUMNS, *(["held"] if "held" in rows else [])]
+    rows.attrs.update(said_of(actuators))
+    names = [*columns, *(["held"] if "held" in rows else [])]
     return HeldWindows(
         rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path),
         provenance=json.loads(metadata.get("provenance", "{}")),

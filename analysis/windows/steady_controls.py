@@ -17,15 +17,18 @@ steers a ship that has way on.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from acquisition.core.actuators import DEFAULT, Actuators, kind_of_control
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import CIRCULAR
+from acquisition.core.channels import is_circular
 from analysis.tables.resample import SETTING_FILTER
 
+Sort = Literal["azimuth", "shaft", "tunnel"]
 _QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 _FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row to row: 1 if white, 2.1 if filtered
 
@@ -44,7 +47,7 @@ class Tolerance:
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
-    """The rule for each kind of setting; the multiples of noise are in standard deviations.
+    """The rule for each sort of setting (:func:`sort_of`); the multiples of noise are in standard deviations.
 
     At 8 standard deviations of range and 4.75 of drift a held window of 15 s with Gaussian noise is lost
     once in some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg. ``idle_rpm`` is the
@@ -109,13 +112,15 @@ def noise_of(values: Floats, apart: int = 1) -> float:
     return float(noise)
 
 
-def held(name: str, values: Floats, rows: int, stride: int, rule: Tolerances) -> Bools:
+def held(
+    name: str, values: Floats, rows: int, stride: int, rule: Tolerances, actuators: Actuators = DEFAULT
+) -> Bools:
     """For each candidate window of ``rows`` values, every ``stride`` values: is the setting held in it?
 
-    ``name`` is one of the command channels; a window with a NaN is not held.
+    ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
     """
-    series = unwrap(values) if name in CIRCULAR else values
-    tolerance = tolerance_of(name, rule)
+    series = unwrap(values) if is_circular(name) else values
+    tolerance = tolerance_of(name, rule, actuators)
     feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
     line = _line_weights(rows)
@@ -124,16 +129,22 @@ def held(name: str, values: Floats, rows: int, stride: int, rule: Tolerances) ->
     span_limit = tolerance.span + rule.span_sigmas * feedback.noise
     drift_limit = np.hypot(tolerance.drift, rule.drift_sigmas * feedback.drift_of(line))
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
-    if name not in CIRCULAR:
+    if not is_circular(name):
         steady |= (np.abs(windows).max(axis=1) <= rule.idle_rpm) & (np.abs(drift) <= rule.idle_drift_rpm)
     return np.asarray(steady)
 
 
-def tolerance_of(name: str, rule: Tolerances) -> Tolerance:
-    """The tolerance that applies to a command channel."""
-    if name in CIRCULAR:
-        return rule.azimuth
-    return rule.tunnel if name == "tunnel_rpm" else rule.shaft
+def sort_of(name: str, actuators: Actuators) -> Sort:
+    """What sort of setting a control channel is: an angle, a tunnel thruster's shaft, another shaft."""
+    if is_circular(name):
+        return "azimuth"
+    return "tunnel" if kind_of_control(name, actuators) == "tunnel" else "shaft"
+
+
+def tolerance_of(name: str, rule: Tolerances, actuators: Actuators = DEFAULT) -> Tolerance:
+    """The tolerance that applies to a control channel of a ship with these actuators."""
+    tolerance: Tolerance = getattr(rule, sort_of(name, actuators))
+    return tolerance
 
 
 def _line_weights(rows: int) -> Floats:

@@ -15,7 +15,7 @@ from safetensors import SafetensorError
 from torch import Tensor, isfinite, isnan
 
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import NAMES
+from acquisition.core.channels import trial_names
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, storage_error
 from analysis.tables.files import make_folder
 from hybrid.calibrators import make_calibrator
@@ -121,7 +121,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         versions=trained.versions,
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
-        channels=NAMES,
+        channels=trial_names(trained.plant.layout),
         vessel=reference_of(trained.vessel, trained.plant),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -55,15 +56,24 @@ class Calibrator(ABC):
     """A learned map from what is known of a window at its start, and the reference's track, to the ship's track.
 
     Fitted values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
-    that adapt it.
+    that adapt it; ``actuators`` are the ship's, those of ``plant`` or of the windows it was fitted to.
     """
 
     method: ClassVar[str]
-    inputs: ClassVar[tuple[str, ...]]
     outputs: ClassVar[tuple[str, ...]] = ("north_m", "east_m")
 
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
         self.seed, self.plant = seed, plant
+        self.actuators: Actuators = plant.layout if plant else DEFAULT
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of what goes in, for the ship at hand."""
+        return self.labels(self.actuators)
+
+    @abstractmethod
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        """The names of what goes in, for a ship with these actuators."""
 
     @abstractmethod
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:

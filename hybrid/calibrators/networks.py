@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.progress import Progress
@@ -25,6 +26,8 @@ from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Exa
 from hybrid.calibrators.training import Rows, Stopping, fit_network
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.vessel.actuators import angle_columns, control_labels
+from hybrid.vessel.sensors import HEADING, SURGE
 
 if TYPE_CHECKING:
     from hybrid.vessel.plant import Plant
@@ -34,27 +37,39 @@ DOMAIN_MARGIN = 0.1
 """How far past the range of the training an input may lie inside the domain, as a share of that range."""
 DEVICE_VARIABLE = "SEATRIAL_DEVICE"
 """The environment variable that names the device for training, e.g. ``cpu`` or ``cuda:1``."""
-START_INPUTS = (
-    "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
-    "wind_direction_sin", "wind_direction_cos", "wind_speed_mps",
-    "port_rps", "port_angle_sin", "port_angle_cos",
-    "starboard_rps", "starboard_angle_sin", "starboard_angle_cos", "tunnel_rpm", "second",
-)  # fmt: skip
 REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
 
 
+def start_labels(actuators: Actuators) -> tuple[str, ...]:
+    """The names of the columns of :func:`start_inputs`, for a ship with these actuators."""
+    angles = angle_columns(actuators)
+    controls = [
+        part
+        for column, name in enumerate(control_labels(actuators))
+        for part in ((f"{name}_sin", f"{name}_cos") if column in angles else (name,))
+    ]
+    return (
+        "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
+        "wind_direction_sin", "wind_direction_cos", "wind_speed_mps", *controls, "second",
+    )  # fmt: skip
+
+
 def start_inputs(windows: PredictionWindows) -> Floats:
-    """The window's start and the second that is asked for [N, H, 16], columns as :data:`START_INPUTS`.
+    """The window's start and the second that is asked for [N, H, columns], columns as :func:`start_labels`.
 
     Positions are left out: the displacement from the start does not depend on where the ship is.
     """
-    heading, wind, control = windows.start[:, 2], windows.wind, windows.control
+    heading, (direction, speed) = windows.start[:, HEADING], windows.wind.T
+    angles = angle_columns(windows.actuators)
+    controls = [
+        part
+        for column, values in enumerate(windows.control.T)
+        for part in ((np.sin(values), np.cos(values)) if column in angles else (values,))
+    ]
     start = np.column_stack(
         [
-            np.sin(heading), np.cos(heading), windows.start[:, 3:],
-            np.sin(wind[:, 0]), np.cos(wind[:, 0]), wind[:, 1],
-            control[:, 0], np.sin(control[:, 1]), np.cos(control[:, 1]),
-            control[:, 2], np.sin(control[:, 3]), np.cos(control[:, 3]), control[:, 4],
+            np.sin(heading), np.cos(heading), windows.start[:, SURGE:],
+            np.sin(direction), np.cos(direction), speed, *controls,
         ]
     )  # fmt: skip
     count, seconds = len(windows), windows.horizon_s
@@ -128,6 +143,7 @@ class NetworkCalibrator(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         torch.manual_seed(self.seed)
+        self.actuators = training[0].actuators
         inputs, targets = self._rows(*training)
         self.input_scaling_, self.output_scaling_ = Scaling.of(inputs), Scaling.of(targets)
         self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
@@ -209,8 +225,10 @@ class PaperCalibrator(NetworkCalibrator):
     """Three hidden layers of ten with ReLU on the start and the reference's displacement."""
 
     method: ClassVar[str] = "paper"
-    inputs: ClassVar[tuple[str, ...]] = (*START_INPUTS, *REFERENCE_INPUTS)
     needs_reference: ClassVar[bool] = True
+
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        return (*start_labels(actuators), *REFERENCE_INPUTS)
 
     def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
         moved = displacement(reference, windows.start)
@@ -230,8 +248,10 @@ class DataDrivenCalibrator(NetworkCalibrator):
     """Three hidden layers of ten with ReLU on the start of the window."""
 
     method: ClassVar[str] = "data_driven"
-    inputs: ClassVar[tuple[str, ...]] = START_INPUTS
     needs_reference: ClassVar[bool] = False
+
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        return start_labels(actuators)
 
     def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return start_inputs(windows)

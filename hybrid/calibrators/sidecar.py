@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 
-from acquisition.core.channels import NAMES
+from acquisition.core.channels import actuators_of, trial_names
 from acquisition.core.errors import InputError
 from acquisition.recording.trial import software_version
 from hybrid.calibrators import METHODS
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.prediction.dataset import Source
 from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
+from hybrid.vessel.fingerprint import layout_of, plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ def read_sidecar(folder: Path) -> tuple[Sidecar, Plant]:
     except ValidationError as error:
         raise damaged(path, _explain(error)) from error
     _check(sidecar, path)
-    return sidecar, _plant(sidecar.vessel, path)
+    return sidecar, _plant(sidecar, path)
 
 
 def read_bytes(path: Path) -> bytes:
@@ -205,8 +205,9 @@ def damaged(path: Path, why: str) -> InputError:
 
 def _check(sidecar: Sidecar, path: Path) -> None:
     """What the types cannot say. Raises :class:`InputError`."""
-    if sidecar.channels != NAMES:
-        differing = ", ".join(sorted(set(sidecar.channels) ^ set(NAMES))) or "their order differs"
+    names = trial_names(actuators_of(sidecar.channels))
+    if sidecar.channels != names:
+        differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
         raise InputError("was trained on other channels than this version gives",
                          where=str(path), why=_short(differing), fix="train anew")  # fmt: skip
     if sidecar.past_s != PAST_S:
@@ -223,9 +224,10 @@ def _check(sidecar: Sidecar, path: Path) -> None:
                              where=str(path), fix=f"train anew with one of {', '.join(METHODS)}")  # fmt: skip
 
 
-def _plant(stored: Reference, path: Path) -> Plant:
+def _plant(sidecar: Sidecar, path: Path) -> Plant:
+    stored = sidecar.vessel
     try:
-        plant = plant_of(stored.numbers)
+        plant = plant_of(stored.numbers, layout_of(sidecar.channels, stored.numbers))
     except ValueError as error:
         raise damaged(path, f"vessel.numbers: {error}"[:160]) from error
     if plant_hash(plant) != stored.sha256:

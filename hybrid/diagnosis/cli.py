@@ -49,8 +49,8 @@ def diagnose(
     from hybrid.vessel.files import DEFAULT, load_vessel
     from hybrid.workflows.diagnose import write_diagnosis
 
-    catalogue_with(effects or (), without or ())
     ship = load_vessel(vessel or DEFAULT)
+    catalogue_with(effects or (), without or (), ship.actuators)
     make_folder(output)  # before minutes of work
     diagnosed = run(
         files, ship, tolerance, effect_files=effects or (), without=without or (), part=part,

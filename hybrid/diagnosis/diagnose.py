@@ -17,7 +17,8 @@ from hybrid.diagnosis.linearise import linearise, model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import select_effects
 from hybrid.diagnosis.verdict import Conclusion, reach_verdict
-from hybrid.effects import CATALOGUE, Catalogue
+from hybrid.effects import Catalogue
+from hybrid.effects.catalogue import catalogue_for
 from hybrid.vessel.parameters import Vessel
 
 TOLERANCE = 0.01
@@ -28,7 +29,7 @@ def diagnose(
     tables: Sequence[pd.DataFrame],
     vessel: Vessel,
     tolerance: float = TOLERANCE,
-    catalogue: Catalogue = CATALOGUE,
+    catalogue: Catalogue | None = None,
     progress: Progress = lambda share: None,
 ) -> Conclusion:
     """Diagnose raw tables of the 13 channels against the model of ``vessel``.
@@ -45,7 +46,8 @@ def diagnose(
         return lambda share: progress(first + (last - first) * share)
 
     with threadpool_limits(1, user_api="blas"):  # the filter has its own threads, and more only wait for each other
-        linearisation = linearise(log_of(tables), model_of(vessel, catalogue), tolerance)
+        every = catalogue_for(vessel.actuators) if catalogue is None else catalogue
+        linearisation = linearise(log_of(tables), model_of(vessel, every), tolerance)
         estimate = estimate_noise(linearisation, part(0.1, 0.3))
         estimate = choose_input_hold(estimate, part(0.3, 0.4))
         evidence = weigh_evidence(estimate)

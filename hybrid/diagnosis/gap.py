@@ -66,7 +66,7 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horiz
     """
     controls, acting = acting_settings(log, plant)
     rows = starts[:, None] + np.arange(horizon_s)
-    settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, 5)
+    settings = controls[rows].reshape(len(starts), horizon_s * STEPS_PER_SECOND, -1)
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
     still = replace(plant, command_delay_s=0.0)
     runs = simulate_batch(still, origin[starts], settings, wind, DT_S, 1, acting[starts])

@@ -23,6 +23,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
+from hybrid.vessel.actuators import angle_columns
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
@@ -230,12 +231,13 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
     """
     if plant.command_delay_s == 0.0 and plant.thruster_lag_s == 0.0:
         return log.controls, log.controls[:, 0]
-    controls, acting = np.empty_like(log.controls), np.empty((len(log), 5))
+    controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
+    angles = angle_columns(log.actuators)
     for first, last in _stretches(log):
-        series = log.controls[first:last].reshape(-1, 5)
-        series = np.column_stack([np.unwrap(c) if i in (1, 3) else c for i, c in enumerate(series.T)])
-        series = acting_controls(series, plant.command_delay_s, DT_S)
-        controls[first:last] = series.reshape(-1, STEPS_PER_SECOND, 5)
+        series = log.controls[first:last].reshape(-1, log.controls.shape[-1])
+        series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
+        series = acting_controls(series, plant.command_delay_s, DT_S, angles)
+        controls[first:last] = series.reshape(controls[first:last].shape)
         acting[first:last] = _lagged(series, plant.thruster_lag_s)[::STEPS_PER_SECOND]
     return controls, acting
 
@@ -247,7 +249,7 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
 
 
 def _lagged(series: Floats, lag_s: float) -> Floats:
-    """What acts at the start of each step of a series [K, 5] when it follows with a first-order lag."""
+    """What acts at the start of each step of a series [K, controls] when it follows with a first-order lag."""
     if lag_s <= 0.0:
         return series
     kept = np.exp(-DT_S / lag_s)

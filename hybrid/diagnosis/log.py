@@ -21,15 +21,17 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
+from acquisition.core.actuators import DEFAULT, Actuators, control_names
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import CIRCULAR, COMMAND, ENVIRONMENT, POSE, VELOCITY
+from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, VELOCITY, is_circular
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
-from analysis.tables.table import require
+from analysis.tables.table import require, table_actuators, table_controls
 from analysis.tables.time_index import NANO, times_ns
-from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
+from hybrid.vessel.actuators import control_units
+from hybrid.vessel.channels import STATE_UNITS
 
 BLOCK_S = 60
 """Each block starts from a state of its own that nobody knows; longer ones gain nothing that can be measured."""
@@ -69,6 +71,7 @@ class Log:
     levels: tuple[NoiseLevels, ...] = ()
     input_hold: InputHold = "line"
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
+    actuators: Actuators = DEFAULT
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -101,7 +104,7 @@ _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block
 
 
 def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
-    """The log of raw tables of the 13 channels, at any rate and with NaN where a channel has no sample.
+    """The log of raw tables of one ship's channels, at any rate and with NaN where a channel has no sample.
 
     Wind that was not recorded counts as none. Raises :class:`InputError` for a table without motion or thrusters,
     :class:`DataShortageError` where no stretch is long enough.
@@ -128,11 +131,13 @@ def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
         refused=sum(each.refused for each in joined),
         setting_step_s=max(each.setting_step_s for each in joined),
         levels=tuple(level for each in joined for level in each.levels),
+        actuators=joined[0].actuators,
     )
 
 
 def _one(table: pd.DataFrame, block_s: int) -> Log:
-    require(table, (*MOTION, *COMMAND))
+    actuators = table_actuators(table)
+    require(table, (*MOTION, *control_names(actuators)))
     seconds, motion, slopes, levels = smoothed_motion(table)
     measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
     controls = mean_settings(table, seconds)
@@ -146,6 +151,7 @@ def _one(table: pd.DataFrame, block_s: int) -> Log:
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
         block[rows],
         leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, setting_step_s(table), (levels,), held=held,
+        actuators=actuators,
     )  # fmt: skip
 
 
@@ -252,7 +258,7 @@ def averaged_motion(
         rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
         times, expected = stamps[rows], path(stamps[rows])[:, column]
         off = values[rows] - expected
-        if name in CIRCULAR:
+        if is_circular(name):
             off = (off + np.pi) % (2.0 * np.pi) - np.pi
         away = np.abs(off - _near(off, times))
         good = away <= _OUTLIER * 1.4826 * np.median(away) + 1e-9
@@ -285,11 +291,13 @@ def _binned(times_s: Floats, values: Floats, count: int) -> tuple[Floats, Floats
 
 
 def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "line") -> Floats:
-    """The thrusters' mean setting in each quarter of the second after each node [T, 4, 5]."""
+    """The thrusters' mean setting in each quarter of the second after each node [T, 4, controls]."""
     quarters = np.arange(len(seconds) * STEPS_PER_SECOND + 1) / STEPS_PER_SECOND
-    result = np.empty((len(seconds), STEPS_PER_SECOND, len(COMMAND)))
-    for column, name in enumerate(COMMAND):
-        mean = _means(table, name, quarters + float(seconds[0]), input_hold) * CONTROL_UNITS[column]
+    actuators = table_actuators(table)
+    names, units = control_names(actuators), control_units(actuators)
+    result = np.empty((len(seconds), STEPS_PER_SECOND, len(names)))
+    for column, name in enumerate(names):
+        mean = _means(table, name, quarters + float(seconds[0]), input_hold) * units[column]
         result[:, :, column] = mean.reshape(len(seconds), STEPS_PER_SECOND)
     return result
 
@@ -297,7 +305,7 @@ def mean_settings(table: pd.DataFrame, seconds: Ints, input_hold: InputHold = "l
 def setting_step_s(table: pd.DataFrame) -> float:
     """How often thruster settings were recorded [s], the rarest of them."""
     steps = [0.0]
-    for name in COMMAND:
+    for name in table_controls(table):
         times = times_ns(table)[table[name].notna().to_numpy()] / NANO
         if times.size > 2:
             steps.append(float(np.median(np.diff(times))))
@@ -332,7 +340,7 @@ def _means(table: pd.DataFrame, name: str, edges_s: Floats, input_hold: InputHol
     times, values = times_ns(table)[rows] / NANO, values[rows]
     if times.size < 2:
         return np.full(len(edges_s) - 1, np.nan)
-    if name in CIRCULAR:
+    if is_circular(name):
         values = unwrap(values)
     upto = _integral(*_path(times, _without_blips(times, values), input_hold), edges_s)
     steps = np.diff(times)

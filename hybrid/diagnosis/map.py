@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from acquisition.core.actuators import control_names, names_of
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
 from hybrid.diagnosis.innovations import Columns, columns_of, smoothed_state
@@ -25,7 +26,7 @@ from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.nuisance_basis import WIND_MPS, wind_errors
 from hybrid.diagnosis.result import Place
-from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
 """A cell of fewer seconds is none."""
@@ -38,11 +39,9 @@ _FINEST = {
     "speed_mps": 0.25,
     "yaw_rate_dps": 0.25,
     "drift_angle_deg": 1.0,
-    "rpm": 5.0,
-    "port_less_starboard_rpm": 5.0,
     "azimuth_deg": 2.0,
-    "tunnel_rpm": 10.0,
 }
+_FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
 """Steps below which a cell would part what no sensor or drive tells apart."""
 
 
@@ -58,10 +57,6 @@ class Cell:
 def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
     """What the cells are of, each [T], NaN where it means nothing: there is no drift angle without way."""
     u, v = origin[:, 3], origin[:, 4]
-    port_rps, port_rad, starboard_rps, starboard_rad, tunnel_rpm = log.controls.mean(axis=1).T
-    port, starboard = port_rps * RPM_PER_RPS, starboard_rps * RPM_PER_RPS
-    running = np.maximum(np.abs(port), np.abs(starboard)) > _RUNNING_RPM
-    azimuth_rad = np.angle(np.exp(1j * port_rad) + np.exp(1j * starboard_rad))
     moving, windy = np.hypot(u, v) > _MOVING_MPS, log.wind[:, 1] > _WIND_MPS
     drift = np.degrees(np.arctan2(-v, u))
     from_deg = np.degrees(log.wind[:, 0] - origin[:, 2]) % 360.0
@@ -71,11 +66,29 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
         "drift_angle_deg": np.where(moving, drift, np.nan),
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,
         "relative_wind_deg": np.where(windy, from_deg, np.nan),
-        "rpm": 0.5 * (np.abs(port) + np.abs(starboard)),
-        "port_less_starboard_rpm": port - starboard,
-        "azimuth_deg": np.where(running, np.degrees(azimuth_rad), np.nan),
-        "tunnel_rpm": tunnel_rpm,
+        **_settings(log),
         "time_s": (log.time_s - log.time_s[0]).astype(float),
+    }
+
+
+def _settings(log: Log) -> dict[str, Floats]:
+    """The thrusters' settings: mean shaft speed and direction of the azimuths, what one runs faster than the next,
+    and each tunnel thruster's shaft.
+    """
+    controls = log.controls.mean(axis=1) / control_units(log.actuators)
+    mean = dict(zip(control_names(log.actuators), controls.T, strict=True))
+    names = names_of(log.actuators, "azimuth")
+    shafts = {name: mean[f"{name}_rpm"] for name in names}
+    tunnels = {f"{name}_rpm": mean[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
+    if not names:
+        return tunnels
+    running = np.max([np.abs(each) for each in shafts.values()], axis=0) > _RUNNING_RPM
+    azimuth_rad = np.angle(np.sum([np.exp(1j * np.deg2rad(mean[f"{name}_angle_deg"])) for name in names], axis=0))
+    return {
+        "rpm": np.mean([np.abs(each) for each in shafts.values()], axis=0),
+        **{f"{one}_less_{other}_rpm": shafts[one] - shafts[other] for one, other in itertools.pairwise(names)},
+        "azimuth_deg": np.where(running, np.degrees(azimuth_rad), np.nan),
+        **tunnels,
     }
 
 
@@ -102,7 +115,13 @@ def _spans(name: str, values: Floats) -> Iterable[tuple[float, float]]:
         edges = np.linspace(0.0, known.max() + 1.0, _QUARTERS + 1)
         return _pairs(edges)
     low, high = (float(each) for each in np.quantile(known, (0.01, 0.99)))
-    return _pairs(np.concatenate([[known.min()], round_edges(low, high, _FINEST[name]), [_above(known.max())]]))
+    return _pairs(np.concatenate([[known.min()], round_edges(low, high, _finest(name)), [_above(known.max())]]))
+
+
+def _finest(name: str) -> float:
+    if name in _FINEST:
+        return _FINEST[name]
+    return _FINEST_SHAFT_RPM if name == "rpm" or "_less_" in name else _FINEST_TUNNEL_RPM
 
 
 def round_edges(low: float, high: float, finest: float) -> Floats:

@@ -25,9 +25,11 @@ from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.linearise import Model, Signature, next_states
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue
+from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
+from hybrid.vessel.dynamics import actuators_force, hold, scratch_for
 from hybrid.vessel.plant import Plant, pack
-from hybrid.vessel.thrusters import pod_force, port_pod, starboard_pod, tunnel_force
+from hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 
 AXES = ("surge", "sway", "yaw")
 
@@ -51,8 +53,6 @@ _STAYS = 0.01  # of its usual range: what changes less says nothing of a change
 _SEED = 20260902
 _VARYING = {
     "ocean_current": ("place", "time"),
-    "thrust_loss_port": ("time",),
-    "thrust_loss_starboard": ("time",),
     "heading_bias": ("heading", "time"),
     "yaw_rate_bias": ("time",),
 }
@@ -89,10 +89,16 @@ def nuisance_basis(
     varying = [
         Signature(f"{each.effect}*{name}", number, each.D * shape[:, None], each.E * shape[:, None])
         for each in effects
-        for name in (*_VARYING.get(each.effect, ()), *(asked if each.effect in interactions else ()))
+        for name in (*_variations(each.effect), *(asked if each.effect in interactions else ()))
         for number, shape in enumerate(shapes[name].T)
     ]
     return NuisanceBasis(forces, depends, tuple(varying))
+
+
+def _variations(effect: str) -> tuple[str, ...]:
+    """With what an effect may vary: see :data:`_VARYING`; a thrust that fades, of each actuator by itself."""
+    of_one = effect.startswith("thrust_loss_") and not effect.endswith(("_both", "_all"))
+    return ("time",) if of_one else _VARYING.get(effect, ())
 
 
 def _even(shapes: Floats) -> Floats:
@@ -100,6 +106,8 @@ def _even(shapes: Floats) -> Floats:
 
     So the squares of their coefficients add up to the mean square of what they make together.
     """
+    if not shapes.shape[1]:
+        return shapes
     left, size, _ = np.linalg.svd(shapes, full_matrices=False)
     kept = size > _FAINT * max(float(size[0]), 1e-9)
     return np.asarray(left[:, kept] * np.sqrt(len(shapes)))
@@ -137,8 +145,13 @@ def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
 
     Those that hardly change are left out.
     """
-    surge, sway, yaw_rate, port, port_side, starboard, starboard_side, _ = operating_point(log, origin).T
-    every = (surge, np.abs(sway), np.abs(yaw_rate), port + starboard, np.abs(port_side + starboard_side))
+    surge, sway, yaw_rate, *pushes = operating_point(log, origin).T
+    ahead, aside = np.zeros(len(log)), np.zeros(len(log))
+    for turns in thrusts(log).values():
+        parts = [pushes.pop(0) for _ in turns]
+        if len(parts) == 2:  # what turns pushes along and across the ship; what does not is left out
+            ahead, aside = ahead + parts[0], aside + parts[1]
+    every = (surge, np.abs(sway), np.abs(yaw_rate), ahead, np.abs(aside))
     return {
         name: ((values - values.mean()) / values.std())[:, None]
         for name, values in zip(INTERACTIONS, every, strict=True)
@@ -147,8 +160,11 @@ def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
 
 
 def _hinges(log: Log) -> Floats:
-    """How far the azimuths are beyond certain angles to either side [T, 6], zero below."""
-    angle = log.controls[:, :, (1, 3)].mean(axis=(1, 2))
+    """How far the azimuths are beyond certain angles to either side [T, 6], zero below; [T, 0] without any."""
+    angles = angle_columns(log.actuators)
+    if not angles:
+        return np.zeros((len(log), 0))
+    angle = log.controls[:, :, angles].mean(axis=(1, 2))
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
     largest = float(np.quantile(np.abs(angle), 0.99))
     return np.column_stack(
@@ -177,14 +193,14 @@ class ForceRange:
 
 
 def force_range(log: Log, plant: Plant, origin: Floats) -> ForceRange:
-    """The largest forces (99 of 100 seconds are below) that pods and tunnel thruster exert in a trial.
+    """The largest forces (99 of 100 seconds are below) that the actuators exert in a trial.
 
-    Sideways and in yaw at least a share of what the pods push ahead would make there: a trial of straight runs is
+    Sideways and in yaw at least a share of what they push ahead would make there: a trial of straight runs is
     no proof of a model that is exact across.
     """
-    forces = _thruster_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
+    forces = _actuator_forces(pack(plant)[0], origin, log.controls.mean(axis=1))
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
-    lever = max(abs(plant.port_x_m), abs(plant.starboard_x_m))
+    lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.actuators)
     sway = max(sway, _LEAST_SHARE * surge)
     return ForceRange(float(surge), float(sway), float(max(yaw, _LEAST_SHARE * surge * lever)))
 
@@ -198,37 +214,45 @@ def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:
     return np.asarray(np.sqrt(2.0) * np.cos(inputs @ frequency + phase))
 
 
-def operating_point(log: Log, origin: Floats) -> Floats:
-    """What a model error may depend on, each over its usual range: [T, 8].
+def thrusts(log: Log) -> dict[str, tuple[Floats, ...]]:
+    """Each actuator's thrust by its name, by its square-law size [T]: ahead and aside where it turns."""
+    found, first, mean = dict[str, tuple[Floats, ...]](), 0, log.controls.mean(axis=1).T
+    for each in log.actuators:
+        angles = KINDS[each.kind].angles
+        push = mean[first] * np.abs(mean[first])
+        angle = mean[first + angles.index(True)] if any(angles) else None
+        found[each.name] = (push,) if angle is None else (push * np.cos(angle), push * np.sin(angle))
+        first += len(angles)
+    return found
 
-    Surge, sway, yaw rate; the pods' thrust vectors, each by its square-law size along and across; the tunnel.
+
+def operating_point(log: Log, origin: Floats) -> Floats:
+    """What a model error may depend on, each over its usual range: [T, quantities].
+
+    Surge, sway, yaw rate; for each actuator the square-law size of its thrust, along and across where it turns.
     """
-    port, port_rad, starboard, starboard_rad, tunnel = log.controls.mean(axis=1).T
-    push = [n * abs_n for n, abs_n in ((port, np.abs(port)), (starboard, np.abs(starboard)))]
-    vectors = [push[0] * np.cos(port_rad), push[0] * np.sin(port_rad), push[1] * np.cos(starboard_rad)]
-    vectors.append(push[1] * np.sin(starboard_rad))
-    columns = np.column_stack([origin[:, 3:6], *vectors, tunnel * np.abs(tunnel)])
+    pushes = [part for parts in thrusts(log).values() for part in parts]
+    columns = np.column_stack([origin[:, SURGE : YAW_RATE + 1], *pushes])
     scale = np.maximum(np.quantile(np.abs(columns), 0.95, axis=0), 1e-9)
     return np.asarray(columns / scale)
 
 
 def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
     @njit(cache=True, fastmath=FAST, error_model="numpy")
-    def thruster_forces(p: Record, states: Floats, controls: Floats) -> Floats:
-        """X [N], Y [N], N [N m] of pods and tunnel thruster in still water at each state and control: [T, 3]."""
+    def actuator_forces(p: Record, states: Floats, controls: Floats) -> Floats:
+        """X [N], Y [N], N [N m] of all actuators in still water at each state and control: [T, 3]."""
         forces = np.full((len(states), 3), 0.0 * stamp)
+        work = scratch_for(p, controls[0]).work
         for k in range(len(states)):
-            u, v, r = states[k, 3], states[k, 4], states[k, 5]
-            X1, Y1, N1 = pod_force(p, port_pod(p, controls[k, 0], controls[k, 1]), u, v, r)
-            X2, Y2, N2 = pod_force(p, starboard_pod(p, controls[k, 2], controls[k, 3]), u, v, r)
-            side = tunnel_force(p, controls[k, 4])
-            forces[k, 0], forces[k, 1], forces[k, 2] = X1 + X2, Y1 + Y2 + side, N1 + N2 + p.tunnel_x_m * side
+            hold(p, controls[k], work, 0.0, 0.0)
+            u, v, r = states[k, SURGE], states[k, SWAY], states[k, YAW_RATE]
+            forces[k, 0], forces[k, 1], forces[k, 2] = actuators_force(p, work, u, v, r)
         return forces
 
-    return thruster_forces  # type: ignore[no-any-return]
+    return actuator_forces  # type: ignore[no-any-return]
 
 
-_thruster_forces = _make(PHYSICS_STAMP)
+_actuator_forces = _make(PHYSICS_STAMP)
 
 
 WIND_MPS = 0.3

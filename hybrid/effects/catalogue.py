@@ -1,7 +1,9 @@
 """The catalogue: every effect by its name, users' own beside the built-in ones.
 
-To add an effect to Seatrial, write one :class:`Effect` in the file of its family and one line here. To add
-one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the command line.
+The effects of the actuators follow from a ship's list of them (:func:`catalogue_for`); :data:`CATALOGUE` is that
+of the default list. To add an effect to Seatrial, write one :class:`Effect` in the file of its family and one
+line here. To add one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the
+command line.
 """
 
 from __future__ import annotations
@@ -9,13 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
+from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
-from hybrid.effects import alignment, clock, environment, hull, hull_shape, inertia, propulsion, sensors
-from hybrid.effects.effect import Effect, Values
+from hybrid.effects import asymmetry, clock, environment, hull, hull_shape, inertia, sensors
+from hybrid.effects.effect import FAMILIES, Effect, Values
+from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 
@@ -24,64 +29,83 @@ Catalogue = Mapping[str, Effect]
 VERSION = "2"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""
 
-CATALOGUE: dict[str, Effect] = {
-    effect.name: effect
-    for effect in (
-        inertia.LOADING,
-        inertia.SURGE_ADDED_MASS,
-        inertia.SWAY_ADDED_MASS,
-        inertia.YAW_INERTIA,
-        hull.HULL_FOULING,
-        hull.CROSS_FLOW_DRAG,
-        hull.DRIFT_FORCE,
-        hull.DRIFT_MOMENT,
-        hull.TURNING_FORCE,
-        hull.TURNING_DRAG,
-        hull.YAW_DAMPING,
-        hull.TRIM,
-        hull.SKEG,
-        hull.TOWED_LOAD,
-        hull_shape.HULL_LENGTHENING,
-        hull_shape.SHALLOW_WATER,
-        propulsion.THRUST_LOSS_PORT,
-        propulsion.THRUST_LOSS_STARBOARD,
-        propulsion.THRUST_LOSS_BOTH,
-        propulsion.WAKE_FRACTION,
-        propulsion.POD_SIDE_FORCE,
-        propulsion.TUNNEL_THRUST_LOSS,
-        alignment.AZIMUTH_OFFSET_PORT,
-        alignment.AZIMUTH_OFFSET_STARBOARD,
-        alignment.AZIMUTH_OFFSET_BOTH,
-        alignment.AZIMUTH_SCALE,
-        alignment.YAW_ASYMMETRY,
-        alignment.SWAY_ASYMMETRY,
-        environment.OCEAN_CURRENT,
-        environment.WAVE_DRIFT,
-        environment.WIND_LOAD,
-        environment.WIND_DRAG,
-        environment.WIND_SIDE_LOAD,
-        environment.WIND_YAW_LOAD,
-        clock.POSITION_DELAY,
-        clock.HEADING_DELAY,
-        clock.SPEED_DELAY,
-        clock.COMMAND_DELAY,
-        clock.THRUSTER_LAG,
-        sensors.HEADING_BIAS,
-        sensors.POSITION_ANTENNA_OFFSET,
-        sensors.SPEED_SENSOR_OFFSET,
-        sensors.SPEED_SENSOR_ROTATION,
-        sensors.SPEED_SCALE,
-        sensors.SWAY_BIAS,
-        sensors.YAW_RATE_BIAS,
-        sensors.YAW_RATE_SCALE,
-        sensors.WIND_DIRECTION_BIAS,
-        sensors.WIND_SPEED_SCALE,
-    )
-}
+_HULL = (
+    inertia.LOADING,
+    inertia.SURGE_ADDED_MASS,
+    inertia.SWAY_ADDED_MASS,
+    inertia.YAW_INERTIA,
+    hull.HULL_FOULING,
+    hull.CROSS_FLOW_DRAG,
+    hull.DRIFT_FORCE,
+    hull.DRIFT_MOMENT,
+    hull.TURNING_FORCE,
+    hull.TURNING_DRAG,
+    hull.YAW_DAMPING,
+    hull.TRIM,
+    hull.SKEG,
+    hull.TOWED_LOAD,
+    hull_shape.HULL_LENGTHENING,
+    hull_shape.SHALLOW_WATER,
+)
+_SURROUNDINGS = (
+    asymmetry.YAW_ASYMMETRY,
+    asymmetry.SWAY_ASYMMETRY,
+    environment.OCEAN_CURRENT,
+    environment.WAVE_DRIFT,
+    environment.WIND_LOAD,
+    environment.WIND_DRAG,
+    environment.WIND_SIDE_LOAD,
+    environment.WIND_YAW_LOAD,
+    clock.POSITION_DELAY,
+    clock.HEADING_DELAY,
+    clock.SPEED_DELAY,
+    clock.COMMAND_DELAY,
+    clock.THRUSTER_LAG,
+    sensors.HEADING_BIAS,
+    sensors.POSITION_ANTENNA_OFFSET,
+    sensors.SPEED_SENSOR_OFFSET,
+    sensors.SPEED_SENSOR_ROTATION,
+    sensors.SPEED_SCALE,
+    sensors.SWAY_BIAS,
+    sensors.YAW_RATE_BIAS,
+    sensors.YAW_RATE_SCALE,
+    sensors.WIND_DIRECTION_BIAS,
+    sensors.WIND_SPEED_SCALE,
+)
 
 
-def effect_named(name: str, catalogue: Catalogue = CATALOGUE) -> Effect:
+def _actuator_effects(actuators: Actuators) -> list[Effect]:
+    """The effects of a ship's actuators, those on their forces first and those on their directions then."""
+    names = {kind: tuple(each.name for each in actuators if each.kind == kind) for kind in KINDS}
+    each = [effect for kind, of_kind in names.items() if of_kind for effect in KINDS[kind].effects(of_kind)]
+    return sorted(each, key=lambda effect: FAMILIES.index(effect.family))
+
+
+@lru_cache(maxsize=32)
+def _catalogue_for(actuators: Actuators) -> dict[str, Effect]:
+    own = _actuator_effects(actuators)
+    catalogue = {effect.name: effect for effect in (*_HULL, *own, *_SURROUNDINGS)}
+    for effect in own:
+        _confuse_both_ways(catalogue, effect)
+    return catalogue
+
+
+def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect) -> None:
+    """What an effect is confused with is told of that other, too."""
+    for rival in effect.confused_with:
+        other = effect_named(rival, catalogue)
+        if effect.name not in other.confused_with:
+            catalogue[rival] = replace(other, confused_with=tuple(sorted((*other.confused_with, effect.name))))
+
+
+def catalogue_for(actuators: Actuators) -> dict[str, Effect]:
+    """The catalogue of a ship with these actuators: what any ship may lack, and the effects of each actuator."""
+    return dict(_catalogue_for(actuators))
+
+
+def effect_named(name: str, catalogue: Catalogue | None = None) -> Effect:
     """The effect of that name, or :class:`ConfigurationError` that lists what is possible."""
+    catalogue = CATALOGUE if catalogue is None else catalogue
     if name in catalogue:
         return catalogue[name]
     near = get_close_matches(name, catalogue, n=1)
@@ -89,32 +113,36 @@ def effect_named(name: str, catalogue: Catalogue = CATALOGUE) -> Effect:
     raise ConfigurationError(f"no effect {name!r} in the catalogue", fix=hint + ", ".join(catalogue))
 
 
-def apply_effects(plant: Plant, effects: Mapping[str, Values], catalogue: Catalogue = CATALOGUE) -> Plant:
-    """``plant`` with each named effect at its values, in the order given."""
+CATALOGUE: dict[str, Effect] = catalogue_for(DEFAULT)
+"""The catalogue of the default list of actuators, R/V Gunnerus'."""
+
+
+def apply_effects(plant: Plant, effects: Mapping[str, Values], catalogue: Catalogue | None = None) -> Plant:
+    """``plant`` with each named effect at its values, in the order given; by default those of its own catalogue."""
+    catalogue = _catalogue_for(plant.layout) if catalogue is None else catalogue
     for name, values in effects.items():
         plant = effect_named(name, catalogue).apply(plant, values)
     return plant
 
 
-def vessel_plant(vessel: Vessel, catalogue: Catalogue = CATALOGUE) -> Plant:
+def vessel_plant(vessel: Vessel, catalogue: Catalogue | None = None) -> Plant:
     """The plant of a vessel as its file states it, with the effects that the file adds."""
     return apply_effects(bare_plant(vessel), vessel.effects, catalogue)
 
 
-def catalogue_with(files: Iterable[str | Path] = (), without: Iterable[str] = ()) -> dict[str, Effect]:
-    """The catalogue with users' files added and some effects left out.
+def catalogue_with(
+    files: Iterable[str | Path] = (), without: Iterable[str] = (), actuators: Actuators = DEFAULT
+) -> dict[str, Effect]:
+    """The catalogue of a ship with users' files added and some effects left out.
 
     What a user's effect is confused with is told of that other, too.
     """
-    catalogue = dict(CATALOGUE)
+    catalogue = catalogue_for(actuators)
     for file in files:
         own = load_effects(file)
         catalogue |= own
         for effect in own.values():
-            for rival in effect.confused_with:
-                other = effect_named(rival, catalogue)
-                if effect.name not in other.confused_with:
-                    catalogue[rival] = replace(other, confused_with=(*other.confused_with, effect.name))
+            _confuse_both_ways(catalogue, effect)
     for name in without:
         del catalogue[effect_named(name, catalogue).name]
     return catalogue

@@ -22,7 +22,7 @@ HULL_FOULING = scaling(
     what="Growth on the hull: straight-ahead resistance Xuu times a factor",
     source="Schultz, Effects of coating roughness and biofouling on ship resistance, Biofouling 23 (2007)",
     parameter="resistance_factor",
-    confused_with=("thrust_loss_both", "towed_load", "wake_fraction"),
+    confused_with=("towed_load",),
 )
 CROSS_FLOW_DRAG = scaling(
     "cross_flow_drag",
@@ -41,7 +41,6 @@ YAW_DAMPING = scaling(
     what="Resistance of the hull to turning: Nur, Nuur, Nrrr and N|r|r times a factor",
     source=_REGRESSIONS,
     confused_with=(
-        "azimuth_scale",
         "drift_moment",
         "hull_lengthening",
         "skeg",
@@ -104,7 +103,6 @@ TRIM = Effect(
     parameters=(Parameter("shift_m", "m", 0.0, -5.0, 5.0, 0.5, 0.1),),
     change=_trimmed,
     confused_with=(
-        "azimuth_scale",
         "drift_moment",
         "hull_lengthening",
         "skeg",
@@ -116,9 +114,15 @@ TRIM = Effect(
 )
 
 
+def stern_m(plant: Plant) -> float:
+    """Where the actuators at the stern are, on average [m]; the after perpendicular where there is none."""
+    aft = [x_m for each in plant.actuators if (x_m := plant.number(f"{each.name}_x_m")) < 0.0]
+    return sum(aft) / len(aft) if aft else -0.5 * plant.length_between_perpendiculars_m
+
+
 def _with_skeg(plant: Plant, values: Values) -> Plant:
-    """Side force -rho/2 area slope u (v + x r) at the pods' x: it adds to the coefficients of u v and u r."""
-    x_m = 0.5 * (plant.port_x_m + plant.starboard_x_m)
+    """Side force -rho/2 area slope u (v + x r) at the stern actuators' x: it adds to those of u v and u r."""
+    x_m = stern_m(plant)
     lift = -0.5 * plant.water_density_kgpm3 * SKEG_LIFT_SLOPE * values["area_m2"]
     return plant.shifted(Yuv=lift, Yur=x_m * lift, Nuv=x_m * lift, Nur=x_m**2 * lift)
 
@@ -132,7 +136,6 @@ SKEG = Effect(
     parameters=(Parameter("area_m2", "m2", 0.0, -10.0, 20.0, 2.0, 0.3),),
     change=_with_skeg,
     confused_with=(
-        "azimuth_scale",
         "drift_force",
         "drift_moment",
         "hull_lengthening",
@@ -149,5 +152,5 @@ TOWED_LOAD = Effect(
     source="Constant body force, the simplest form of a tow",
     parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
     change=lambda plant, values: plant.shifted(constant_X_n=-values["force_n"]),
-    confused_with=("hull_fouling", "thrust_loss_both", "wake_fraction"),
+    confused_with=("hull_fouling",),
 )

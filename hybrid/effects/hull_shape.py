@@ -23,13 +23,12 @@ def _lengthened(plant: Plant, values: Values) -> Plant:
     for name in HULL:
         lever = 2 if name.startswith("N") else 1
         plant = plant.scaled(s**0.8 if name == "Xuu" else s ** (lever + _order(name)), name)
+    places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft
     return plant.shifted(
         length_between_perpendiculars_m=added_m,
         length_overall_m=added_m,
         lateral_area_m2=LATERAL_AREA_M2_PER_M * added_m,
-        port_x_m=-added_m / 2.0,
-        starboard_x_m=-added_m / 2.0,
-        tunnel_x_m=added_m / 2.0,
+        **{name: (added_m if plant.number(name) > 0.0 else -added_m) / 2.0 for name in places},
     )
 
 
@@ -86,12 +85,8 @@ HULL_LENGTHENING = Effect(
     parameters=(Parameter("length_m", "m", 0.0, -10.0, 20.0, 3.0, 0.5),),
     change=_lengthened,
     confused_with=(
-        "azimuth_scale",
         "loading",
         "skeg",
-        "thrust_loss_both",
-        "thrust_loss_port",
-        "thrust_loss_starboard",
         "trim",
         "yaw_damping",
     ),

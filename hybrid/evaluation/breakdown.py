@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
-from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
+from hybrid.prediction.prediction_windows import WIND, PredictionWindows, in_ship_axes
 
 GRAVITY_MPS2 = 9.81
 SLOW_FROUDE = 0.06
@@ -61,7 +61,7 @@ def manoeuvres(windows: PredictionWindows, length_m: float) -> NDArray[np.str_]:
 
 def winds(windows: PredictionWindows) -> NDArray[np.str_]:
     """The wind of the minute before each window by its Beaufort number [N], of :data:`WINDS`."""
-    speed_mps = np.nanmean(np.column_stack([windows.wind[:, 1], windows.past[..., 7]]), axis=1)
+    speed_mps = np.nanmean(np.column_stack([windows.wind[:, -1], windows.past[..., WIND][..., -1]]), axis=1)
     return np.asarray(np.array(WINDS)[np.searchsorted(BEAUFORT_MPS, speed_mps, side="right")])
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from acquisition.core.actuators import control_names, names_of
 from acquisition.core.errors import ModelRangeError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
@@ -157,7 +158,9 @@ def rehearsals(
 
 def usual_rpm(log: Log) -> float:
     """The shaft speed [rpm] of most of the time under way: the median of the faster thruster's."""
-    fastest = np.abs(log.controls[:, :, (0, 2)]).mean(axis=1).max(axis=1) * RPM_PER_RPS
+    main = [f"{name}_rpm" for name in names_of(log.actuators, "azimuth")]
+    shafts = [name in main for name in control_names(log.actuators)]
+    fastest = np.abs(log.controls[:, :, shafts]).mean(axis=1).max(axis=1, initial=0.0) * RPM_PER_RPS
     return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
 
 

@@ -22,7 +22,8 @@ from hybrid.diagnosis.evidence import normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.diagnosis.noise import Noise
-from hybrid.effects import CATALOGUE, Catalogue, vessel_plant
+from hybrid.effects import Catalogue, vessel_plant
+from hybrid.effects.catalogue import catalogue_for
 from hybrid.planning.compose import Aims, composed, matrix
 from hybrid.planning.information import TOLD_APART, Information, as_parameter, design_of, free_limits
 from hybrid.planning.next_manoeuvre import rehearsals
@@ -125,7 +126,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     Names are those of `seatrial simulate` and of the repertoire. Raises :class:`ConfigurationError`.
     """
     known = {each.name: each for each in candidates_of(vessel)}
-    given = [_named(text, known) for text in texts or (DEFAULT,)]
+    given = [_named(text, known, vessel) for text in texts or (DEFAULT,)]
     open_ = sum(part.minutes == 0.0 for part in given)
     left = minutes - sum(part.minutes for part in given)
     if open_ and left < open_:
@@ -135,7 +136,7 @@ def programme_of(texts: Sequence[str], vessel: Vessel, minutes: float) -> tuple[
     return tuple(replace(part, minutes=left / open_) if part.minutes == 0.0 else part for part in given)
 
 
-def _named(text: str, known: Mapping[str, Candidate]) -> Part:
+def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Part:
     match = _PART.fullmatch(text)
     if match is None:
         raise ConfigurationError(f"{text!r} is no manoeuvre", fix="write MANOEUVRE or MANOEUVRE=MINUTES")
@@ -145,7 +146,7 @@ def _named(text: str, known: Mapping[str, Candidate]) -> Part:
     if name in known:
         return Part(name, known[name].what, minutes, known[name].legs)
     try:
-        return Part(name, name.replace("_", " "), minutes, manoeuvre_named(name))
+        return Part(name, name.replace("_", " "), minutes, manoeuvre_named(name, vessel.actuators))
     except ConfigurationError as error:
         raise ConfigurationError(
             f"no manoeuvre {name!r}", fix=f"use one of {', '.join(known)}, or one of `seatrial simulate`"
@@ -161,7 +162,10 @@ def noise_in(
     vessel: Vessel, sea: SeaState, tolerance: float, catalogue: Catalogue, progress: Progress = lambda share: None
 ) -> Noise:
     """The noise that a diagnosis would find in such a sea, from ten simulated minutes with sensors."""
-    every = {**CATALOGUE, **catalogue}  # what is ruled out as missing may be known to be there
+    every = {
+        **catalogue_for(vessel.actuators),
+        **catalogue,
+    }  # what is ruled out as missing may be known to be there
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
     model = Model(vessel_plant(vessel, every), catalogue)
     return estimate_noise(linearise(log_of([table]), model, tolerance), progress).noise
@@ -181,7 +185,7 @@ def plan(
     ``tolerance`` is the share of the force range that the model may be off by. Raises :class:`ModelRangeError`
     where the programme takes the ship out of the range of her model.
     """
-    ship = vessel_plant(vessel, {**CATALOGUE, **catalogue})
+    ship = vessel_plant(vessel, {**catalogue_for(vessel.actuators), **catalogue})
     asked = [rehearsed(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     joined = _joined([*asked, *made.values()])

@@ -48,7 +48,7 @@ def _log(seen: Floats, controls: Floats, wind: Floats, rows: int) -> Log:
     weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
     weight[:, :, STEPS_PER_SECOND // 2] = 1.0
     return Log(
-        seen, weight, seen.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, 5),
+        seen, weight, seen.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
         wind[:rows].copy(), np.arange(rows, dtype=np.int64), block, block // round(LEG_S / BLOCK_S),
         np.zeros(rows, dtype=np.int64),
     )  # fmt: skip

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from hybrid.simulation.manoeuvres import Leg, Manoeuvre, reciprocal, settle, steer, turned, turning_circle, zigzag
+from acquisition.core.actuators import names_of
+from hybrid.simulation.manoeuvres import Leg, Manoeuvre, alone, reciprocal, settle, steer, turning_circle, zigzag
 from hybrid.vessel.parameters import Vessel
 
 MINUTES = 10
@@ -29,29 +30,43 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Shafts:
-    """Shaft speeds [rpm] to make manoeuvres with: usual, half of it, slower, faster; the tunnel thruster's."""
+    """Shaft speeds [rpm] to make manoeuvres with: usual, half of it, slower, faster; the tunnel thruster's.
+
+    ``azimuths`` and ``tunnels`` are the names of her thrusters of these kinds.
+    """
 
     usual: float
     half: float
     slow: float
     fast: float
     tunnel: float
+    azimuths: tuple[str, ...]
+    tunnels: tuple[str, ...]
 
 
 def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     """Round figures about a usual shaft speed, within what the drives can do."""
-    most = vessel.pods.limit_rpm
+    azimuths, tunnels = vessel.of_kind("azimuth"), vessel.of_kind("tunnel")
+    most = min((each.limit_rpm for each in azimuths), default=usual_rpm)
     usual_rpm = min(usual_rpm, most)
     usual, half, slow, fast = (
         min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), most)
         for share in (1.0, 0.5, _SLOW, _FAST)
     )
-    return Shafts(usual, half, slow, fast, round(_TUNNEL * vessel.tunnel.limit_rpm / _ROUND_RPM) * _ROUND_RPM)
+    aside = min((each.limit_rpm for each in tunnels), default=0.0)
+    return Shafts(
+        usual, half, slow, fast, round(_TUNNEL * aside / _ROUND_RPM) * _ROUND_RPM,
+        names_of(vessel.actuators, "azimuth"), names_of(vessel.actuators, "tunnel"),
+    )  # fmt: skip
 
 
 def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
-    """All candidates."""
-    return tuple(make(shafts) for make in _MAKERS)
+    """All candidates that a ship with these thrusters can make."""
+    pair = len(shafts.azimuths) == 2
+    needed: dict[Callable[[Shafts], Candidate], bool] = {
+        _uneven: pair, _toed: pair, _one_pod: len(shafts.azimuths) > 1, _tunnel: len(shafts.tunnels) > 0,
+    }  # fmt: skip
+    return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
 
 
 def _reciprocal(at: Shafts) -> Candidate:
@@ -124,7 +139,7 @@ def _speed_changes(at: Shafts) -> Candidate:
 
 
 def _coasting(at: Shafts) -> Candidate:
-    idle = Leg(port_rpm=0.0, starboard_rpm=0.0, at_most_s=180.0)
+    idle = Leg(rpm=0.0, at_most_s=180.0)
     legs = [
         leg for course in (0.0, 180.0) for leg in (settle(course, at.usual), steer(course, 60.0, at.usual), idle)
     ]
@@ -136,22 +151,22 @@ def _coasting(at: Shafts) -> Candidate:
 
 def _one_pod(at: Shafts) -> Candidate:
     legs: list[Leg] = []
-    for port, starboard in ((at.usual, 0.0), (0.0, at.usual)):
-        alone = Leg(port_rpm=port, starboard_rpm=starboard)
-        legs.append(replace(alone, course_deg=0.0, at_most_s=120.0))
-        legs += [replace(turned(alone, angle), at_most_s=60.0) for angle in (0.0, 15.0, -15.0)]
+    for name in at.azimuths:
+        single = alone(name, at.usual, at.azimuths)
+        legs.append(replace(single, course_deg=0.0, at_most_s=120.0))
+        legs += [replace(single, helm_deg=angle, at_most_s=60.0) for angle in (0.0, 15.0, -15.0)]
+    first, *others = (name.replace("_", " ") for name in at.azimuths)
+    then = "".join(f", then on the {name} alone" for name in others)
     what = (
-        f"Run on the port thruster alone at {at.usual:g} rpm, then on the starboard alone: 2 minutes on a course, "
+        f"Run on the {first} thruster alone at {at.usual:g} rpm{then}: 2 minutes on a course, "
         "then 1 minute each held straight, at 15 degrees and at -15 degrees"
     )
     return Candidate("one_thruster_at_a_time", what, tuple(legs))
 
 
 def _toed(at: Shafts) -> Candidate:
-    legs = [
-        Leg(port_rpm=at.usual, starboard_rpm=at.usual, port_angle_deg=a, starboard_angle_deg=-a, at_most_s=75.0)
-        for a in (20.0, -20.0, 35.0, -35.0)
-    ]
+    one, other = (f"{name}_angle_deg" for name in at.azimuths)
+    legs = [Leg(rpm=at.usual, orders={one: a, other: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
     what = (
         f"Hold both thrusters at {at.usual:g} rpm with azimuths opposed, 20 and 35 degrees inwards and outwards, "
         "75 seconds each, twice"
@@ -160,39 +175,42 @@ def _toed(at: Shafts) -> Candidate:
 
 
 def _uneven(at: Shafts) -> Candidate:
+    one, other = at.azimuths
     legs = [
         leg
-        for port, starboard in ((at.usual, at.slow), (at.slow, at.usual))
+        for orders in (
+            {f"{one}_rpm": at.usual, f"{other}_rpm": at.slow},
+            {f"{one}_rpm": at.slow, f"{other}_rpm": at.usual},
+        )
         for leg in (
-            Leg(port_rpm=port, starboard_rpm=starboard, course_deg=0.0, at_most_s=90.0),
-            *(
-                replace(turned(Leg(port_rpm=port, starboard_rpm=starboard), angle), at_most_s=45.0)
-                for angle in (10.0, -10.0)
-            ),
+            Leg(orders=orders, course_deg=0.0, at_most_s=90.0),
+            *(Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)),
         )
     ]
     what = (
-        f"Run with port at {at.usual:g} and starboard at {at.slow:g} rpm, then the other way round: 90 seconds on "
+        f"Run with {one} at {at.usual:g} and {other} at {at.slow:g} rpm, then the other way round: 90 seconds on "
         "a course, 45 seconds each at 10 degrees and at -10 degrees"
     )
     return Candidate("uneven_thrusters", what, tuple(legs))
 
 
 def _tunnel(at: Shafts) -> Candidate:
-    def push(pods: float, tunnel: float) -> Leg:
-        return Leg(port_rpm=pods, starboard_rpm=pods, tunnel_rpm=tunnel, at_most_s=60.0)
+    def push(pods: float, name: str, aside: float) -> Leg:
+        return Leg(rpm=pods, orders={f"{name}_rpm": aside}, at_most_s=60.0)
 
     ahead = 0.3 * at.usual
-    legs = [push(pods, side) for pods in (0.0, ahead) for side in (at.tunnel, 0.0, -at.tunnel, 0.0)]
+    subject = "the tunnel thruster" if len(at.tunnels) == 1 else "each tunnel thruster"
+    sides = (at.tunnel, 0.0, -at.tunnel, 0.0)
+    legs = [push(pods, name, side) for name in at.tunnels for pods in (0.0, ahead) for side in sides]
     what = (
-        f"Run the tunnel thruster at {at.tunnel:g} rpm to either side, a minute each and a minute of rest between, "
+        f"Run {subject} at {at.tunnel:g} rpm to either side, a minute each and a minute of rest between, "
         f"stopped and at {ahead:.0f} rpm ahead"
     )
     return Candidate("tunnel_thruster", what, tuple(legs))
 
 
 def _drifting(at: Shafts) -> Candidate:
-    legs = (Leg(port_rpm=0.0, starboard_rpm=0.0, at_most_s=60.0 * MINUTES),)
+    legs = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
     return Candidate("drifting", "Lie stopped without any thrust and drift", legs)
 
 

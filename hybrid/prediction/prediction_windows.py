@@ -14,11 +14,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.angles import difference, unwrap
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import NAMES, POSE, VELOCITY
+from acquisition.core.channels import POSE, VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
+from analysis.tables.table import table_actuators
 from analysis.tables.time_index import NANO
+from hybrid.vessel.actuators import angle_columns, control_units
+from hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
+from hybrid.vessel.sensors import HEADING
+
+WIND, CONTROLS = slice(6, 8), slice(8, None)
+"""Where wind and controls stand among the channels of a window: after the state."""
 
 PAST_S = 60
 """How many seconds before its start a window knows of."""
@@ -31,13 +39,13 @@ class PredictionWindows:
     ``start`` [N, 6]: north, east [m], heading [rad], surge, sway [m/s], yaw rate [rad/s] at second 0, of recordings
     smoothed over seconds to either side (:func:`hybrid.prediction.dataset.start_motion`);
     ``track`` [N, H+1, 3]: measured north, east [m] and heading [rad] without jumps, second by second;
-    ``wind`` [N, 2]: direction it comes from [rad], speed [m/s]; ``control`` [N, 5]: port [rev/s], port angle
-    [rad], starboard [rev/s], starboard angle [rad], tunnel [rpm]; ``trial``, ``leg`` [N] name where each
-    window comes from and ``start_time`` [N] when it starts.
+    ``wind`` [N, 2]: direction it comes from [rad], speed [m/s]; ``control`` [N, controls]: those of
+    ``actuators`` in their order, in SI; ``trial``, ``leg`` [N] name where each window comes from and
+    ``start_time`` [N] when it starts.
 
-    ``past`` [N, P+1, 13] is what was measured at second 0 and at each of the P seconds before, newest first, as it
-    was measured: the six columns of ``start``, the two of ``wind``, the five of ``control``; NaN where nothing was
-    recorded. The heading has no jumps and meets that of ``track`` at second 0.
+    ``past`` [N, P+1, channels] is what was measured at second 0 and at each of the P seconds before, newest
+    first, as it was measured: the six columns of ``start``, the two of ``wind``, those of ``control``; NaN where
+    nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
     A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
     """
@@ -50,6 +58,7 @@ class PredictionWindows:
     leg: NDArray[np.str_]
     start_time: pd.DatetimeIndex
     past: Floats
+    actuators: Actuators = DEFAULT
 
     def __len__(self) -> int:
         return len(self.start)
@@ -80,15 +89,16 @@ class PredictionWindows:
             self.leg[chosen],
             self.start_time[chosen],
             self.past[chosen],
+            self.actuators,
         )
 
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
-    """The windows of all parts, one after the other."""
-    names = [field.name for field in fields(PredictionWindows) if field.name != "start_time"]
+    """The windows of all parts, of one ship, one after the other."""
+    names = [field.name for field in fields(PredictionWindows) if field.name not in ("start_time", "actuators")]
     arrays: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names}
     times = np.concatenate([each.start_time.to_numpy() for each in parts])
-    return PredictionWindows(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"))
+    return PredictionWindows(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"), actuators=parts[0].actuators)
 
 
 def windows_from_rows(
@@ -106,37 +116,38 @@ def windows_from_rows(
         raise DataShortageError("no held window to work with", fix="lower --horizon or record held stretches")
     ordered = rows.sort_values(["window", "second"], kind="stable")
     count = ordered["window"].nunique()
-    cube = ordered[list(NAMES)].to_numpy(dtype=float).reshape(count, -1, len(NAMES))
-    value = {name: cube[:, :, column] for column, name in enumerate(NAMES)}
+    actuators = table_actuators(rows)
+    names = trial_names(actuators)
+    cube = ordered[list(names)].to_numpy(dtype=float).reshape(count, -1, len(names))
+    value = {name: cube[:, :, column] for column, name in enumerate(names)}
     first = ordered.groupby("window", sort=True).first()
     heading = np.deg2rad(np.apply_along_axis(unwrap, 1, value["heading_deg"]))
     track = np.stack([value["north_m"], value["east_m"], heading], axis=-1)
-    now = _si(cube[:, 0])
-    past = _past(now, first, tables or {})
-    past[..., 2] += np.round((track[:, :1, 2] - past[:, :1, 2]) / (2.0 * np.pi)) * 2.0 * np.pi
+    now = _si(cube[:, 0], actuators)
+    past = _past(now, first, tables or {}, actuators)
+    past[..., HEADING] += np.round((track[:, :1, HEADING] - past[:, :1, HEADING]) / (2.0 * np.pi)) * 2.0 * np.pi
     return PredictionWindows(
         start=_start(value, motion),
         track=track,
-        wind=now[:, 6:8],
-        control=now[:, 8:],
+        wind=now[:, WIND],
+        control=now[:, CONTROLS],
         trial=first["trial"].to_numpy(dtype=str),
         leg=first["leg"].to_numpy(dtype=str),
         start_time=pd.DatetimeIndex(first["start"]),
         past=past,
+        actuators=actuators,
     )
 
 
-def _si(channels: Floats) -> Floats:
-    """The 13 channels [..., 13] in SI units and radians, in the order of :class:`PredictionWindows`."""
-    unit = {"deg": np.pi / 180.0, "dps": np.pi / 180.0, "rpm": 1.0 / 60.0}
-    factor = [unit.get(name.rsplit("_", 1)[-1], 1.0) for name in NAMES]
-    factor[NAMES.index("tunnel_rpm")] = 1.0
-    return np.asarray(channels * np.array(factor))
+def _si(channels: Floats, actuators: Actuators) -> Floats:
+    """The channels [..., channels] in SI units and radians, in the order of :class:`PredictionWindows`."""
+    return np.asarray(channels * np.concatenate([STATE_UNITS, WIND_UNITS, control_units(actuators)]))
 
 
-def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame]) -> Floats:
-    """What was measured at second 0 and the :data:`PAST_S` seconds before [N, PAST_S + 1, 13], newest first."""
-    past = np.full((len(first), PAST_S + 1, len(NAMES)), np.nan)
+def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame], actuators: Actuators) -> Floats:
+    """What was measured at second 0 and :data:`PAST_S` seconds before [N, PAST_S + 1, channels], newest first."""
+    names = trial_names(actuators)
+    past = np.full((len(first), PAST_S + 1, len(names)), np.nan)
     past[:, 0] = now
     trial, start_ns = first["trial"].to_numpy(dtype=str), pd.DatetimeIndex(first["start"]).as_unit("ns").asi8
     for name, table in tables.items():
@@ -144,33 +155,35 @@ def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame]) 
         mine = np.flatnonzero(trial == name)
         wanted = start_ns[mine, None] - np.arange(1, PAST_S + 1) * 1_000_000_000
         row = np.searchsorted(times_ns, wanted).clip(max=len(times_ns) - 1)
-        values = _si(table[list(NAMES)].to_numpy(dtype=float))[row]
+        values = _si(table[list(names)].to_numpy(dtype=float), actuators)[row]
         past[mine, 1:] = np.where((times_ns[row] == wanted)[..., None], values, np.nan)
-    turn = difference_rad(past[:, :-1, 2], past[:, 1:, 2])
-    past[:, 1:, 2] = past[:, :1, 2] - np.cumsum(turn, axis=1)
+    turn = difference_rad(past[:, :-1, HEADING], past[:, 1:, HEADING])
+    past[:, 1:, HEADING] = past[:, :1, HEADING] - np.cumsum(turn, axis=1)
     return past
 
 
 def hindcast_windows(windows: PredictionWindows, seconds: int) -> tuple[PredictionWindows, Floats]:
     """The windows that start so many ``seconds`` earlier and end at second 0, and the controls during them.
 
-    Returns N windows of ``seconds`` seconds, and the recorded controls [N, seconds, 5], the mean of each second;
+    Returns N windows of ``seconds`` seconds, and the recorded controls [N, seconds, controls], the mean of each;
     NaN where the past was not recorded.
     """
     past = np.full_like(windows.past, np.nan)
     past[:, : past.shape[1] - seconds] = windows.past[:, seconds:]
     recorded = windows.past[:, seconds::-1]
-    change = np.diff(recorded[..., 8:], axis=1)
-    change[..., [1, 3]] = difference_rad(recorded[:, 1:, [9, 11]], recorded[:, :-1, [9, 11]])
+    change = np.diff(recorded[..., CONTROLS], axis=1)
+    angles = angle_columns(windows.actuators)
+    settings = recorded[..., CONTROLS]
+    change[..., angles] = difference_rad(settings[:, 1:, angles], settings[:, :-1, angles])
     earlier = replace(
         windows,
         start=recorded[:, 0, :6],
         track=recorded[..., :3],
-        wind=recorded[:, 0, 6:8],
-        control=recorded[:, 0, 8:],
+        wind=recorded[:, 0, WIND],
+        control=recorded[:, 0, CONTROLS],
         past=past,
     )
-    return earlier, recorded[:, :-1, 8:] + 0.5 * change
+    return earlier, recorded[:, :-1, CONTROLS] + 0.5 * change
 
 
 def difference_rad(angle: Floats, other: Floats) -> Floats:

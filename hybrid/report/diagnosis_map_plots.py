@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -22,13 +22,20 @@ QUANTITIES = {
     "heading_deg": "heading [deg]",
     "relative_wind_deg": "wind from, off the bow [deg]",
     "rpm": "shafts, mean [rpm]",
-    "port_less_starboard_rpm": "port less starboard [rpm]",
     "azimuth_deg": "azimuths [deg]",
-    "tunnel_rpm": "tunnel thruster [rpm]",
     "time_s": "time [min]",
     "place": "place north, east [m]",
 }
 """What the cells are of, for people."""
+
+
+def quantity_title(name: str) -> str:
+    """What a cell is of, for people; the shafts of a ship's actuators by their names."""
+    if name in QUANTITIES:
+        return QUANTITIES[name]
+    words = name.removesuffix("_rpm").replace("_", " ")
+    return f"{words} [rpm]" if "_less_" in name else f"{words} thruster [rpm]"
+
 
 CHANNELS = {
     "surge_force_n": "surge force [N]",
@@ -89,7 +96,7 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> list[A
     reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
     drawn = axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.set_xlabel(QUANTITIES[quantity])
+    axes.set_xlabel(quantity_title(quantity))
     axes.set_ylabel("force that lacks: " + FORCE_TITLES[axis])
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
     return [*artists, drawn.lines[0]]
@@ -139,14 +146,24 @@ def _plain(value: float, digits: int) -> str:
     return text.replace("-", "\u2212") if text != "-0" else "0"
 
 
+def _in_order(found: Iterable[str]) -> list[str]:
+    """Quantities in the order of the titles; what one shaft runs faster than another after their mean, tunnel
+    thrusters after the azimuths.
+    """
+    own = [name for name in found if name not in QUANTITIES]
+    after = {"rpm": [name for name in own if "_less_" in name]}
+    after["azimuth_deg"] = [name for name in own if name not in after["rpm"]]
+    return [name for title in QUANTITIES for name in (title, *after.get(title, ()))]
+
+
 def _rows(places: Sequence[Place]) -> Rows:
     """A row a cell, by quantity in the order of the titles: its name, its three forces."""
     result: Rows = []
-    for quantity, title in QUANTITIES.items():
+    for quantity in _in_order({quantity_of(each): None for each in places}):
         mine = [each for each in places if each.channel in FORCES and quantity_of(each) == quantity]
         spans = sorted({tuple(each.cell.values()) for each in mine})
         if spans:
-            result.append((title, []))
+            result.append((quantity_title(quantity), []))
         for span in spans:
             row = {each.channel: each for each in mine if tuple(each.cell.values()) == span}
             result.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))

@@ -28,11 +28,28 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float) -> str
     """A named effect in one plain sentence, with its size, certainty and share of the gap."""
     if effect.name in _TWO:
         what, ends = _of_two(_TWO[effect.name], parameters)
-    elif effect.name in _ONE:
-        what, ends = _of_one(effect, _ONE[effect.name], next(iter(parameters.values())))
+    elif texts := _ONE.get(effect.name) or _actuator_texts(effect.name):
+        what, ends = _of_one(effect, texts, next(iter(parameters.values())))
     else:
         what, ends = _of_any(effect, parameters)
     return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+
+
+def _actuator_texts(name: str) -> tuple[str, ...]:
+    """The texts for an effect of one actuator, of a pair, or of all of a kind; none for another effect."""
+    name = "thrust_loss_tunnel" if name == "tunnel_thrust_loss" else name
+    which = name.removeprefix("thrust_loss_").removeprefix("azimuth_offset_")
+    several = {"both": "Both", "all": "All"}.get(which, "")
+    words = which.replace("_", " ")
+    if name.startswith("thrust_loss_"):
+        lacking = f"{several} thrusters lack" if several else f"The {words} thruster lacks"
+        more = f"{several} thrusters have" if several else f"The {words} thruster has"
+        force, whose = "side force" if which == "tunnel" else "thrust", "their" if several else "its"
+        return f"{lacking} {{}} % of {whose} {force}", f"{more} {{}} % more {force} than the model's"
+    if name.startswith("azimuth_offset_"):
+        subject = f"{several} azimuths truly stand" if several else f"The {words} azimuth truly stands"
+        return (f"{subject} {{}} deg beyond what {'they report' if several else 'it reports'}",)
+    return ()
 
 
 def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple[str, str]:
@@ -120,26 +137,11 @@ _ONE: dict[str, tuple[str, ...]] = {
     ),
     "hull_lengthening": ("The ship is {} m longer than her model", "The ship is {} m shorter than her model"),
     "shallow_water": ("The water is about {} m deep, and the hull feels it",),
-    **{
-        f"thrust_loss_{name}": (f"{drive} {{}} % of {its} thrust", f"{more} {{}} % more thrust than the model's")
-        for name, drive, its, more in (
-            ("port", "The port thruster lacks", "its", "The port thruster has"),
-            ("starboard", "The starboard thruster lacks", "its", "The starboard thruster has"),
-            ("both", "Both thrusters lack", "their", "Both thrusters have"),
-        )
-    },
     "wake_fraction": (
         "The wake slows the water at the thrusters by {} %",
         "The water at the thrusters is {} % faster than the ship",
     ),
     "pod_side_force": _more_or_less("The side force of the pods in oblique flow is"),
-    "tunnel_thrust_loss": (
-        "The tunnel thruster lacks {} % of its side force",
-        "The tunnel thruster has {} % more side force than the model's",
-    ),
-    "azimuth_offset_port": ("The port azimuth truly stands {} deg beyond what it reports",),
-    "azimuth_offset_starboard": ("The starboard azimuth truly stands {} deg beyond what it reports",),
-    "azimuth_offset_both": ("Both azimuths truly stand {} deg beyond what they report",),
     "azimuth_scale": (
         "Both azimuths truly turn {} % more than they report",
         "Both azimuths truly turn {} % less than they report",

@@ -176,9 +176,9 @@ def _gain(ladder: Ladder, name: str) -> str:
 
 def cell_row(place: Place) -> list[str]:
     """A cell of the map."""
-    from hybrid.report.diagnosis_map_plots import CHANNELS, QUANTITIES, cell_name, quantity_of
+    from hybrid.report.diagnosis_map_plots import CHANNELS, cell_name, quantity_of, quantity_title
 
-    cell = f"{QUANTITIES.get(quantity_of(place), plain(quantity_of(place)))}: {cell_name(place)}"
+    cell = f"{quantity_title(quantity_of(place))}: {cell_name(place)}"
     channel = CHANNELS.get(place.channel, plain(place.channel))
     return [channel, cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
 

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import names_of
 from acquisition.core.angles import difference, wrap_180
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import NAMES
 from analysis.estimation.smoother import Smoothed
+from analysis.tables.table import trial_channels
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
@@ -70,12 +71,16 @@ def residuals_of(one_hz: pd.DataFrame, motion: Smoothed, plant: Plant) -> Residu
     """The accelerations that ``plant`` lacks where a 1 Hz table and the smoothed motion are whole."""
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})
-    whole = table.dropna(subset=[*NAMES, *ACCELERATIONS])
-    states, controls = states_of(whole), controls_of(whole)
+    whole = table.dropna(subset=[*trial_channels(table), *ACCELERATIONS])
+    states, controls = states_of(whole), controls_of(whole, plant.layout)
     model = modelled_acceleration(plant, states, controls, wind_of(whole)) * np.array([1.0, 1.0, np.rad2deg(1.0)])
     measured = whole[list(ACCELERATIONS)].to_numpy(dtype=float)
-    port, starboard = (whole[f"{side}_angle_deg"].to_numpy(dtype=float) for side in ("port", "starboard"))
-    azimuth = wrap_180(port + 0.5 * difference(starboard, port))  # the mean the short way round
+    angles = [whole[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names_of(plant.layout, "azimuth")]
+    first = angles[0] if angles else np.zeros(len(whole))
+    turned = [difference(each, first) for each in angles[1:]]
+    azimuth = wrap_180(
+        first + sum(turned, np.zeros(len(whole))) / max(len(angles), 1)
+    )  # the mean the short way round
     relative = wrap_180(whole["wind_direction_deg"].to_numpy() - whole["heading_deg"].to_numpy())
     quantities = {name: whole[name].to_numpy(dtype=float) for name in ("surge_mps", "sway_mps", "yaw_rate_dps")}
     quantities |= {"azimuth_deg": np.asarray(azimuth), "relative_wind_deg": np.asarray(relative)}

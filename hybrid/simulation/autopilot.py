@@ -1,4 +1,7 @@
-"""The ship under way, compiled: an autopilot that follows legs, drives with limits, the simulated ship."""
+"""The ship under way, compiled: an autopilot that follows legs, drives with limits, the simulated ship.
+
+Orders and controls are those of the vessel's list of actuators, in SI.
+"""
 
 from __future__ import annotations
 
@@ -7,35 +10,45 @@ from math import exp, isnan, pi
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit
 
 from acquisition.core.arrays import Floats
+from hybrid.simulation.manoeuvres import ENDS, helm_of
+from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.compiling import FAST, Record, compiled, source_stamp
-from hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over
+from hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.sensors import HEADING, YAW_RATE
 
 STAMP = source_stamp(Path(__file__).parent, Path(__file__).parents[1] / "vessel")
 STEER_GAIN, STEER_DAMPING_S, STEER_LIMIT_RAD = 0.8, 3.0, 25.0 * pi / 180.0
+COURSE = ENDS.index("course")
 SETTLED_RAD, SETTLED_RADPS = 2.0 * pi / 180.0, 0.2 * pi / 180.0
 
 
 class Drives(NamedTuple):
-    """What the drives can do: limits [rev/s, rad/s, rpm] and time constants [s]."""
+    """What the drive of each control can do [controls]: time constant [s], limit of the order, limit of the rate.
 
-    shaft_limit_rps: float
-    shaft_lag_s: float
-    azimuth_rate_radps: float
-    azimuth_lag_s: float
-    tunnel_limit_rpm: float
-    tunnel_lag_s: float
+    ``helm`` is how each control answers the autopilot's helm: 1 for the angle of a stern azimuth, -1 for one ahead,
+    which turns the ship the other way, 0 for what does not steer.
+    """
+
+    lag_s: Floats
+    limit: Floats
+    rate: Floats
+    helm: Floats
 
 
 def drives_of(vessel: Vessel) -> Drives:
     """The drives of a vessel file."""
-    pods, tunnel = vessel.pods, vessel.tunnel
-    rate = pods.azimuth_rate_limit_dps * pi / 180.0
-    shaft = pods.limit_rpm / 60.0, pods.shaft_lag_s
-    return Drives(*shaft, rate, pods.azimuth_lag_s, tunnel.limit_rpm, tunnel.shaft_lag_s)
+    each = [drive for entry in vessel.actuator for drive in KINDS[entry.kind].drives(entry)]
+    return Drives(
+        np.array([drive.lag_s for drive in each]),
+        np.array([drive.limit for drive in each]),
+        np.array([drive.rate for drive in each]),
+        helm_of(vessel),
+    )
 
 
 @compiled
@@ -51,39 +64,44 @@ def wrapped(angle_rad: float) -> float:
 
 
 @compiled
-def followed(drives: Drives, now: Control, order: Control, dt_s: float) -> Control:
-    """The drives a step later: first-order lags, azimuths no faster than they can, shafts within limits."""
-    shaft = 1.0 - exp(-dt_s / drives.shaft_lag_s)
-    azimuth = 1.0 - exp(-dt_s / drives.azimuth_lag_s)
-    tunnel = 1.0 - exp(-dt_s / drives.tunnel_lag_s)
-    fastest = drives.azimuth_rate_radps * dt_s
-    port, port_rad, starboard, starboard_rad, tunnel_rpm = now
-    return (
-        port + shaft * (clipped(order[0], drives.shaft_limit_rps) - port),
-        port_rad + clipped(azimuth * (order[1] - port_rad), fastest),
-        starboard + shaft * (clipped(order[2], drives.shaft_limit_rps) - starboard),
-        starboard_rad + clipped(azimuth * (order[3] - starboard_rad), fastest),
-        tunnel_rpm + tunnel * (clipped(order[4], drives.tunnel_limit_rpm) - tunnel_rpm),
-    )
+def shares(drives: Drives, dt_s: float) -> Control:
+    """How much of the way to its order each control goes in a step, but for the limit of its rate."""
+    result = np.ones(len(drives.lag_s))
+    for i in range(len(result)):
+        if drives.lag_s[i] > 0.0:
+            result[i] = 1.0 - exp(-dt_s / drives.lag_s[i])
+    return result
 
 
 @compiled
-def ordered(leg: Floats, base_rad: float, heading_rad: float, yaw_rate_radps: float) -> Control:
-    """The orders of a leg; where it steers, both azimuths answer course error and rate of turn."""
-    port_rad, starboard_rad = leg[2], leg[3]
-    if not isnan(leg[5]):
-        error = wrapped(base_rad + leg[5] - heading_rad)
-        # A positive azimuth turns the ship to port, so that the helm is opposite to the error.
-        steered = clipped(STEER_DAMPING_S * yaw_rate_radps - STEER_GAIN * error, STEER_LIMIT_RAD)
-        port_rad = starboard_rad = steered
-    return leg[0], port_rad, leg[1], starboard_rad, leg[4]
+def follow(drives: Drives, share: Control, now: Control, order: Control, dt_s: float) -> None:
+    """Move the drives a step on: first-order lags, none faster than it can, orders within limits."""
+    for i in range(len(now)):
+        way = share[i] * (clipped(order[i], drives.limit[i]) - now[i])
+        now[i] += clipped(way, drives.rate[i] * dt_s)
 
 
 @compiled
-def ended(leg: Floats, state: State, base_rad: float, reference_rad: float, began: State, since_s: float) -> bool:
+def give_order(
+    drives: Drives, leg: Floats, ends: Floats, base_rad: float, heading_rad: float, radps: float, order: Control
+) -> None:
+    """Fill ``order`` with a leg's; where it steers, what has a helm answers course error and rate of turn."""
+    order[:] = leg
+    if isnan(ends[COURSE]):
+        return
+    error = wrapped(base_rad + ends[COURSE] - heading_rad)
+    # A positive azimuth turns the ship to port, so that the helm is opposite to the error.
+    steered = clipped(STEER_DAMPING_S * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
+    for i in range(len(order)):
+        if drives.helm[i] != 0.0:
+            order[i] = drives.helm[i] * steered
+
+
+@compiled
+def ended(ends: Floats, state: State, base_rad: float, reference_rad: float, began: State, since_s: float) -> bool:
     """Whether a leg is over; see :class:`~hybrid.simulation.manoeuvres.Leg`."""
     _, _, heading, u, _, r = state
-    course, settled, deviation, turn, slower, at_least, at_most = leg[5:12]
+    course, settled, deviation, turn, slower, at_least, at_most = ends[:7]
     if since_s >= at_most:
         return True
     if since_s < at_least:
@@ -101,6 +119,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         p: Record,
         start: Floats,
         legs: Floats,
+        ends: Floats,
         drives: Drives,
         wind: Floats,
         drift_n: Floats,
@@ -111,40 +130,41 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         states: Floats,
         controls: Floats,
     ) -> int:
-        """Fill ``states`` [K+1, 6] and the drives' feedback ``controls`` [K+1, 5].
+        """Fill ``states`` [K+1, 6] and the drives' feedback ``controls`` [K+1, controls].
 
-        Returns the first step that ends out of the model's range, or -1. Changes the drift force in ``p``.
+        ``legs`` [legs, controls] and ``ends`` [legs, 7] are the manoeuvre's. Returns the first step that ends out
+        of the model's range, or -1. Changes the drift force in ``p``.
         """
         if stamp == 0:
             return -1
         mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
-        base = reference = start[2]
-        number, leg, began, since_s = 0, legs[0], state, 0.0
-        drive = ordered(leg, base, start[2], start[5])
-        acting = drive
+        base = reference = start[HEADING]
+        number, began, since_s = 0, state, 0.0
+        drive, share = np.empty(legs.shape[1]), shares(drives, dt_s)
+        give_order(drives, legs[0], ends[0], base, start[HEADING], start[YAW_RATE], drive)
+        acting, order, scratch = drive.copy(), drive.copy(), scratch_for(p, drive)
         states[0] = start
         for k in range(wind.shape[0]):
-            if ended(leg, state, base, reference, began, since_s):
+            if ended(ends[number], state, base, reference, began, since_s):
                 number = (number + 1) % legs.shape[0]
-                leg, began, since_s = legs[number], state, 0.0
-            if not isnan(leg[5]):
-                reference = state[2] + wrapped(base + leg[5] - state[2])
-            for i in range(5):
-                controls[k, i] = drive[i]
+                began, since_s = state, 0.0
+            if not isnan(ends[number, COURSE]):
+                reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
+            controls[k] = drive
             p.drift_force_n = drift_n[k]
             air = (wind[k, 0], wind[k, 1])
-            state, acting = advance(
-                p, mass, lag, drive, acting, air, k * dt_s, dt_s, substeps, state, extra, parameters
+            state = advance(
+                p, mass, lag, drive, acting, scratch, air, k * dt_s, dt_s, substeps, state, extra, parameters
             )
-            drive = followed(drives, drive, ordered(leg, base, state[2], state[5]), dt_s)
+            give_order(drives, legs[number], ends[number], base, state[HEADING], state[YAW_RATE], order)
+            follow(drives, share, drive, order, dt_s)
             since_s += dt_s
             for i in range(6):
                 states[k + 1, i] = state[i]
             if not in_range(p, state):
                 return k
-        for i in range(5):
-            controls[wind.shape[0], i] = drive[i]
+        controls[wind.shape[0]] = drive
         return -1
 
     return sail  # type: ignore[no-any-return]

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.config.toml_file import load_toml
+from acquisition.core.actuators import as_text
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
 from acquisition.recording.tables import write_table
@@ -23,7 +24,7 @@ from analysis.batch.one_recording import Row
 from analysis.batch.products import Options
 from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, run_jobs
 from analysis.tables.files import atomic_file
-from hybrid.effects import CATALOGUE, apply_effects, vessel_plant
+from hybrid.effects import apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.simulation.sensors import Noise
@@ -108,7 +109,7 @@ def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
     for sea, manoeuvre in product(campaign.sea_states, campaign.manoeuvres):
         sea_state_named(sea), manoeuvre_named(manoeuvre)
     for vessel in campaign.vessels:
-        apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden, CATALOGUE)
+        apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden)
     common = {name: getattr(campaign, name) for name in ("duration_s", "rate_hz", "heading_deg", "hidden", "noise")}
     every = product(campaign.vessels, campaign.sea_states, campaign.manoeuvres, campaign.seeds)
     trials = tuple(PlannedTrial(_name(*each), located(each[0]), *each[1:], **common) for each in every)
@@ -188,6 +189,7 @@ def _made(job: Job) -> Row:
     latitude_deg, longitude_deg = ORIGIN_DEG
     sheet = Trial(
         name=trial.name, vessel=truth["vessel"], place="simulated",
+        actuators=as_text(truth["plant"].layout),
         origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg,
         sea_state=trial.sea_state,
         crew_notes=f"simulated {trial.manoeuvre}",

@@ -7,15 +7,17 @@ the ship's heading at the start, or the course that the last steering leg held.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from math import inf, nan, radians
 
 import numpy as np
 
+from acquisition.core.actuators import DEFAULT, Actuators, control_names, names_of
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.actuators import KINDS, control_units
+from hybrid.vessel.parameters import Vessel
 
 CRUISE_RPM = 171.0
 SETTLE_S = 60.0
@@ -26,17 +28,17 @@ Manoeuvre = tuple["Leg", ...]
 class Leg:
     """Orders and the events that end them, whichever comes first but not before ``at_least_s``.
 
-    ``course_deg`` (relative to the first heading) is steered with both azimuths if given, and then
-    ``settled`` ends the leg once it is reached; otherwise the angles are held. ``deviation_deg`` ends the leg
-    when the heading is that far off the reference course (negative: to port); ``turn_deg`` when the ship has
-    turned that much since the leg began; ``slower_mps`` when surge falls below.
+    ``rpm`` goes to all azimuth thrusters and ``helm_deg`` is their angle: that of those astern, and the opposite
+    one ahead, so that all turn the ship alike. ``orders`` are those of single control channels, in their units,
+    where they differ; other actuators are at rest. ``course_deg`` (relative to the first heading) is steered with
+    all azimuths if given, and then ``settled`` ends the leg once it is reached; otherwise the angles are held.
+    ``deviation_deg`` ends the leg when the heading is that far off the reference course (negative: to port);
+    ``turn_deg`` when the ship has turned that much since the leg began; ``slower_mps`` when surge falls below.
     """
 
-    port_rpm: float = CRUISE_RPM
-    starboard_rpm: float = CRUISE_RPM
-    port_angle_deg: float = 0.0
-    starboard_angle_deg: float = 0.0
-    tunnel_rpm: float = 0.0
+    rpm: float = CRUISE_RPM
+    helm_deg: float = 0.0
+    orders: Mapping[str, float] = field(default_factory=dict)
     course_deg: float = nan
     settled: bool = False
     deviation_deg: float = nan
@@ -46,38 +48,68 @@ class Leg:
     at_most_s: float = inf
 
 
-COLUMNS = (
-    "port_rps", "starboard_rps", "port_angle", "starboard_angle", "tunnel_rpm", "course", "settled",
-    "deviation", "turn", "slower", "at_least", "at_most",
-)  # fmt: skip
+ENDS = ("course", "settled", "deviation", "turn", "slower", "at_least", "at_most")
+"""The columns of what a leg steers and what ends it, in SI units."""
 
 
-def as_array(manoeuvre: Manoeuvre) -> Floats:
-    """The legs as numbers in SI units for the compiled autopilot: [legs, len(COLUMNS)]."""
-    return np.array([_numbers(leg) for leg in manoeuvre])
+def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
+    """The legs for the compiled autopilot in SI units: orders [legs, controls] and :data:`ENDS` [legs, 7].
+
+    Raises :class:`ConfigurationError` for an order to a channel that the vessel does not have.
+    """
+    names, units = control_names(vessel.actuators), control_units(vessel.actuators)
+    unknown = {name for leg in manoeuvre for name in leg.orders} - set(names)
+    if unknown:
+        raise ConfigurationError(
+            f"{vessel.name} has no {', '.join(sorted(unknown))}", fix=f"order {', '.join(names)}"
+        )
+    helm, shafts = helm_of(vessel), main_shafts(vessel)
+    usual = [
+        [leg.rpm if shaft else share * leg.helm_deg for shaft, share in zip(shafts, helm, strict=True)]
+        for leg in manoeuvre
+    ]
+    orders = [
+        [leg.orders.get(name, value) for name, value in zip(names, row, strict=True)]
+        for leg, row in zip(manoeuvre, usual, strict=True)
+    ]
+    return np.array(orders) * units, np.array([_ends(leg) for leg in manoeuvre])
 
 
-def _numbers(leg: Leg) -> tuple[float, ...]:
-    shafts = leg.port_rpm / RPM_PER_RPS, leg.starboard_rpm / RPM_PER_RPS
-    angles = radians(leg.port_angle_deg), radians(leg.starboard_angle_deg)
+def helm_of(vessel: Vessel) -> Floats:
+    """How each control takes the helm [controls]: 1 for the angle of an azimuth astern, -1 ahead, 0 for others."""
+    return np.array([
+        (-1.0 if entry.x_m > 0.0 else 1.0) if angle and entry.kind == "azimuth" else 0.0
+        for entry in vessel.actuator
+        for angle in KINDS[entry.kind].angles
+    ])  # fmt: skip
+
+
+def main_shafts(vessel: Vessel) -> list[bool]:
+    """Which controls are the shafts that drive the ship ahead [controls]."""
+    return [
+        entry.kind == "azimuth" and not angle for entry in vessel.actuator for angle in KINDS[entry.kind].angles
+    ]
+
+
+def _ends(leg: Leg) -> tuple[float, ...]:
     steering = radians(leg.course_deg), float(leg.settled)
     ends = radians(leg.deviation_deg), radians(leg.turn_deg), leg.slower_mps, leg.at_least_s, leg.at_most_s
-    return *shafts, *angles, leg.tunnel_rpm, *steering, *ends
+    return *steering, *ends
 
 
 def helm(angle_deg: float, rpm: float = CRUISE_RPM, at_most_s: float = inf) -> Leg:
-    """Both pods held at one angle and speed."""
-    return turned(Leg(port_rpm=rpm, starboard_rpm=rpm, at_most_s=at_most_s), angle_deg)
+    """All azimuths held at one helm and speed."""
+    return Leg(rpm=rpm, helm_deg=angle_deg, at_most_s=at_most_s)
 
 
-def turned(leg: Leg, angle_deg: float) -> Leg:
-    """``leg`` with both pods at one angle."""
-    return replace(leg, port_angle_deg=angle_deg, starboard_angle_deg=angle_deg)
+def alone(name: str, rpm: float, others: Iterable[str]) -> Leg:
+    """One azimuth thruster runs, the shafts of the ``others`` stand still."""
+    return Leg(rpm=rpm, orders={f"{other}_rpm": 0.0 for other in others if other != name})
 
 
 def steer(course_deg: float, seconds: float, rpm: float = CRUISE_RPM) -> Leg:
     """Keep a course for so long."""
-    return Leg(port_rpm=rpm, starboard_rpm=rpm, course_deg=course_deg, at_least_s=seconds, at_most_s=seconds)
+    return Leg(rpm=rpm, course_deg=course_deg, at_least_s=seconds, at_most_s=seconds)
 
 
 def settle(course_deg: float, rpm: float = CRUISE_RPM) -> Leg:
@@ -130,27 +162,35 @@ def stopping() -> Manoeuvre:
     """Speed up, slow down, coast without thrust, and once more on the reciprocal course."""
     legs: list[Leg] = []
     for course in (0.0, 180.0):
-        idle = Leg(port_rpm=0.0, starboard_rpm=0.0, slower_mps=1.0, at_most_s=120.0)
+        idle = Leg(rpm=0.0, slower_mps=1.0, at_most_s=120.0)
         legs += [settle(course, 190.0), steer(course, 70.0, 190.0), steer(course, 60.0, 90.0), idle]
     return tuple(legs)
 
 
-def one_thruster(seconds: float = 100.0, rpm: float = 150.0) -> Manoeuvre:
-    """Port alone, then starboard alone: held straight, held at an angle, and on a course."""
+def one_thruster(actuators: Actuators = DEFAULT, seconds: float = 100.0, rpm: float = 150.0) -> Manoeuvre:
+    """Each azimuth thruster alone, one after the other: on a course, held straight, and held at an angle."""
     legs: list[Leg] = []
-    for port, starboard in ((rpm, 0.0), (0.0, rpm)):
-        alone = Leg(port_rpm=port, starboard_rpm=starboard)
-        legs.append(replace(alone, course_deg=0.0, at_most_s=0.4 * seconds))
-        legs += [replace(turned(alone, angle), at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0)]
+    names = names_of(actuators, "azimuth")
+    for name in names:
+        single = alone(name, rpm, names)
+        legs.append(replace(single, course_deg=0.0, at_most_s=0.4 * seconds))
+        legs += [replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0)]
         legs.append(settle(0.0, rpm))
     return tuple(legs)
 
 
-def tunnel_test(seconds: float = 40.0) -> Manoeuvre:
-    """The tunnel thruster both ways at slow speed, the pods astern of it held."""
-    slow = Leg(port_rpm=50.0, starboard_rpm=50.0, at_most_s=seconds)
-    both = (replace(slow, tunnel_rpm=300.0), slow, replace(slow, tunnel_rpm=-300.0), slow)
-    return steer(0.0, 60.0, 50.0), *both
+def tunnel_test(actuators: Actuators = DEFAULT, seconds: float = 40.0) -> Manoeuvre:
+    """Each tunnel thruster both ways at slow speed, the pods held."""
+    slow = Leg(rpm=50.0, at_most_s=seconds)
+    legs = [steer(0.0, 60.0, 50.0)]
+    for name in names_of(actuators, "tunnel"):
+        legs += [
+            replace(slow, orders={f"{name}_rpm": 300.0}),
+            slow,
+            replace(slow, orders={f"{name}_rpm": -300.0}),
+            slow,
+        ]
+    return tuple(legs)
 
 
 def reciprocal(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:
@@ -160,7 +200,7 @@ def reciprocal(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:
     )
 
 
-def programme() -> Manoeuvre:
+def programme(actuators: Actuators = DEFAULT) -> Manoeuvre:
     """An hour that tells effects apart: turns, zigzags on reciprocal headings, four headings, stops, one pod."""
     swings = [
         leg
@@ -169,7 +209,7 @@ def programme() -> Manoeuvre:
     ]
     turns = turning_circle(30.0, 160.0)
     gentle = (settle(90.0), *zigzag(10.0, 10.0, swings=12))
-    return *turns, *swings, *gentle, *reciprocal(), *stopping(), *one_thruster(), *tunnel_test()
+    return *turns, *swings, *gentle, *reciprocal(), *stopping(), *one_thruster(actuators), *tunnel_test(actuators)
 
 
 def paper() -> Manoeuvre:
@@ -193,25 +233,27 @@ def voyage() -> Manoeuvre:
     return tuple(legs)
 
 
-MANOEUVRES: dict[str, Callable[[], Manoeuvre]] = {
-    "voyage": voyage,
+MANOEUVRES: dict[str, Callable[[Actuators], Manoeuvre]] = {
+    "voyage": lambda _: voyage(),
     "programme": programme,
-    "paper": paper,
-    "zigzag": zigzag,
-    "turning_circle": turning_circle,
-    "speed_runs": speed_runs,
-    "stopping": stopping,
+    "paper": lambda _: paper(),
+    "zigzag": lambda _: zigzag(),
+    "turning_circle": lambda _: turning_circle(),
+    "speed_runs": lambda _: speed_runs(),
+    "stopping": lambda _: stopping(),
     "one_thruster": one_thruster,
     "tunnel_test": tunnel_test,
-    "reciprocal": reciprocal,
+    "reciprocal": lambda _: reciprocal(),
 }
+"""The manoeuvres by name, for a ship with these actuators."""
+
 _SIZED = re.compile(r"(zigzag|turning_circle)_(\d+)(?:_(\d+))?")
 
 
-def manoeuvre_named(name: str) -> Manoeuvre:
+def manoeuvre_named(name: str, actuators: Actuators = DEFAULT) -> Manoeuvre:
     """A manoeuvre by name; ``zigzag_A_S`` and ``turning_circle_A`` give azimuth and switching angle."""
     if name in MANOEUVRES:
-        return MANOEUVRES[name]()
+        return MANOEUVRES[name](actuators)
     sized = _SIZED.fullmatch(name)
     if sized and sized[1] == "zigzag" and sized[3]:
         return zigzag(float(sized[2]), float(sized[3]))

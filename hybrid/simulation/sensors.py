@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
-from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.actuators import angle_columns, control_units
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,16 +30,22 @@ class Noise:
 
 
 def noisy(
-    generator: np.random.Generator, noise: Noise, states: Floats, controls: Floats, wind: Floats
+    generator: np.random.Generator,
+    noise: Noise,
+    states: Floats,
+    controls: Floats,
+    wind: Floats,
+    actuators: Actuators,
 ) -> tuple[Floats, Floats, Floats]:
-    """States [rows, 6], controls [rows, 5] and wind [rows, 2] with noise; a calm stays above zero."""
+    """States [rows, 6], controls [rows, controls] and wind [rows, 2] with noise; a calm stays above zero."""
     rows = len(states)
     turn = np.pi / 180.0
     motion = (
         [noise.position_m] * 2 + [noise.heading_deg * turn] + [noise.speed_mps] * 2 + [noise.yaw_rate_dps * turn]
     )
-    shaft, azimuth = noise.shaft_rpm / RPM_PER_RPS, noise.azimuth_deg * turn
-    command = [shaft, azimuth, shaft, azimuth, noise.shaft_rpm]
+    units, angles = control_units(actuators), angle_columns(actuators)
+    command = noise.shaft_rpm * units
+    command[angles] = noise.azimuth_deg * units[angles]
     air = [noise.wind_direction_deg * turn, noise.wind_speed_mps]
     drawn = [
         values + generator.standard_normal((rows, len(sigmas))) * sigmas

@@ -16,16 +16,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, storage_error
 from acquisition.recording.trial import software_version
-from hybrid.effects import CATALOGUE, Catalogue, apply_effects, vessel_plant
+from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
-from hybrid.simulation.manoeuvres import Manoeuvre, as_array, manoeuvre_named
+from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, main_shafts, manoeuvre_named
 from hybrid.simulation.sea_state import SeaState, sea_state_named
 from hybrid.simulation.sensors import Noise, noisy
 from hybrid.simulation.waves import wave_motion, with_waves
 from hybrid.simulation.weather import drift_series, wind_series
+from hybrid.vessel.actuators import angle_columns
 from hybrid.vessel.channels import as_table
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.feedback import acting_controls
@@ -46,7 +48,7 @@ _LONGEST_S = 7 * 86400.0
 class Voyage:
     """A simulated motion without sensors, a row for every step of the simulation.
 
-    ``states`` [K+1, 6], ``controls`` [K+1, 5] as the drives' feedback shows them with the plant's delay, and
+    ``states`` [K+1, 6], ``controls`` [K+1, controls] as the drives' feedback shows them with the plant's delay, and
     ``wind`` [K+1, 2] as a perfect sensor with the plant's bias and factor reports it.
     """
 
@@ -65,21 +67,21 @@ def simulate_trial(
     hidden: Hidden | None = None,
     *,
     noise: Noise | None = None,
-    catalogue: Catalogue = CATALOGUE,
+    catalogue: Catalogue | None = None,
     heading_deg: float = 0.0,
     start_time: pd.Timestamp = START,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Simulate a trial and return the recorded table and the truth.
 
-    The table has the 13 channels in their units and a UTC index named ``time``, from ``start_time`` for
+    The table has the channels of the vessel in their units and a UTC index named ``time``, from ``start_time`` for
     ``duration_s`` at ``rate_hz``. The truth says what was hidden and by which weather, and holds the
-    noise-free ``states`` [rows, 6], ``controls`` [rows, 5], ``wind`` [rows, 2] and the ``plant``. Raises
+    noise-free ``states`` [rows, 6], ``controls`` [rows, controls], ``wind`` [rows, 2] and the ``plant``. Raises
     :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
     range of her model.
     """
     ship = load_vessel(vessel) if isinstance(vessel, str) else vessel
     sea = sea_state_named(sea_state) if isinstance(sea_state, str) else sea_state
-    legs = manoeuvre_named(manoeuvre) if isinstance(manoeuvre, str) else manoeuvre
+    legs = manoeuvre_named(manoeuvre, ship.actuators) if isinstance(manoeuvre, str) else manoeuvre
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
     plant = apply_effects(vessel_plant(ship, catalogue), {**sea.effects()}, catalogue)
@@ -91,9 +93,13 @@ def simulate_trial(
     moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     every = slice(None, None, steps_per_row)
     reported = measured(moving, plant, dt_s)[every]
-    recorded = noisy(streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every])
+    recorded = noisy(
+        streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every], ship.actuators
+    )
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
-    table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"))
+    table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
+    if said := as_text(ship.actuators):
+        table.attrs["trial"] = {"vessel": ship.name, "actuators": said}
     truth = {
         "vessel": ship.name,
         "sea_state": asdict(sea),
@@ -129,15 +135,16 @@ def sail_through(
     wind[:, 0] += plant.wind_direction_bias_rad
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
-    leg_array, packed = as_array(legs), pack(plant)
+    (leg_array, ends), packed = as_arrays(legs, vessel), pack(plant)
     extra, parameters = combined((plant,))
     start = _start(vessel, plant, leg_array[0], heading_deg)
-    states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, 5), np.nan)
+    states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     drives = drives_of(vessel)
     left = sail(
         packed[0],
         start,
         leg_array,
+        ends,
         drives,
         wind[:-1],
         slow_n,
@@ -150,7 +157,9 @@ def sail_through(
     )
     if left >= 0:
         raise range_error(Runs(states[np.newaxis], np.array([left])), plant, dt_s)
-    return Voyage(states, acting_controls(controls, -plant.command_delay_s, dt_s), wind)
+    return Voyage(
+        states, acting_controls(controls, -plant.command_delay_s, dt_s, angle_columns(vessel.actuators)), wind
+    )
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
@@ -177,8 +186,8 @@ def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
 
 def _start(vessel: Vessel, plant: Plant, leg: Floats, heading_deg: float) -> Floats:
     """At the origin, on the first heading, at the speed that the first leg's shafts hold in still water."""
-    shaft_rps = max(leg[0], leg[1])
-    order = np.tile([shaft_rps, 0.0, shaft_rps, 0.0, 0.0], (_APPROACH_S, 1))
+    shafts = np.array(main_shafts(vessel))
+    order = np.tile(np.where(shafts, leg[shafts].max(initial=0.0), 0.0), (_APPROACH_S, 1))
     still = [0.0, 0.0, 0.0, 3.0, 0.0, 0.0]
     steady = simulate(bare_plant(vessel), still, order, np.zeros((_APPROACH_S, 2)), 1.0)[-1]
     heading = np.deg2rad(heading_deg)

@@ -19,13 +19,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats, Ints
-from acquisition.core.channels import NAMES, POSE, VELOCITY
+from acquisition.core.channels import POSE, VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.frames import Quality
 from acquisition.recording.batches import Samples
 from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
 from analysis.tables.resample import own_gap_s, resample_recording
+from analysis.tables.table import actuators_in_recording
 from analysis.tables.time_index import NANO
 from hybrid.vessel.plant import Plant
 from hybrid.workflows.predict import Prediction, predict
@@ -64,7 +65,7 @@ def missing_channels(recording: Recording, at_ns: int | None) -> list[str]:
     """
     return [
         name
-        for name in NAMES
+        for name in trial_names(actuators_in_recording(recording))
         if (span := _span_ns(recording.series.get(name))) is None
         or (at_ns is not None and at_ns - span[1] > _longest_hold_ns(recording.series[name]))
     ]
@@ -97,7 +98,7 @@ def predict_now(
 def hold_until(recording: Recording, until_ns: int) -> tuple[Recording, tuple[str, ...]]:
     """Wind and thrusters held from their newest sample to a second, where that is later; and which these are."""
     series, held = dict(recording.series), []
-    for name in NAMES:
+    for name in trial_names(actuators_in_recording(recording)):
         span = _span_ns(series[name])
         if name not in MOTION and span is not None and span[1] < until_ns:
             series[name] = _longer(series[name], until_ns)

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from acquisition.core.actuators import control_names
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import COMMAND
 from analysis.tables.resample import MOTION_FILTER
+from analysis.tables.table import table_actuators, table_controls
 from analysis.tables.time_index import NANO, times_ns
 from analysis.windows.steady_controls import Tolerances, held
 from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
@@ -115,7 +116,11 @@ def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tole
     What counts as moved is the rule by which windows are held.
     """
     rules, rows = rule or Tolerances(), horizon_s + 1
-    return not all(held(name, table[name].to_numpy(dtype=float), rows, 1, rules)[row] for name in COMMAND)
+    actuators = table_actuators(table)
+    return not all(
+        held(name, table[name].to_numpy(dtype=float), rows, 1, rules, actuators)[row]
+        for name in control_names(actuators)
+    )
 
 
 class RunningError:
@@ -173,6 +178,6 @@ class RunningError:
             return None
         heading = np.deg2rad(unwrap(seconds["heading_deg"].to_numpy(dtype=float)))
         track = np.column_stack([seconds["north_m"], seconds["east_m"], heading])
-        if not (np.isfinite(track).all() and seconds[list(COMMAND)].notna().all(axis=None)):
+        if not (np.isfinite(track).all() and seconds[list(table_controls(table))].notna().all(axis=None)):
             return None
         return track_error(prediction, track, any_thruster_moved(table, row, horizon_s))

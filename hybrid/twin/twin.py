@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.core.channels import NAMES
+from acquisition.core.actuators import DEFAULT, Actuators, as_text
+from acquisition.core.channels import trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import Quality
 from acquisition.logger.follow import Follower
 from acquisition.logger.requests import send_prediction
 from acquisition.recording.reader import Recording, Series
 from acquisition.recording.trial import Trial
+from analysis.tables.table import actuators_in_recording
 from analysis.tables.time_index import NANO
 from hybrid.prediction.prediction_windows import PAST_S
 from hybrid.twin.forecast import Forecast, RecentSamples, missing_channels, newest_second_ns, predict_now
@@ -164,7 +166,8 @@ class Twin:
         """Name the channels without which no prediction can be made."""
         if time.monotonic() - self._new_s < _STALLED_S:
             return
-        newest = [int(each.measured_ns.max()) for name, each in recording.series.items() if name in NAMES]
+        newest = [int(each.measured_ns.max()) for name, each in recording.series.items()
+                  if name in trial_names(actuators_in_recording(recording))]  # fmt: skip
         missing = missing_channels(recording, max(newest) // NANO * NANO if newest else None)
         if missing:
             self._notify_once("warning", f"no prediction: nothing comes of {', '.join(missing)}")
@@ -179,13 +182,24 @@ class Twin:
 def warm_up(predictor: Predictor) -> None:
     """Predict once for a ship at rest, so that what is compiled at first use is compiled before it matters."""
     with suppress(SeatrialError):
-        predict_now(recording_at_rest(predictor.keep_s), predictor.horizon_s, predictor.plant, predictor.trained)
+        still = recording_at_rest(predictor.keep_s, predictor.plant.layout)
+        predict_now(still, predictor.horizon_s, predictor.plant, predictor.trained)
 
 
-def recording_at_rest(seconds: float) -> Recording:
-    """A recording of so many seconds in which all 13 channels are zero, a sample a second."""
+def recording_at_rest(seconds: float, actuators: Actuators = DEFAULT) -> Recording:
+    """A recording of so many seconds in which all channels of a ship are zero, a sample a second."""
     times_ns = np.arange(int(seconds) + 1, dtype=np.int64) * NANO
     zeros = np.zeros(times_ns.size)
     flags = np.full(times_ns.size, Quality.GOOD, np.uint8)
     series = Series(times_ns, times_ns, zeros, flags, ("",), np.zeros(times_ns.size, np.int32))
-    return Recording(Path(), Trial(), dict.fromkeys(NAMES, series), {}, [], 0, True, 0, int(times_ns[-1]))
+    return Recording(
+        Path(),
+        Trial(actuators=as_text(actuators)),
+        dict.fromkeys(trial_names(actuators), series),
+        {},
+        [],
+        0,
+        True,
+        0,
+        int(times_ns[-1]),
+    )

@@ -1,4 +1,4 @@
-"""Between the 13 channels of a table, in their contractual units, and the simulator's SI arrays."""
+"""Between the channels of a table, in their contractual units, and the simulator's SI arrays."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from acquisition.core.actuators import DEFAULT, Actuators, control_names
 from acquisition.core.angles import unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import COMMAND, ENVIRONMENT, NAMES, POSE, VELOCITY
+from acquisition.core.channels import ENVIRONMENT, POSE, VELOCITY
 from acquisition.core.errors import InputError
+from analysis.tables.table import table_actuators
+from hybrid.vessel.actuators import angle_columns, control_units
 
 RPM_PER_RPS = 60.0
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
-CONTROL_UNITS = np.array([1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0 / RPM_PER_RPS, np.pi / 180.0, 1.0])
-_WIND_UNITS = np.array([np.pi / 180.0, 1.0])
+WIND_UNITS = np.array([np.pi / 180.0, 1.0])
 
 
 def states_of(table: pd.DataFrame) -> Floats:
@@ -24,31 +26,35 @@ def states_of(table: pd.DataFrame) -> Floats:
     return np.asarray(values * STATE_UNITS)
 
 
-def controls_of(table: pd.DataFrame) -> Floats:
-    """Port [rev/s], its angle [rad], starboard [rev/s], its angle [rad], tunnel [rpm]: [rows, 5]."""
-    return np.asarray(_columns(table, COMMAND) * CONTROL_UNITS)
+def controls_of(table: pd.DataFrame, actuators: Actuators | None = None) -> Floats:
+    """The controls of a ship in SI, actuator by actuator: [rows, controls]; by default those that a table is of."""
+    actuators = table_actuators(table) if actuators is None else actuators
+    return np.asarray(_columns(table, control_names(actuators)) * control_units(actuators))
 
 
 def wind_of(table: pd.DataFrame) -> Floats:
     """Direction the wind comes from [rad] and its speed [m/s]: [rows, 2]."""
-    return np.asarray(_columns(table, ENVIRONMENT) * _WIND_UNITS)
+    return np.asarray(_columns(table, ENVIRONMENT) * WIND_UNITS)
 
 
-def as_table(states: ArrayLike, controls: ArrayLike, wind: ArrayLike, index: pd.Index) -> pd.DataFrame:
-    """The 13 channels from states [rows, 6], controls [rows, 5] and wind [rows, 2], angles wrapped."""
+def as_table(
+    states: ArrayLike, controls: ArrayLike, wind: ArrayLike, index: pd.Index, actuators: Actuators = DEFAULT
+) -> pd.DataFrame:
+    """The channels from states [rows, 6], controls [rows, controls] and wind [rows, 2], angles wrapped."""
     motion = np.asarray(states, dtype=np.float64) / STATE_UNITS
-    command = np.asarray(controls, dtype=np.float64) / CONTROL_UNITS
-    air = np.asarray(wind, dtype=np.float64) / _WIND_UNITS
+    command = np.asarray(controls, dtype=np.float64) / control_units(actuators)
+    air = np.asarray(wind, dtype=np.float64) / WIND_UNITS
     motion[:, 2], air[:, 0] = wrap_360(motion[:, 2]), wrap_360(air[:, 0])
-    command[:, (1, 3)] = wrap_180(command[:, (1, 3)])
-    names = [*POSE, *VELOCITY, *ENVIRONMENT, *COMMAND]
-    return pd.DataFrame(np.hstack([motion, air, command]), index=index, columns=names)[list(NAMES)]
+    angles = angle_columns(actuators)
+    command[:, angles] = wrap_180(command[:, angles])
+    names = [*POSE, *VELOCITY, *ENVIRONMENT, *control_names(actuators)]
+    return pd.DataFrame(np.hstack([motion, air, command]), index=index, columns=names)
 
 
 def _columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     missing = [name for name in names if name not in table.columns]
     if missing:
         raise InputError(
-            f"the table lacks {', '.join(missing)}", fix="give all 13 channels, or map the columns to them"
+            f"the table lacks {', '.join(missing)}", fix="give all channels, or map the columns to them"
         )
     return table[list(names)].to_numpy(dtype=np.float64, copy=True)

@@ -24,10 +24,10 @@ compiled = njit(fastmath=FAST, error_model="numpy")
 
 
 def source_stamp(*places: Path) -> int:
-    """A digest of Python sources: files, and all that are in folders."""
+    """A digest of Python sources: files, and all that are in folders and below."""
     digest = sha256()
     for place in places:
-        for source in sorted(place.glob("*.py")) if place.is_dir() else [place]:
+        for source in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             digest.update(source.read_bytes())
     return int(digest.hexdigest()[:15], 16)
 

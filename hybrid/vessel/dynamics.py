@@ -3,7 +3,7 @@
 eta' = R(psi) nu and M nu_r' = tau(nu_r), with nu over ground in the state and nu_r through the water inside.
 A steady current in the earth frame turns in the body frame as the ship turns, hence u' = u_r' + v_c r and
 v' = v_r' - u_c r. Runge-Kutta of fourth order; whatever is constant in a step is worked out once, in
-:class:`Held`.
+:class:`Held`. The ship's actuators are rows of a table, gone through one by one, whatever their number and kind.
 """
 
 from __future__ import annotations
@@ -11,19 +11,21 @@ from __future__ import annotations
 from math import cos, exp, pi, sin
 from typing import NamedTuple
 
+import numpy as np
+
 from acquisition.core.arrays import Floats
+from hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND, WORK_SIZE, actuator_force, hold_actuator
 from hybrid.vessel.compiling import Record, compiled
 from hybrid.vessel.drift import constant_force, wave_drift_force
 from hybrid.vessel.hull import hull_force
 from hybrid.vessel.plant import ForceFunction
-from hybrid.vessel.thrusters import Pod, pod_force, port_pod, starboard_pod, tunnel_force
 from hybrid.vessel.wind import wind_force, wind_vector
 
 State = tuple[float, float, float, float, float, float]
 """north [m], east [m], heading [rad, unwrapped], u, v over ground [m/s], r [rad/s]."""
 
-Control = tuple[float, float, float, float, float]
-"""port shaft [rev/s], port angle [rad], starboard shaft [rev/s] and angle [rad], tunnel shaft [rpm]."""
+Control = Floats
+"""The controls of all actuators in SI [controls], actuator by actuator in the order of the vessel's list."""
 
 
 class Environment(NamedTuple):
@@ -37,12 +39,10 @@ class Environment(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What a step keeps constant: the pods as they point and turn, the tunnel's force, the air's motion."""
+    """What a step keeps constant: the controls, the actuators' working numbers, the air's motion."""
 
     control: Control
-    port: Pod
-    starboard: Pod
-    tunnel_n: float
+    work: Floats
     wind_north_mps: float
     wind_east_mps: float
 
@@ -54,6 +54,13 @@ class InverseMass(NamedTuple):
     sway: float
     cross: float
     yaw: float
+
+
+class Scratch(NamedTuple):
+    """Room for a run's steps, so that none of them allocates: controls that act, and the working numbers."""
+
+    control: Control
+    work: Floats
 
 
 class Lag(NamedTuple):
@@ -73,18 +80,29 @@ def inverse_mass(p: Record) -> InverseMass:
 
 
 @compiled
-def hold(p: Record, control: Control, wind_direction_rad: float, wind_speed_mps: float) -> Held:
-    """What stays constant while ``control`` and the reported wind do."""
-    port_rps, port_rad, starboard_rps, starboard_rad, tunnel_rpm = control
+def scratch_for(p: Record, control: Control) -> Scratch:
+    """Room for the steps of a run with controls like these."""
+    return Scratch(control.copy(), np.zeros((len(p.actuators), WORK_SIZE)))
+
+
+@compiled
+def hold(p: Record, control: Control, work: Floats, wind_direction_rad: float, wind_speed_mps: float) -> Held:
+    """What stays constant while ``control`` and the reported wind do; fills ``work``."""
+    for i in range(len(p.actuators)):
+        row = p.actuators[i]
+        hold_actuator(p, row, control, int(row[CONTROL]), work[i])
     wind_north, wind_east = wind_vector(p, wind_direction_rad, wind_speed_mps)
-    return Held(
-        control,
-        port_pod(p, port_rps, port_rad),
-        starboard_pod(p, starboard_rps, starboard_rad),
-        tunnel_force(p, tunnel_rpm),
-        wind_north,
-        wind_east,
-    )
+    return Held(control, work, wind_north, wind_east)
+
+
+@compiled
+def actuators_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -> tuple[float, float, float]:
+    """Force and moment X [N], Y [N], N [N m] of all actuators as they are held, at speeds through the water."""
+    X, Y, N = 0.0, 0.0, 0.0
+    for i in range(len(p.actuators)):
+        one_X, one_Y, one_N = actuator_force(p, p.actuators[i], work[i], u_r, v_r, r)
+        X, Y, N = X + one_X, Y + one_Y, N + one_N
+    return X, Y, N
 
 
 @compiled
@@ -97,16 +115,15 @@ def total_force(
     """
     u_r, v_r = u - u_c, v - v_c
     X, Y, N = hull_force(p, u_r, v_r, r)
-    port_X, port_Y, port_N = pod_force(p, held.port, u_r, v_r, r)
-    starboard_X, starboard_Y, starboard_N = pod_force(p, held.starboard, u_r, v_r, r)
+    actuators_X, actuators_Y, actuators_N = actuators_force(p, held.work, u_r, v_r, r)
     u_air = held.wind_north_mps * cosine + held.wind_east_mps * sine
     v_air = held.wind_east_mps * cosine - held.wind_north_mps * sine
     wind_X, wind_Y, wind_N = wind_force(p, u - u_air, v - v_air)
     drift_X, drift_Y, drift_N = wave_drift_force(p, cosine, sine)
     constant_X, constant_Y, constant_N = constant_force(p)
-    X += port_X + starboard_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r
-    Y += port_Y + starboard_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r + held.tunnel_n
-    N += port_N + starboard_N + wind_N + drift_N + constant_N + p.tunnel_x_m * held.tunnel_n
+    X += actuators_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r
+    Y += actuators_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r
+    N += actuators_N + wind_N + drift_N + constant_N
     return X, Y, N
 
 
@@ -188,17 +205,15 @@ def in_range(p: Record, state: State) -> bool:
 
 
 @compiled
-def approached(acting: Control, order: Control, share: float) -> Control:
-    """``acting`` moved towards ``order`` by ``share`` of the way; angles take the shorter way round."""
-    a, b, c, d, e = acting
-    port, port_rad, starboard, starboard_rad, tunnel = order
-    return (
-        a + share * (port - a),
-        b + share * (port_rad - b - 2.0 * pi * round((port_rad - b) / (2.0 * pi))),
-        c + share * (starboard - c),
-        d + share * (starboard_rad - d - 2.0 * pi * round((starboard_rad - d) / (2.0 * pi))),
-        e + share * (tunnel - e),
-    )
+def approach(p: Record, result: Control, acting: Control, order: Control, share: float) -> None:
+    """Fill ``result``: ``acting`` moved towards ``order`` by ``share`` of the way; angles take the shorter way."""
+    for i in range(len(p.actuators)):
+        kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
+        for j in range(CONTROLS_OF[kind]):
+            off = order[first + j] - acting[first + j]
+            if IS_ANGLE[kind, j]:
+                off -= 2.0 * pi * round(off / (2.0 * pi))
+            result[first + j] = acting[first + j] + share * off
 
 
 @compiled
@@ -218,6 +233,7 @@ def advance(
     lag: Lag,
     order: Control,
     acting: Control,
+    scratch: Scratch,
     air: tuple[float, float],
     time_s: float,
     dt_s: float,
@@ -225,17 +241,19 @@ def advance(
     state: State,
     extra: ForceFunction | None,
     parameters: Floats,
-) -> tuple[State, Control]:
-    """State and acting controls one step of ``dt_s`` later; ``order`` and the reported wind hold meanwhile.
+) -> State:
+    """The state one step of ``dt_s`` later; ``order`` and the reported wind hold meanwhile.
 
-    Lagging thrusters act with their exact average over each substep; without a lag the order acts.
+    Lagging thrusters act with their exact average over each substep, and ``acting`` moves on; without a lag the
+    order acts.
     """
     direction_rad, speed_mps = air
     h = dt_s / substeps
-    held = hold(p, order, direction_rad, speed_mps)
+    held = hold(p, order, scratch.work, direction_rad, speed_mps)
     for j in range(substeps):
         if lag.present:
-            held = hold(p, approached(acting, order, lag.mean), direction_rad, speed_mps)
-            acting = approached(acting, order, lag.end)
+            approach(p, scratch.control, acting, order, lag.mean)
+            held = hold(p, scratch.control, scratch.work, direction_rad, speed_mps)
+            approach(p, acting, acting, order, lag.end)
         state = runge_kutta(p, mass, held, time_s + j * h, h, state, extra, parameters)
-    return state, acting
+    return state

@@ -2,32 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Floats
 
-_ANGLES = (1, 3)  # where the azimuths stand in a control
 
-
-def acting_controls(controls: ArrayLike, delay_s: ArrayLike, dt_s: float) -> Floats:
-    """The controls that act while ``controls`` [..., K, 5] are recorded ``delay_s`` after they acted.
+def acting_controls(controls: ArrayLike, delay_s: ArrayLike, dt_s: float, angles: Sequence[int]) -> Floats:
+    """The controls that act while ``controls`` [..., K, controls] are recorded ``delay_s`` after they acted.
 
     ``delay_s`` is one number or one a run, [...]; with a negative one this is what such a record shows of
     controls that act. Linear between samples ``dt_s`` apart (which is the mean over a step of controls that
-    are held), azimuths [rad] along the shorter way round, held beyond the ends. No delay, no change.
+    are held), those that are ``angles`` [rad] along the shorter way round, held beyond the ends.
+    No delay, no change.
     """
     recorded = np.asarray(controls, dtype=np.float64)
     delay = np.asarray(delay_s, dtype=np.float64)
     if not delay.any():
         return recorded
-    last = recorded.shape[-2] - 1
-    recorded = np.broadcast_to(recorded, (*np.broadcast_shapes(recorded.shape[:-2], delay.shape), last + 1, 5))
+    last, width = recorded.shape[-2] - 1, recorded.shape[-1]
+    recorded = np.broadcast_to(recorded, (*np.broadcast_shapes(recorded.shape[:-2], delay.shape), last + 1, width))
     times = np.clip(np.arange(last + 1) + delay[..., np.newaxis] / dt_s, 0.0, last)
     lower = np.broadcast_to(np.floor(times).astype(int), recorded.shape[:-1])[..., np.newaxis]
     part = times[..., np.newaxis] - lower
     left = np.take_along_axis(recorded, lower, axis=-2)
     step = np.take_along_axis(recorded, np.minimum(lower + 1, last), axis=-2) - left
-    turn = step[..., _ANGLES]
-    step[..., _ANGLES] = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
+    turn = step[..., angles]
+    step[..., angles] = turn - 2.0 * np.pi * np.round(turn / (2.0 * np.pi))
     return np.asarray(left + part * step)

@@ -1,26 +1,42 @@
 """Vessel files: read, checked, resolved from their base, and written back.
 
-A file states a whole vessel, or ``base = "NAME or FILE"`` and what differs: single numbers, and effects added
-to the model as ``[effects.NAME]`` tables. Names are those of the files in ``trials/vessels``.
+A file states a whole vessel: dimensions, a hull model, a wind model, an ``[[actuator]]`` for each actuator. Or it
+says ``base = "NAME or FILE"`` and what differs: single numbers, those of an actuator in an ``[[actuator]]`` of its
+name, more actuators, and effects added to the model as ``[effects.NAME]`` tables. Names are those of the files in
+``trials/vessels``.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from acquisition.config.toml_file import line_of, read_text, validate
+from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, checked
 from acquisition.core.errors import ConfigurationError, storage_error
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
 
-VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
-DEFAULT = "gunnerus_short"
+DEFAULT = DEFAULT_VESSEL
 _ADDED = ("effects", "provenance")
+_OLD = {
+    "pods": '[[actuator]] with name, kind = "azimuth", x_m, y_m, propeller_diameter_m ... for each pod',
+    "tunnel": '[[actuator]] with name = "tunnel" and kind = "tunnel"',
+    **dict.fromkeys(("surge", "sway", "yaw"), '[hull] with model = "polynomial" and all coefficients of X, Y, N'),
+}
+"""Tables of the files' older form, and what is written instead."""
+
+_POSITIVE = {
+    "dimensions": ("length_overall_m", "length_between_perpendiculars_m", "beam_m", "draught_m"),
+    "inertia": ("mass_kg", "yaw_inertia_kgm2"),
+    "actuator": ("propeller_diameter_m", "limit_rpm", "azimuth_rate_limit_dps"),
+}
+"""The numbers that must be above zero, by table."""
+
 Tree = dict[str, Any]
 
 
@@ -38,9 +54,14 @@ def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
     text = read_text(path)
     tree = _parse(text, path)
     merged = _resolved(tree, path, seen=(path,))
+    _check_form(merged, text, path)
     _check_effects(merged, text, path)
     vessel = validate(_with_tuples(merged), text, path, Vessel)
     _check_numbers(vessel, text, path)
+    try:
+        checked(vessel.actuators)
+    except ConfigurationError as error:
+        raise ConfigurationError(error.what, where=str(path), why=error.why, fix=error.fix) from error
     return vessel
 
 
@@ -56,8 +77,8 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
     A vessel built on one of Seatrial's own states only what differs from it. Raises :class:`StorageError`.
     """
     tree = asdict(vessel)
-    if vessel.base in vessel_names():
-        base = _whole(vessel.base)
+    base = _whole(vessel.base) if vessel.base in vessel_names() else {}
+    if _names_in(base) and _names_in(base) <= _names_in(tree):
         tree = {key: _difference(value, base.get(key)) for key, value in tree.items()}
         tree = {key: value for key, value in tree.items() if value not in ({}, None)}
         tree |= {"base": vessel.base, "name": vessel.name}
@@ -117,15 +138,44 @@ def _whole(name: str) -> Tree:
 
 
 def _merged(below: Tree, above: Tree) -> Tree:
+    """``below`` with what ``above`` says; another ``model`` takes the place of a table, actuators meet by name."""
     result = dict(below)
     for key, value in above.items():
         under = result.get(key)
-        result[key] = _merged(under, value) if isinstance(under, dict) and isinstance(value, dict) else value
+        if key == "actuator" and isinstance(under, list) and isinstance(value, list):
+            result[key] = _merged_by_name(under, value)
+        elif (
+            isinstance(under, dict)
+            and isinstance(value, dict)
+            and value.get("model", under.get("model")) == under.get("model")
+        ):
+            result[key] = _merged(under, value)
+        else:
+            result[key] = value
     return result
+
+
+def _merged_by_name(below: list[Any], above: list[Any]) -> list[Any]:
+    merged = {each.get("name"): each for each in below if isinstance(each, dict)}
+    for each in above:
+        name = each.get("name") if isinstance(each, dict) else None
+        merged[name] = _merged(merged[name], each) if name in merged else each
+    return list(merged.values())
+
+
+def _names_in(tree: Tree) -> set[str]:
+    return {each["name"] for each in tree.get("actuator", ())}
 
 
 def _difference(value: Any, base: Any) -> Any:
     """What of ``value`` its base does not already say; ``None`` or an empty table if it says all."""
+    if isinstance(value, tuple) and value and isinstance(value[0], Mapping):
+        by_name = {each["name"]: each for each in base or ()}
+        changed = [each for each in value if each != by_name.get(each["name"])]
+        return (
+            tuple({**_difference(each, by_name.get(each["name"], {})), "name": each["name"]} for each in changed)
+            or None
+        )
     if isinstance(value, Mapping) and isinstance(base, Mapping):
         parts = {key: _difference(each, base.get(key)) for key, each in value.items()}
         return {key: each for key, each in parts.items() if each is not None and each != {}}
@@ -133,10 +183,23 @@ def _difference(value: Any, base: Any) -> Any:
 
 
 def _with_tuples(tree: Tree) -> Tree:
-    return {
-        key: _with_tuples(value) if isinstance(value, dict) else tuple(value) if isinstance(value, list) else value
-        for key, value in tree.items()
-    }
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return _with_tuples(value)
+        return tuple(map(plain, value)) if isinstance(value, list) else value
+
+    return {key: plain(value) for key, value in tree.items()}
+
+
+def _check_form(tree: Tree, text: str, path: Path) -> None:
+    """Refuse the tables of the older form, and say what stands in their place."""
+    for table, instead in _OLD.items():
+        if table in tree:
+            raise ConfigurationError(
+                f"[{table}] is the older form of vessel files",
+                where=f"{path}, line {line_of(text, [table])}",
+                fix=f"write {instead}; {VESSELS / DEFAULT}.toml shows it",
+            )
 
 
 def _check_effects(tree: Tree, text: str, path: Path) -> None:
@@ -156,21 +219,23 @@ def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
         size = len(getattr(vessel.wind, table))
         if size != TABLE_SIZE:
             _complain(path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg")
-    for key, value in asdict(vessel).items():
-        for name, number in value.items() if key not in _ADDED and isinstance(value, dict) else ():
+    for keys, numbered in _tables(vessel):
+        for name, number in numbered.items():
             numbers = number if isinstance(number, tuple) else (number,)
-            if not all(isfinite(each) for each in numbers):
-                _complain(path, text, [key, name], f"is {number}", "give a finite number")
-    positive = {
-        "dimensions": ("length_overall_m", "length_between_perpendiculars_m", "beam_m", "draught_m"),
-        "inertia": ("mass_kg", "yaw_inertia_kgm2"),
-        "pods": ("diameter_m", "limit_rpm", "azimuth_rate_limit_dps"),
-    }
-    for part, names in positive.items():
-        for name in names:
-            value = getattr(getattr(vessel, part), name)
-            if value <= 0.0:
-                _complain(path, text, [part, name], f"is {value:g}", "give a number above zero")
+            if not all(isinstance(each, str) or isfinite(each) for each in numbers):
+                _complain(path, text, [*keys, name], f"is {number}", "give a finite number")
+            if name in _POSITIVE.get(str(keys[0]), ()) and number <= 0.0:
+                _complain(path, text, [*keys, name], f"is {number:g}", "give a number above zero")
+
+
+def _tables(vessel: Vessel) -> Iterator[tuple[list[str | int], Tree]]:
+    """The tables of a vessel with numbers of the model, by their keys."""
+    for key, value in asdict(vessel).items():
+        if key == "actuator":
+            for number, each in enumerate(value):
+                yield [key, number], each
+        elif isinstance(value, dict) and key not in _ADDED:
+            yield [key], value
 
 
 def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str) -> None:
@@ -180,16 +245,22 @@ def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str)
 
 def _toml(tree: Tree, prefix: str = "") -> str:
     """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
-    plain = {key: value for key, value in tree.items() if not isinstance(value, Mapping)}
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items() if value != ""]
+    tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_tables(value)}
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in tree.items() if key not in tables and value != ""]
     text = "\n".join(lines) + ("\n" if lines else "")
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            path = f"{prefix}{_key(key)}"
-            inner = _toml(dict(value), f"{path}.")
-            holds_tables_only = all(isinstance(each, Mapping) for each in value.values()) and value
-            text += inner if holds_tables_only else f"\n[{path}]\n{inner}"
+    for key, value in tables.items():
+        path = f"{prefix}{_key(key)}"
+        if _is_tables(value):
+            text += "".join(f"\n[[{path}]]\n{_toml(dict(each), f'{path}.')}" for each in value)
+            continue
+        inner = _toml(dict(value), f"{path}.")
+        holds_tables_only = all(isinstance(each, Mapping) for each in value.values()) and value
+        text += inner if holds_tables_only else f"\n[{path}]\n{inner}"
     return text
+
+
+def _is_tables(value: Any) -> bool:
+    return isinstance(value, tuple) and bool(value) and all(isinstance(each, Mapping) for each in value)
 
 
 def _key(key: str) -> str:

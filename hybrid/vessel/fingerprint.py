@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from acquisition.core.actuators import Actuator, Actuators
+from acquisition.core.channels import actuators_of
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.plant import NUMBERS, TABLES, Plant
+from hybrid.vessel.actuators import KINDS
+from hybrid.vessel.plant import SCALARS, TABLES, ActuatorNumbers, Plant
 from hybrid.vessel.wind import TABLE_SIZE
 
 Numbers = dict[str, float | tuple[float, ...]]
@@ -24,18 +27,44 @@ def plant_numbers(plant: Plant) -> Numbers:
             why="they are code, not numbers",
             fix="use effects of the catalogue",
         )
-    return {name: _plain(getattr(plant, name)) for name in NUMBERS}
+    return {name: _plain(value) for name, value in plant.numbers().items()}
 
 
-def plant_of(numbers: Mapping[str, float | tuple[float, ...]]) -> Plant:
-    """The inverse of :func:`plant_numbers`. Raises :class:`ValueError` for a missing, unknown or ill-shaped one."""
-    if set(numbers) != set(NUMBERS):
-        differing = sorted(set(numbers) ^ set(NUMBERS))
-        raise ValueError(f"{differing[0]} is {'no number of a plant' if differing[0] in numbers else 'missing'}")
+def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators) -> Plant:
+    """The plant with these numbers, named as :func:`plant_numbers` names them.
+
+    Raises :class:`ValueError` for a missing, unknown or ill-shaped one.
+    """
+    zeros = tuple(ActuatorNumbers(each.name, each.kind, (0.0,) * len(KINDS[each.kind].numbers)) for each in layout)
+    scalars = {name: numbers[name] for name in SCALARS if name in numbers}
+    missing = [name for name in SCALARS if name not in numbers]
+    if missing:
+        raise ValueError(f"{missing[0]} is missing")
     wrong = [name for name, value in numbers.items() if _size(value) != (TABLE_SIZE if name in TABLES else 0)]
     if wrong:
         raise ValueError(f"{wrong[0]} has {_size(numbers[wrong[0]])} columns")
-    return Plant(**numbers)  # type: ignore[arg-type]
+    plant = Plant(**scalars, actuators=zeros)  # type: ignore[arg-type]
+    others = {name: value for name, value in numbers.items() if name not in SCALARS}
+    try:
+        plant = plant.replaced(**others)
+    except KeyError as error:
+        raise ValueError(str(error.args[0])) from error
+    lacking = [name for name in plant.numbers() if name not in numbers]
+    if lacking:
+        raise ValueError(f"{lacking[0]} is missing")
+    return plant
+
+
+def layout_of(channels: Sequence[str], numbers: Mapping[str, float | tuple[float, ...]]) -> Actuators:
+    """The actuators of a stored plant: names and order as in a trial's channels, the kind as its numbers tell."""
+
+    def kind_of(each: Actuator) -> str:
+        own = {
+            name: [f"{each.name}_{n}" for n in kind.numbers if n not in kind.shared] for name, kind in KINDS.items()
+        }
+        return next((name for name, needed in own.items() if set(needed) <= set(numbers)), each.kind)
+
+    return tuple(Actuator(each.name, kind_of(each)) for each in actuators_of(channels))
 
 
 def plant_hash(plant: Plant) -> str:

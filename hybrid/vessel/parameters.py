@@ -1,15 +1,25 @@
 """A vessel's numbers: the frozen objects that a vessel file is read into, and nothing computed.
 
-The equations that use them are in ``hull.py``, ``thrusters.py``, ``wind.py`` and ``drift.py``; the file
-format is in ``files.py``. SI units and radians unless a name says otherwise.
+The equations that use them are in ``hull.py``, ``actuators``, ``wind.py`` and ``drift.py``; the file format is in
+``files.py``. SI units and radians unless a name says otherwise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
+from pydantic import Discriminator
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
+
+from acquisition.core.actuators import Actuators
+from hybrid.vessel.actuators import KINDS, Entry, list_of
+
+if TYPE_CHECKING:
+    AnyActuator = Entry
+else:  # the kinds' entries, told apart by `kind`
+    AnyActuator = Annotated[Union[tuple(kind.entry for kind in KINDS.values())], Discriminator("kind")]  # noqa: UP007
 
 _STRICT = {"extra": "forbid"}
 Table = tuple[Number, ...]
@@ -49,10 +59,11 @@ class Inertia:
     Nrd: Number
 
 
-@dataclass(frozen=True, slots=True)
-class Surge:
-    """Hull coefficients of X; ``absv`` stands for \\|v\\|."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Polynomial:
+    """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|."""
 
+    model: Literal["polynomial"]
     Xuu: Number
     Xvv: Number
     Xrr: Number
@@ -61,12 +72,6 @@ class Surge:
     Xrvu: Number
     Xurr: Number
     Xu_absv: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Sway:
-    """Hull coefficients of Y; ``absr`` and ``absv`` stand for \\|r\\| and \\|v\\|."""
-
     Yuv: Number
     Yur: Number
     Yuur: Number
@@ -79,12 +84,6 @@ class Sway:
     Y_absv_v: Number
     Y_absr_r: Number
     Y_absv_r: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Yaw:
-    """Hull coefficients of N; ``absr`` and ``absv`` stand for \\|r\\| and \\|v\\|."""
-
     Nuv: Number
     Nur: Number
     Nuur: Number
@@ -100,42 +99,10 @@ class Yaw:
 
 
 @dataclass(frozen=True, slots=True)
-class Pods:
-    """Two like azimuth pods: places, propeller, force coefficients, and what their drives can do."""
-
-    port_x_m: Number
-    port_y_m: Number
-    starboard_x_m: Number
-    starboard_y_m: Number
-    diameter_m: Number
-    thrust_nn: Number
-    thrust_nu: Number
-    thrust_uu: Number
-    side_nv: Number
-    side_uv: Number
-    side_vv: Number
-    limit_rpm: Number
-    azimuth_rate_limit_dps: Number
-    azimuth_lag_s: Number
-    shaft_lag_s: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Tunnel:
-    """The tunnel thruster: place, side force as a polynomial of the shaft speed in rpm, and its drive."""
-
-    x_m: Number
-    cubic_n: Number
-    quadratic_n: Number
-    linear_n: Number
-    limit_rpm: Number
-    shaft_lag_s: Number
-
-
-@dataclass(frozen=True, slots=True)
 class Wind:
     """Windage areas and the coefficients at 0, 10, ... 180 degrees off the bow."""
 
+    model: Literal["coefficients"]
     frontal_area_m2: Number
     lateral_area_m2: Number
     air_density_kgpm3: Number
@@ -148,9 +115,9 @@ class Wind:
 class Vessel:
     """A whole vessel as its file states it.
 
-    ``effects`` are additions to the model, name to parameter values in the units of the parameters' names;
-    ``base`` is the vessel that the file built upon, if it did; ``provenance`` is free text and numbers about
-    where the values come from.
+    ``actuator`` has an entry for each actuator; their order is that of the controls. ``effects`` are additions to
+    the model, name to parameter values in the units of the parameters' names; ``base`` is the vessel that the
+    file built upon, if it did; ``provenance`` is free text and numbers about where the values come from.
     """
 
     name: str
@@ -158,17 +125,23 @@ class Vessel:
     dimensions: Dimensions
     validity: Validity
     inertia: Inertia
-    surge: Surge
-    sway: Sway
-    yaw: Yaw
-    pods: Pods
-    tunnel: Tunnel
+    hull: Polynomial
     wind: Wind
+    actuator: tuple[AnyActuator, ...]
     description: str = ""
     base: str = ""
     effects: Mapping[str, Values] = field(default_factory=dict)
     provenance: Provenance = field(default_factory=dict)
 
+    @property
+    def actuators(self) -> Actuators:
+        """The names and kinds of the actuators, in the order of their controls."""
+        return list_of(self.actuator)
 
-for _part in (Dimensions, Validity, Inertia, Surge, Sway, Yaw, Pods, Tunnel, Wind, Vessel):
+    def of_kind(self, kind: str) -> tuple[Any, ...]:
+        """The actuators of one kind."""
+        return tuple(each for each in self.actuator if each.kind == kind)
+
+
+for _part in (Dimensions, Validity, Inertia, Polynomial, Wind, Vessel, *(kind.entry for kind in KINDS.values())):
     setattr(_part, "__pydantic_config__", _STRICT)  # noqa: B010 - not an attribute that mypy knows

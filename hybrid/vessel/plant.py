@@ -1,24 +1,30 @@
 """The plant: everything that one simulated run needs, as one flat set of named numbers.
 
 A vessel file becomes a :class:`Plant`; effects turn one plant into another; the compiled core sees the plant
-packed into a numpy record, whose fields it reads by the same names. This is the one place where named
-objects become arrays. Besides the vessel's own numbers a plant has slots for everything the effects of the
-catalogue touch; their defaults are neutral and switch them off exactly.
+packed into a numpy record, whose fields it reads by the same names; its actuators are rows of a table in that
+record, one each. This is the one place where named objects become arrays. Besides the vessel's own numbers a plant
+has slots for everything the effects of the catalogue touch; their defaults are neutral and switch them off exactly.
+
+An actuator's numbers have its name before theirs: ``port_x_m``. Those that describe a kind (``thrust_nn``) mean
+all actuators of that kind where the name is not there.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
-from operator import attrgetter
+from functools import lru_cache, partial
+from operator import add, attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.parameters import Surge, Sway, Vessel, Yaw
+from hybrid.vessel.actuators import CODES, CONTROL, CONTROLS_OF, FIRST_NUMBER, IS_ANGLE, KIND, KINDS, ROW_SIZE
+from hybrid.vessel.parameters import Polynomial, Vessel
 from hybrid.vessel.wind import TABLE_SIZE
 
 ForceFunction = Callable[..., tuple[float, float, float]]
@@ -31,6 +37,15 @@ class ExtraForce:
 
     function: ForceFunction
     parameters: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorNumbers:
+    """One actuator of a plant: its name, its kind, and its numbers in the order of the kind's."""
+
+    name: str
+    kind: str
+    values: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,22 +102,6 @@ class Plant:
     N_absv_v: float
     N_absr_r: float
     N_absv_r: float
-    # pods and tunnel thruster
-    port_x_m: float
-    port_y_m: float
-    starboard_x_m: float
-    starboard_y_m: float
-    propeller_diameter_m: float
-    thrust_nn: float
-    thrust_nu: float
-    thrust_uu: float
-    side_nv: float
-    side_uv: float
-    side_vv: float
-    tunnel_x_m: float
-    tunnel_cubic_n: float
-    tunnel_quadratic_n: float
-    tunnel_linear_n: float
     # wind
     frontal_area_m2: float
     lateral_area_m2: float
@@ -110,11 +109,8 @@ class Plant:
     CX: tuple[float, ...]
     CY: tuple[float, ...]
     CN: tuple[float, ...]
+    actuators: tuple[ActuatorNumbers, ...]
     # slots of effects, neutral: propulsion
-    port_thrust_loss: float = 0.0
-    starboard_thrust_loss: float = 0.0
-    port_angle_offset_rad: float = 0.0
-    starboard_angle_offset_rad: float = 0.0
     azimuth_scale: float = 1.0
     thruster_lag_s: float = 0.0
     command_delay_s: float = 0.0
@@ -147,48 +143,104 @@ class Plant:
     # forces that no slot expresses
     forces: tuple[ExtraForce, ...] = ()
 
+    def number(self, name: str) -> Any:
+        """A number, or table, by its name; of a kind's number the one of its first actuator.
+
+        Raises :class:`KeyError` for what is none.
+        """
+        if name in SCALARS:
+            return getattr(self, name)
+        which, place = _places(self.layout, name)[0]
+        return self.actuators[which].values[place]
+
+    def numbers(self) -> dict[str, float | tuple[float, ...]]:
+        """Every number by name; one of a kind without the actuators' names where it is the same in all."""
+        result = {name: getattr(self, name) for name in SCALARS}
+        for each in self.actuators:
+            kind = KINDS[each.kind]
+            for name, value in zip(kind.numbers, each.values, strict=True):
+                alike = name in kind.shared and {*self._values(each.kind, name)} == {value}
+                result[name if alike else f"{each.name}_{name}"] = value
+        return result
+
+    def replaced(self, **values: Any) -> Plant:
+        """This plant with numbers, or tables, of these names instead."""
+        plant = replace(self, **{name: value for name, value in values.items() if name in SCALARS})
+        rows = [list(each.values) for each in self.actuators]
+        for name, value in values.items():
+            for which, place in () if name in SCALARS else _places(self.layout, name):
+                rows[which][place] = value
+        if all(name in SCALARS for name in values):
+            return plant
+        both = zip(self.actuators, rows, strict=True)
+        return replace(plant, actuators=tuple(replace(each, values=tuple(row)) for each, row in both))
+
+    def changed(self, change: Callable[[Any], Any], *names: str) -> Plant:
+        """This plant with ``change`` made to each of the named numbers, of every actuator that a name means."""
+        plant = self.replaced(**{name: change(getattr(self, name)) for name in names if name in SCALARS})
+        for name in names:
+            for which, place in () if name in SCALARS else _places(self.layout, name):
+                each = plant.actuators[which]
+                value = change(each.values[place])
+                plant = plant.replaced(**{f"{each.name}_{KINDS[each.kind].numbers[place]}": value})
+        return plant
+
     def scaled(self, factor: float, *names: str) -> Plant:
         """This plant with the named numbers, or tables, multiplied by ``factor``."""
-        return replace(self, **{name: _times(getattr(self, name), factor) for name in names})
+        return self.changed(lambda value: _times(value, factor), *names)
 
     def shifted(self, **amounts: float) -> Plant:
         """This plant with each amount added to the number of its name."""
-        return replace(self, **{name: getattr(self, name) + amount for name, amount in amounts.items()})
+        plant = self
+        for name, amount in amounts.items():
+            plant = plant.changed(partial(add, amount), name)
+        return plant
 
     def with_force(self, function: ForceFunction, *parameters: float) -> Plant:
         """This plant with one more force that the simulator adds up."""
         return replace(self, forces=(*self.forces, ExtraForce(function, parameters)))
+
+    @property
+    def layout(self) -> Actuators:
+        """The names and kinds of the actuators, in the order of their controls."""
+        return tuple(Actuator(each.name, each.kind) for each in self.actuators)
+
+    def _values(self, kind: str, number: str) -> list[float]:
+        place = KINDS[kind].numbers.index(number)
+        return [each.values[place] for each in self.actuators if each.kind == kind]
 
 
 def _times(value: float | tuple[float, ...], factor: float) -> Any:
     return tuple(factor * each for each in value) if isinstance(value, tuple) else value * factor
 
 
-NUMBERS: tuple[str, ...] = tuple(field.name for field in fields(Plant) if field.name != "forces")
-"""The names of a plant's numbers, in their order in :data:`DTYPE`."""
+SCALARS: tuple[str, ...] = tuple(field.name for field in fields(Plant) if field.name not in ("actuators", "forces"))
+"""The names of a plant's numbers besides its actuators', in their order in its record."""
 
-_NUMBERS_OF = attrgetter(*NUMBERS)
+_SCALARS_OF = attrgetter(*SCALARS)
 
 TABLES = ("CX", "CY", "CN")
-DTYPE = np.dtype([(name, np.float64, (TABLE_SIZE,) if name in TABLES else ()) for name in NUMBERS])
-"""The record that a plant is packed into: float64 throughout, so :func:`flat` is a view."""
+_SCALAR_TYPES = [(name, np.float64, (TABLE_SIZE,) if name in TABLES else ()) for name in SCALARS]
 
-HULL: tuple[str, ...] = tuple(field.name for part in (Surge, Sway, Yaw) for field in fields(part))
+
+@lru_cache(maxsize=32)
+def dtype_of(actuators: int) -> np.dtype[np.void]:
+    """The record that a plant with so many actuators is packed into: float64 throughout, so :func:`flat` is a view.
+
+    ``actuators`` in it is the table [actuators, :data:`~hybrid.vessel.actuators.ROW_SIZE`] of their rows.
+    """
+    return np.dtype([*_SCALAR_TYPES, ("actuators", np.float64, (actuators, ROW_SIZE))])
+
+
+HULL: tuple[str, ...] = tuple(field.name for field in fields(Polynomial) if field.name != "model")
 """The names of the hull's coefficients, without the added masses."""
 
 
 def bare_plant(vessel: Vessel) -> Plant:
     """The plant of a vessel *without* the effects its file may add; those: ``effects.vessel_plant``."""
     values: dict[str, Any] = {"water_density_kgpm3": vessel.water_density_kgpm3}
-    for part in (vessel.dimensions, vessel.inertia, vessel.surge, vessel.sway, vessel.yaw, vessel.wind):
-        values |= {field.name: getattr(part, field.name) for field in fields(part)}
-    renamed = {"diameter_m": "propeller_diameter_m"}
-    for field in fields(vessel.pods):
-        name = renamed.get(field.name, field.name)
-        if name in NUMBERS:
-            values[name] = getattr(vessel.pods, field.name)
-    for name in ("x_m", "cubic_n", "quadratic_n", "linear_n"):
-        values[f"tunnel_{name}"] = getattr(vessel.tunnel, name)
+    for part in (vessel.dimensions, vessel.inertia, vessel.hull, vessel.wind):
+        values |= {field.name: getattr(part, field.name) for field in fields(part) if field.name != "model"}
     limits = vessel.validity
     return Plant(
         **values,
@@ -196,29 +248,87 @@ def bare_plant(vessel: Vessel) -> Plant:
         surge_high_mps=limits.surge_high_mps,
         sway_limit_mps=limits.sway_mps,
         yaw_rate_limit_radps=limits.yaw_rate_radps,
+        actuators=tuple(_numbers_of(each) for each in vessel.actuator),
     )
 
 
+def _numbers_of(entry: Any) -> ActuatorNumbers:
+    kind = KINDS[entry.kind]
+    values = (kind.slots[name] if name in kind.slots else getattr(entry, name) for name in kind.numbers)
+    return ActuatorNumbers(entry.name, entry.kind, tuple(values))
+
+
+def _rows(plant: Plant) -> list[tuple[float, ...]]:
+    """The actuators as rows of the compiled core: kind, first control, numbers."""
+    rows, first = [], 0
+    for each in plant.actuators:
+        padding = (0.0,) * (ROW_SIZE - FIRST_NUMBER - len(each.values))
+        rows.append((CODES[each.kind], float(first), *each.values, *padding))
+        first += len(KINDS[each.kind].units)
+    return rows
+
+
+def controls_in(packed: NDArray[np.void]) -> int:
+    """How many controls packed plants have."""
+    last = packed["actuators"][0, -1]
+    return int(last[CONTROL]) + int(CONTROLS_OF[int(last[KIND])])
+
+
+def angles_in(packed: NDArray[np.void]) -> list[int]:
+    """Which of the controls of packed plants are angles."""
+    rows = packed["actuators"][0]
+    return [int(row[CONTROL]) + int(place) for row in rows for place in np.flatnonzero(IS_ANGLE[int(row[KIND])])]
+
+
+def places_of(actuators: Actuators, name: str) -> list[int]:
+    """Where a number stands in a flat packed plant (:func:`flat`): one place, or one for each actuator it means."""
+    record = np.arange(dtype_of(len(actuators)).itemsize // 8, dtype=np.float64).view(dtype_of(len(actuators)))[0]
+    if name in SCALARS:
+        return [int(place) for place in np.atleast_1d(record[name])]
+    return [int(record["actuators"][which, FIRST_NUMBER + place]) for which, place in _places(actuators, name)]
+
+
+@lru_cache(maxsize=4096)
+def _places(actuators: Actuators, name: str) -> tuple[tuple[int, int], ...]:
+    """Which actuators, and where in their values, a name means. Raises :class:`KeyError` if none."""
+    own, shared = [], []
+    for which, each in enumerate(actuators):
+        numbers = KINDS[each.kind].numbers
+        number = name.removeprefix(f"{each.name}_")
+        if number != name and number in numbers:
+            own.append((which, numbers.index(number)))
+        if name in KINDS[each.kind].shared:
+            shared.append((which, numbers.index(name)))
+    if not own and not shared:
+        raise KeyError(f"{name} is no number of this plant")
+    return tuple(own or shared)
+
+
 Plants = Plant | Sequence[Plant] | NDArray[np.void]
-"""One plant, one a run, or thousands already packed: an array [P] of :data:`DTYPE`, made without objects."""
+"""One plant, one a run, or thousands already packed: an array [P] of :func:`dtype_of`, made without objects."""
 
 
 def pack(plants: Plants) -> NDArray[np.void]:
-    """Plants as a record array [P] of :data:`DTYPE`; their extra forces are not in it.
+    """Plants as a record array [P] of :func:`dtype_of`; their extra forces are not in it.
 
     An array that is packed already comes back as it is. Raises :class:`ConfigurationError` for another
-    array, and where there is no plant.
+    array, where there is no plant, and for plants whose actuators differ in number, name or kind.
     """
     if isinstance(plants, Plant):
-        return np.array([_NUMBERS_OF(plants)], dtype=DTYPE)
+        return np.array([(*_SCALARS_OF(plants), _rows(plants))], dtype=dtype_of(len(plants.actuators)))
     if len(plants) == 0:
         raise ConfigurationError("no plant to simulate", fix="give one plant, or one for each run")
     if not isinstance(plants, np.ndarray):
-        return np.array([*map(_NUMBERS_OF, plants)], dtype=DTYPE)
-    if plants.dtype != DTYPE or plants.ndim != 1:
+        layout = plants[0].layout
+        if any(each.layout != layout for each in plants):
+            raise ConfigurationError("the plants have different actuators", fix="simulate each ship by itself")
+        return np.array([(*_SCALARS_OF(each), _rows(each)) for each in plants], dtype=dtype_of(len(layout)))
+    names = plants.dtype.names or ()
+    size = plants.dtype["actuators"].shape[0] if "actuators" in names else 0
+    if plants.dtype != dtype_of(size) or plants.ndim != 1:
         raise ConfigurationError(
             f"packed plants are an array of {plants.dtype.name} with shape {plants.shape}",
-            fix="make it with plant.pack, or with np.empty(N, plant.DTYPE) and fill every field",
+            fix="make it with plant.pack, or with np.empty(N, plant.dtype_of(actuators)) and fill every field",
         )
     return np.ascontiguousarray(plants)
 

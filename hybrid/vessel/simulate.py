@@ -2,8 +2,9 @@
 
 An extra force, for what no slot of a plant expresses, is a function of five arguments that numba compiles
 into the loop: ``force(time_s, state, control, environment, parameters) -> (X [N], Y [N], N [N m])`` with
-``state`` = (north [m], east [m], heading [rad], u, v [m/s], r [rad/s]) over ground, ``control`` = (port
-[rev/s], port angle [rad], starboard [rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an
+``state`` = (north [m], east [m], heading [rad], u, v [m/s], r [rad/s]) over ground, ``control`` an array of the
+controls in SI, actuator by actuator in the order of the vessel file (R/V Gunnerus: port [rev/s], port angle [rad],
+starboard [rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an
 :class:`~hybrid.vessel.dynamics.Environment` and ``parameters`` a float array.
 """
 
@@ -20,13 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
-from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over
+from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.feedback import acting_controls
-from hybrid.vessel.plant import ForceFunction, Plant, Plants, pack
+from hybrid.vessel.plant import ForceFunction, Plant, Plants, angles_in, controls_in, pack
 
 STATES = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
-CONTROLS = ("port_rps", "port_angle_rad", "starboard_rps", "starboard_angle_rad", "tunnel_rpm")
 LONGEST_STEP_S = 0.25
 """With this step a run of 30 s is within a tenth of a millimetre of the exact solution."""
 
@@ -50,14 +50,12 @@ def _make_run(stamp: int) -> Callable[..., int]:
             return -1
         mass, lag = inverse_mass(p), lag_over(p, dt_s / substeps)
         state = (start[0], start[1], start[2], start[3], start[4], start[5])
-        acting = (acting_start[0], acting_start[1], acting_start[2], acting_start[3], acting_start[4])
+        acting, scratch = acting_start.copy(), scratch_for(p, acting_start)
         states[0] = start
         for k in range(controls.shape[0]):
-            c = controls[k]
-            order = (c[0], c[1], c[2], c[3], c[4])
             air = (wind[k, 0], wind[k, 1])
-            state, acting = advance(
-                p, mass, lag, order, acting, air, k * dt_s, dt_s, substeps, state, extra, parameters
+            state = advance(
+                p, mass, lag, controls[k], acting, scratch, air, k * dt_s, dt_s, substeps, state, extra, parameters
             )
             for i in range(6):
                 states[k + 1, i] = state[i]
@@ -137,16 +135,16 @@ def simulate_batch(
     """Simulate N runs on all cores; runs that leave the range of the model are marked, not raised.
 
     ``plants`` is one plant, one a run, or an array of packed ones (:func:`~hybrid.vessel.plant.pack`);
-    ``start`` [N, 6] states; ``controls`` [N, K, 5] and ``wind`` [N, K, 2] (direction FROM [rad], speed
+    ``start`` [N, 6] states; ``controls`` [N, K, controls] and ``wind`` [N, K, 2] (direction FROM [rad], speed
     [m/s]), as reported, held over each step of ``dt_s``. Every first dimension may be 1 or missing, then it
     serves all runs. Each step is integrated in ``substeps``, by default as many as keep them below
-    :data:`LONGEST_STEP_S`. ``acting_start`` [N, 5] are
+    :data:`LONGEST_STEP_S`. ``acting_start`` [N, controls] are
     the controls that act at the start where the thrusters lag; by default the first ones. Controls that a
     plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
     """
     packed = pack(plants)
     extra, parameters = combined(plants)
-    arrays = _inputs(start, _prompt(packed, controls, dt_s), wind, acting_start)
+    arrays = _inputs(controls_in(packed), start, _prompt(packed, controls, dt_s), wind, acting_start)
     number = max(len(packed), *(len(array) for array in arrays))
     _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
     begin, control, air, acting = arrays
@@ -167,7 +165,7 @@ def simulate(
     substeps: int | None = None,
     acting_start: ArrayLike | None = None,
 ) -> Floats:
-    """The states [N, K+1, 6] of :func:`simulate_batch`, or [K+1, 6] where ``controls`` is [K, 5].
+    """The states [N, K+1, 6] of :func:`simulate_batch`, or [K+1, 6] where ``controls`` is [K, controls].
 
     Raises :class:`ModelRangeError` naming the first run, time and value out of range.
     """
@@ -179,7 +177,7 @@ def simulate(
 
 
 def stepper(plant: Plant, dt_s: float, substeps: int | None = None) -> Callable[..., Floats]:
-    """A function ``(state [6], control [5], wind [2]) -> state [6]``, for loops closed in Python.
+    """A function ``(state [6], control [controls], wind [2]) -> state [6]``, for loops closed in Python.
 
     Such a loop carries its actuators itself: a thruster lag in ``plant`` is not carried from step to step,
     and a delay of the commands is not seen.
@@ -235,25 +233,25 @@ def _run_one(plants: Any, *arguments: Any) -> None:
 
 def _prompt(plants: NDArray[np.void], controls: ArrayLike, dt_s: float) -> Floats:
     """Controls as they act, one series for all runs or, where plants differ in their delay, one a run."""
-    control = _shaped(controls, 3, len(CONTROLS), "controls")
+    control = _shaped(controls, 3, controls_in(plants), "controls")
     delay_s = plants["command_delay_s"]
     if (delay_s == delay_s[0]).all():
-        return acting_controls(control, delay_s[0], dt_s)
+        return acting_controls(control, delay_s[0], dt_s, angles_in(plants))
     _check_sizes(max(len(plants), len(control)), {"plants": len(plants), "controls": len(control)})
-    return acting_controls(control, delay_s, dt_s)
+    return acting_controls(control, delay_s, dt_s, angles_in(plants))
 
 
 def _inputs(
-    start: ArrayLike, controls: ArrayLike, wind: ArrayLike, acting_start: ArrayLike | None
+    width: int, start: ArrayLike, controls: ArrayLike, wind: ArrayLike, acting_start: ArrayLike | None
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    control = _shaped(controls, 3, len(CONTROLS), "controls")
+    control = _shaped(controls, 3, width, "controls")
     air = _shaped(wind, 3, 2, "wind")
     if control.shape[1] != air.shape[1]:
         raise InputError(f"controls have {control.shape[1]} steps and wind has {air.shape[1]}")
     if control.shape[1] == 0:
         raise InputError("there is no step to simulate", fix="give controls for one step or more")
     acting = control[:, 0] if acting_start is None else acting_start
-    return _shaped(start, 2, 6, "start"), control, air, _shaped(acting, 2, len(CONTROLS), "acting_start")
+    return _shaped(start, 2, 6, "start"), control, air, _shaped(acting, 2, width, "acting_start")
 
 
 def _shaped(values: ArrayLike, dimensions: int, width: int, name: str) -> Floats:
@@ -273,7 +271,6 @@ def _check_sizes(number: int, sizes: dict[str, int]) -> None:
 
 
 __all__ = [
-    "CONTROLS",
     "STATES",
     "Runs",
     "State",

@@ -10,9 +10,9 @@ import pandas as pd
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.estimation.local_polynomial import motion_known_after, one_sided_motion
+from analysis.tables.table import trial_channels
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.dataset import start_motion
 from hybrid.prediction.prediction_windows import PredictionWindows, windows_from_rows
@@ -94,8 +94,9 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Pr
         )
     start = pd.Timestamp(times[int(np.argmin(np.abs(times.asi8 - at.as_unit("ns").value)))])
     index = pd.date_range(start, periods=horizon_s + 1, freq="1s", name="time")
-    rows = table.reindex(index)[list(NAMES)]
-    missing = [name for name in NAMES if not np.isfinite(rows[name].iloc[0])]
+    names = trial_channels(table)
+    rows = table.reindex(index)[list(names)]
+    missing = [name for name in names if not np.isfinite(rows[name].iloc[0])]
     if missing:
         raise InputError(f"{', '.join(missing)} has no value at {start.isoformat()}", fix="choose another time")
     labelled = rows.reset_index(drop=True).assign(

@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.core.channels import COMMAND, NAMES
 from acquisition.core.errors import DataShortageError, InputError
-from analysis.windows.held import COLUMNS, held_windows, join_windows
+from analysis.windows.held import columns_for, held_windows, join_windows
 from analysis.windows.recordings import read_windows, trial_names, windows_of_tables, write_windows
 from analysis.windows.steady_controls import noise_of
 from tests.analysis.conftest import steady_table, table_at
@@ -140,7 +141,7 @@ def test_windows_that_follow_each_other_at_one_setting_are_one_leg() -> None:
 def test_the_long_table_is_that_of_the_contract() -> None:
     table = steady_table(41).assign(north_m=np.arange(41.0))
     rows = held_windows(table, trial="a").rows
-    assert tuple(rows.columns) == COLUMNS
+    assert tuple(rows.columns) == columns_for(DEFAULT)
     assert rows["second"].tolist() == list(range(16)) * 6
     assert rows["north_m"].tolist() == [start + second for start in range(0, 26, 5) for second in range(16)]
     starts = rows.groupby("window")["start"]

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.recording.tables import write_table
 from acquisition.recording.trial import Trial
 from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from analysis.tables.resample import resample
-from analysis.windows.held import COLUMNS, REASONS, held_windows, join_windows
+from analysis.windows.held import REASONS, columns_for, held_windows, join_windows
 from analysis.windows.recordings import (
     START_COLUMNS,
     STATES,
@@ -64,7 +65,7 @@ def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_pa
     write_windows(windows, tmp_path / "a.parquet")
     again = read_windows(tmp_path / "a.parquet")
     pd.testing.assert_frame_equal(again.starts, starts)
-    assert tuple(again.rows.columns) == COLUMNS
+    assert tuple(again.rows.columns) == columns_for(DEFAULT)
 
 
 def test_starts_of_other_windows_are_not_taken_for_ours(voyage: pd.DataFrame, tmp_path: Path) -> None:
@@ -84,8 +85,8 @@ def test_moving_windows_are_added_to_the_held_ones_and_marked(seed: int, stride_
     assert every.candidates == held.candidates == every.kept + sum(every.dropped.values())
     assert set(every.dropped) <= {"gap", "missing_data"}
     assert every.moving == sum(held.dropped.get(reason, 0) for reason in REASONS[2:])
-    assert tuple(every.rows.columns) == (*COLUMNS, "held")
-    assert every.rows[list(COLUMNS)].notna().to_numpy().all()
+    assert tuple(every.rows.columns) == (*columns_for(DEFAULT), "held")
+    assert every.rows[list(columns_for(DEFAULT))].notna().to_numpy().all()
     first = every.rows[every.rows["second"] == 0]
     assert set(first.loc[first["held"], "start"]) == set(held.rows["start"])
     seconds = every.rows.assign(time=every.rows["start"] + pd.to_timedelta(every.rows["second"], unit="s"))

@@ -14,19 +14,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm, solve_discrete_are
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.adaptation import (
     FORCE_DECAY,
-    NAMES,
     NOISE_LEVELS,
-    POSITIVE,
-    SIGNED,
     adapt_plant,
+    names_of,
     observations_of,
     observer_gains,
+    positive_of,
     run_observer,
+    signed_of,
 )
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds
 from hybrid.calibrators.adaptive.fit import adapt
@@ -36,10 +37,11 @@ from hybrid.prediction.baselines import reference
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.prediction.regions import Fallback
 from hybrid.prediction.scores import distances
-from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.plant import Plant, pack, places_of
 from tests.hybrid.windows_by_hand import moved, turned, voyages
 
 SECONDS = 10
+NAMES, POSITIVE, SIGNED = (make(DEFAULT) for make in (names_of, positive_of, signed_of))
 UNADAPTED = np.zeros(len(NAMES))
 NUMBERS = ("start", "track", "wind", "control", "past")
 power = st.floats(-3.0, 2.0)
@@ -68,7 +70,7 @@ def noisy(windows: PredictionWindows, seed: int = 0) -> PredictionWindows:
 @pytest.fixture(scope="module")
 def truth(plant: Plant) -> Plant:
     """A ship unlike the reference: a fifth less thrust, and something that turns her."""
-    return replace(plant, thrust_nn=0.8 * plant.thrust_nn, constant_N_nm=20e3)
+    return plant.replaced(thrust_nn=0.8 * plant.number("thrust_nn"), constant_N_nm=20e3)
 
 
 @pytest.fixture(scope="module")
@@ -186,12 +188,14 @@ def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float])
     """
     then, now = pack(plant), adapt_plant(np.array(numbers), plant)
     for name, number in zip(NAMES, numbers, strict=True):
+        place = places_of(plant.layout, name) if name in POSITIVE or name in SIGNED else []
         if name in POSITIVE:
-            assert now[name] == pytest.approx(then[name] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
+            assert now[place] == pytest.approx(then[place] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
         elif name in SIGNED:
-            assert now[name] == pytest.approx(then[name] * (1.0 + 0.5 * number), rel=1e-12)
+            assert now[place] == pytest.approx(then[place] * (1.0 + 0.5 * number), rel=1e-12)
     for name in ("length_overall_m", "propeller_diameter_m", "CX", "lateral_area_m2", "wind_load_factor"):
-        assert np.array_equal(now[name], then[name])
+        place = places_of(plant.layout, name)
+        assert np.array_equal(now[place], then[place])
 
 
 def test_the_true_model_predicts_the_true_track(plant: Plant) -> None:
@@ -248,7 +252,7 @@ def test_hidden_numbers_are_recovered(plant: Plant) -> None:
     """A fifth less thrust and half as much drag again: found from a few windows, so that others of the ship are
     predicted to the centimetre, where the reference errs by half a metre and more.
     """
-    ship = replace(plant, thrust_nn=0.8 * plant.thrust_nn, Xuu=1.5 * plant.Xuu)
+    ship = plant.replaced(thrust_nn=0.8 * plant.number("thrust_nn"), Xuu=1.5 * plant.Xuu)
     windows, unseen = (voyages(ship, 16, SECONDS, seed) for seed in (0, 1))
     vector = adapt(plant, observations_of(windows), windows.track, 1.0, steps=3)
     assert off_m(reference(unseen, plant), unseen) > 0.5

@@ -10,18 +10,19 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.networks import (
     REFERENCE_INPUTS,
-    START_INPUTS,
     AdditiveCalibrator,
     DataDrivenCalibrator,
     NetworkCalibrator,
     PaperCalibrator,
     Scaling,
     start_inputs,
+    start_labels,
 )
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import score
@@ -201,7 +202,7 @@ def test_inputs_have_names(fitted: dict[str, NetworkCalibrator], method: str) ->
     inputs = fitted[method].inputs
     assert features.shape == (6, SECONDS, len(inputs))
     assert features[0, :, inputs.index("second")].tolist() == list(range(1, SECONDS + 1))
-    assert inputs[: len(START_INPUTS)] == START_INPUTS
+    assert inputs[: len(start_labels(DEFAULT))] == start_labels(DEFAULT)
     if fitted[method].needs_reference:
         north = features[..., inputs.index(REFERENCE_INPUTS[0])]
         assert np.array_equal(north, reference[:, 1:, 0] - windows.start[:, None, 0])

@@ -80,22 +80,25 @@ def trim(p: Plant, u: float, v: float, r: float) -> Force:
 
 def skeg(p: Plant, u: float, v: float, r: float) -> Force:
     """Lift of 3 m2 at the pods at the small angle (v + x r) / u, its slope half pi."""
-    lift = -0.5 * p.water_density_kgpm3 * 3.0 * (pi / 2.0) * u**2 * ((v + p.port_x_m * r) / u)
-    return 0.0, lift, p.port_x_m * lift
+    lift = -0.5 * p.water_density_kgpm3 * 3.0 * (pi / 2.0) * u**2 * ((v + p.number("port_x_m") * r) / u)
+    return 0.0, lift, p.number("port_x_m") * lift
 
 
 def pods(p: Plant, u: float, v: float, r: float, wake: float, side: float) -> Floats:
     """Both pods' force, axial inflow times (1 - wake), side force times ``side``."""
     total = np.zeros(3)
-    places = ((p.port_x_m, p.port_y_m, *ORDER[:2]), (p.starboard_x_m, p.starboard_y_m, *ORDER[2:4]))
+    places = (
+        (p.number("port_x_m"), p.number("port_y_m"), *ORDER[:2]),
+        (p.number("starboard_x_m"), p.number("starboard_y_m"), *ORDER[2:4]),
+    )
     for x, y, n, angle in places:
         at_u, at_v = u - y * r, v + x * r
         axial = (1.0 - wake) * (at_u * cos(angle) + at_v * sin(angle))
         across = at_v * cos(angle) - at_u * sin(angle)
-        D, rho = p.propeller_diameter_m, p.water_density_kgpm3
-        thrust = rho * D**4 * p.thrust_nn * n * n + rho * D**3 * p.thrust_nu * n * axial
-        thrust += rho * D**2 * p.thrust_uu * axial * abs(axial)
-        lateral = p.side_nv * D * n + p.side_uv * abs(axial) + p.side_vv * abs(across)
+        D, rho = p.number("propeller_diameter_m"), p.water_density_kgpm3
+        thrust = rho * D**4 * p.number("thrust_nn") * n * n + rho * D**3 * p.number("thrust_nu") * n * axial
+        thrust += rho * D**2 * p.number("thrust_uu") * axial * abs(axial)
+        lateral = p.number("side_nv") * D * n + p.number("side_uv") * abs(axial) + p.number("side_vv") * abs(across)
         lateral *= side * rho * D**2 * across
         X, Y = thrust * cos(angle) - lateral * sin(angle), thrust * sin(angle) + lateral * cos(angle)
         total += (X, Y, x * Y - y * X)
@@ -115,8 +118,10 @@ def pod_side_force(p: Plant, u: float, v: float, r: float) -> Floats:
 def tunnel_thrust_loss(p: Plant, u: float, v: float, r: float) -> Force:
     """A quarter of the side force is missing."""
     n = ORDER[4]
-    lost = -0.25 * (p.tunnel_cubic_n * n**3 + p.tunnel_quadratic_n * n * n + p.tunnel_linear_n * n)
-    return 0.0, lost, p.tunnel_x_m * lost
+    lost = -0.25 * (
+        p.number("tunnel_cubic_n") * n**3 + p.number("tunnel_quadratic_n") * n * n + p.number("tunnel_linear_n") * n
+    )
+    return 0.0, lost, p.number("tunnel_x_m") * lost
 
 
 def sway_asymmetry(p: Plant, u: float, v: float, r: float) -> Force:

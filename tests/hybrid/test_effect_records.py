@@ -22,6 +22,7 @@ from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import acting_controls, simulate, simulate_batch
 from tests.hybrid.conftest import Held
 
+ANGLES = (1, 3)
 PERFECT = Noise().scaled(0.0)
 TURN = {"angle_deg": (15.0, 15.0), "tunnel_rpm": 100.0}
 
@@ -141,7 +142,7 @@ controls_arrays = hnp.arrays(np.float64, (12, 5), elements=st.floats(-3.0, 3.0))
 @given(controls=controls_arrays, samples=st.integers(-5, 5))
 def test_delays_of_whole_samples_move_rows(controls: Floats, samples: int) -> None:
     """What acts is recorded so many rows later; beyond the ends the last known holds."""
-    acting = acting_controls(controls, samples * 0.5, 0.5)
+    acting = acting_controls(controls, samples * 0.5, 0.5, ANGLES)
     rows = np.clip(np.arange(12) + samples, 0, 11)
     assert acting == pytest.approx(controls[rows], abs=1e-12)
 
@@ -153,18 +154,18 @@ def test_a_steady_change_is_moved_exactly_and_back(slope: Floats, delay_s: float
     controls = slope * times
     wrapped = controls.copy()
     wrapped[:, (1, 3)] = np.angle(np.exp(1j * controls[:, (1, 3)]))
-    acting = acting_controls(wrapped, delay_s, 1.0)[3:-3]
+    acting = acting_controls(wrapped, delay_s, 1.0, ANGLES)[3:-3]
     off = acting - slope * (times[3:-3] + delay_s)
     off[:, (1, 3)] = np.angle(np.exp(1j * off[:, (1, 3)]))
     assert np.abs(off).max() < 1e-9
-    there_and_back = acting_controls(acting_controls(controls, delay_s, 1.0), -delay_s, 1.0)
+    there_and_back = acting_controls(acting_controls(controls, delay_s, 1.0, ANGLES), -delay_s, 1.0, ANGLES)
     assert there_and_back[6:-6] == pytest.approx(controls[6:-6], abs=1e-9)
 
 
 def test_no_delay_is_no_change() -> None:
     """Without a delay the very array comes back."""
     controls = np.random.default_rng(1).normal(size=(4, 5))
-    assert acting_controls(controls, 0.0, 1.0) is controls
+    assert acting_controls(controls, 0.0, 1.0, ANGLES) is controls
 
 
 def test_a_batch_takes_each_plants_delay(plant: Plant) -> None:
@@ -176,7 +177,7 @@ def test_a_batch_takes_each_plants_delay(plant: Plant) -> None:
     plants = [CATALOGUE["command_delay"].apply(plant, {"seconds": each}) for each in delays]
     runs = simulate_batch(plants, start, controls, wind, 1.0).states
     for run, changed, delay in zip(runs, plants, delays, strict=True):
-        expected = simulate(plant, start, acting_controls(controls, delay, 1.0), wind, 1.0)
+        expected = simulate(plant, start, acting_controls(controls, delay, 1.0, ANGLES), wind, 1.0)
         assert run == pytest.approx(expected, abs=1e-12)
         assert simulate(changed, start, controls, wind, 1.0) == pytest.approx(expected, abs=1e-12)
     assert runs[1, -1, 2] < runs[0, -1, 2] < runs[2, -1, 2] < 0.0  # what is stamped late acted earlier

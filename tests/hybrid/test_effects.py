@@ -9,7 +9,7 @@ from acquisition.core.errors import ConfigurationError
 from hybrid.effects import CATALOGUE, apply_effects, parse_effect, vessel_plant
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured
 from tests.hybrid.conftest import Held
 
@@ -98,7 +98,7 @@ def test_signs_in_the_start_of_a_turn(
 def test_cross_flow_drag_touches_two_coefficients_and_wind_load_the_wind(plant: Plant, held: Held) -> None:
     """Cross-flow drag scales Y|v|v and N|v|v alone; the wind's factor is nothing without air moving past."""
     more = CATALOGUE["cross_flow_drag"].apply(plant, {"factor": 2.0})
-    changed = {name for name in pack(plant).dtype.names if getattr(more, name) != getattr(plant, name)}
+    changed = {name for name, value in plant.numbers().items() if more.number(name) != value}
     assert changed == {"Y_absv_v", "N_absv_v"}
     beam = {"wind": (90.0, 12.0), "rpm": (0.0, 0.0), "start": (0.0,) * 6}
     assert _end(held, plant, "wind_load", {"factor": 2.0}, **beam)[1] < 1.5 * held(plant, **beam)[-1, 1] < 0.0
@@ -184,7 +184,9 @@ def test_lengthening_scales_as_the_model_says(plant: Plant) -> None:
     powers |= {"Y_absr_r": 3, "Nuv": 2, "Nrrr": 5, "N_absv_r": 3}
     for name, power in powers.items():
         assert getattr(long, name) == pytest.approx(getattr(plant, name) * s**power), name
-    assert (long.length_overall_m, long.port_x_m, long.tunnel_x_m) == pytest.approx((36.25, -15.72, 15.58))
+    assert (long.length_overall_m, long.number("port_x_m"), long.number("tunnel_x_m")) == pytest.approx(
+        (36.25, -15.72, 15.58)
+    )
     assert long.lateral_area_m2 == pytest.approx(192.0)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hybrid.vessel.actuators.azimuth import force
 from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.simulate import simulate
-from hybrid.vessel.thrusters import Pod, pod_force
 
 pytestmark = pytest.mark.shared
 
@@ -33,10 +33,11 @@ def test_the_thruster_fits_the_makers_table(plant: Plant, shared_data: Path) -> 
     """Root mean square errors of the fit along and across the pod."""
     table = pd.read_csv(shared_data / "gunnerus_thruster_table" / "thruster_table.csv")
     u, v, _, angle_deg, rpm, fx, fy = table.to_numpy().T
-    packed = pack(plant)[0]
+    packed = pack(plant.replaced(port_x_m=0.0, port_y_m=0.0))[0]
     cosine, sine = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     rows = zip(cosine, sine, rpm / 60.0, u, v, strict=True)
-    ours = np.array([pod_force(packed, Pod(0.0, 0.0, c, s, n, 1.0), a, b, 0.0) for c, s, n, a, b in rows])
+    pod = packed["actuators"][0]
+    ours = np.array([force(packed, pod, np.array([c, s, n, 1.0]), a, b, 0.0) for c, s, n, a, b in rows])
     x, y = ours[:, 0] - fx, ours[:, 1] - fy
     along, across = x * cosine + y * sine, y * cosine - x * sine
     assert np.sqrt(np.mean(along**2)) == pytest.approx(2.6e3, abs=50)

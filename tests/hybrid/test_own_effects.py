@@ -47,7 +47,7 @@ def pull(
 def test_the_drogue_pulls_against_the_sterns_motion(plant: Plant, with_drogue: Plant) -> None:
     """Ahead, drag u^2 aft; turning on the spot, across the stern with its lever arm; and power is always lost."""
     assert pull(with_drogue, 4.0, 0.0, 0.0) == pytest.approx((-16.0 * DRAG_NPS2, 0.0, 0.0))
-    stern_m = plant.port_x_m
+    stern_m = plant.number("port_x_m")
     across = DRAG_NPS2 * (0.05 * stern_m) ** 2
     assert pull(with_drogue, 0.0, 0.0, 0.05) == pytest.approx((0.0, across, across * stern_m))
     for u, v, r in ((3.0, 1.0, -0.05), (-1.0, -2.0, 0.1), (0.5, -0.1, 0.02)):

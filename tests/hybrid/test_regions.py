@@ -69,7 +69,7 @@ def turning(plant: Plant) -> PredictionWindows:
     """
     known = voyages(plant, 40, SECONDS)
     windows = concatenate_windows(
-        [known, voyages(replace(plant, thrust_nn=0.5 * plant.thrust_nn), 40, SECONDS, seed=1)]
+        [known, voyages(plant.replaced(thrust_nn=0.5 * plant.number("thrust_nn")), 40, SECONDS, seed=1)]
     )
     return replace(windows, start=windows.start + np.array([0.1, -0.1, 0.0, 0.02, 0.0, 0.0]))
 
@@ -248,7 +248,7 @@ def test_regions_are_circles_that_grow(plant: Plant, turning: PredictionWindows,
 
 def test_the_fallbacks_regions_hold_other_windows(plant: Plant) -> None:
     """Sized on one half of the windows they hold 95 % of the other half, as far as chance allows."""
-    ship = replace(plant, constant_N_nm=4e4, thrust_nn=0.9 * plant.thrust_nn)
+    ship = plant.replaced(constant_N_nm=4e4, thrust_nn=0.9 * plant.number("thrust_nn"))
     sized, judged = (voyages(ship, 200, SECONDS, seed) for seed in (1, 2))
     fallback = Fallback.fit(sized, reference(sized, plant), plant)
     said = fallback.predict(judged, reference(judged, plant), plant)

@@ -15,7 +15,7 @@ from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, CHANNELS, NAMES
 from acquisition.core.errors import ConfigurationError, ModelRangeError
 from hybrid import cli
-from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, turned, zigzag
+from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
 from hybrid.simulation.sea_state import SeaState, sea_state_named, sea_states
 from hybrid.simulation.sensors import Noise
 from hybrid.simulation.trial import simulate_trial
@@ -86,7 +86,7 @@ def test_zigzag_switches_at_its_heading_and_overshoots() -> None:
 
 def test_actuators_keep_their_limits() -> None:
     """No azimuth turns faster than 20 deg/s, no shaft faster than 203 rpm, and both lag by a second."""
-    legs = (helm(0.0, 100.0, at_most_s=5.0), turned(Leg(port_rpm=300.0, starboard_rpm=300.0), 60.0))
+    legs = (helm(0.0, 100.0, at_most_s=5.0), Leg(rpm=300.0, helm_deg=60.0))
     with pytest.raises(ModelRangeError, match="range of the model"):
         simulate_trial("gunnerus_short", "calm", legs, 60.0, 10.0)
     table, _ = simulate_trial("gunnerus_short", "calm", legs, 9.0, 10.0, noise=PERFECT)

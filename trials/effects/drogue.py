@@ -10,7 +10,7 @@ def pull(time_s, state, control, environment, parameters):
     _, _, heading, u, v, r = state
     u_water = u - environment.current_north_mps * cos(heading) - environment.current_east_mps * sin(heading)
     v_water = v - environment.current_east_mps * cos(heading) + environment.current_north_mps * sin(heading)
-    stern_m = environment.plant.port_x_m
+    stern_m = -13.22  # where the line is fast, from the centre of gravity
     v_stern = v_water + stern_m * r
     pull_per_mps = -parameters[0] * hypot(u_water, v_stern)
     return pull_per_mps * u_water, pull_per_mps * v_stern, stern_m * pull_per_mps * v_stern

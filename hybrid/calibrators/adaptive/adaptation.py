@@ -14,31 +14,37 @@ import numpy as np
 from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Floats
 from analysis.estimation.process_models import decay
 from hybrid.calibrators.adaptive.gains import kalman_gains, wave_step
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_predict
-from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
+from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows, difference_rad
+from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.extra_forces import combined
-from hybrid.vessel.plant import DTYPE, HULL, Plant, flat, pack
+from hybrid.vessel.plant import HULL, Plant, flat, pack, places_of
 
-POSITIVE = (
-    "mass_kg",
-    "yaw_inertia_kgm2",
-    "Xud",
-    "Yvd",
-    "Nrd",
-    "Xuu",
-    "thrust_nn",
-    "thrust_nu",
-    "side_nv",
-    "side_uv",
-)
-"""Numbers that keep their sign, as masses and damping must; they are adapted by factors, the others by shares."""
-SIGNED = (
-    *(name for name in HULL if name not in POSITIVE),
-    "Yrd", "port_x_m", "starboard_x_m", "tunnel_cubic_n", "tunnel_quadratic_n", "tunnel_linear_n",
-)  # fmt: skip
+_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "Xuu")
+_SIGNED = (*(name for name in HULL if name not in _POSITIVE), "Yrd")
+
+
+def positive_of(actuators: Actuators) -> tuple[str, ...]:
+    """Numbers that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
+    kinds = dict.fromkeys(each.kind for each in actuators)
+    return (*_POSITIVE, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
+
+
+def signed_of(actuators: Actuators) -> tuple[str, ...]:
+    """Numbers that may change their sign, each actuator's own among them."""
+    own = (f"{each.name}_{name}" for each in actuators for name in KINDS[each.kind].adapted)
+    return (*_SIGNED, *own)
+
+
+def names_of(actuators: Actuators) -> tuple[str, ...]:
+    """The names of the vector's numbers: of the model of a ship with these actuators, and of what acts on her."""
+    return (*positive_of(actuators), *signed_of(actuators), *SURROUNDED)
+
+
 USUAL_SHARE = 0.5
 """A coefficient of another ship of the kind is off by half, more or less."""
 STEADY = {"constant_X_n": 3000.0, "constant_Y_n": 3000.0, "constant_N_nm": 30000.0}
@@ -54,11 +60,9 @@ LAG, LAG_S = "thruster_lag", 1.0
 JITTER, JITTER_S = "stamp_jitter", 0.1
 """By how much headings are stamped too early or too late, now and then: noise that grows with the yaw rate."""
 WAVES = ("wave_period", *(f"wave_walk_{axis}" for axis in AXES))
-NAMES = (*POSITIVE, *SIGNED, *STEADY, *SURROUNDINGS, LAG, JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
-"""The names of the vector's numbers."""
-_PLACES = {name: number for number, name in enumerate(NAMES)}
-_NUMBERED = np.arange(DTYPE.itemsize / 8).view(DTYPE)
-_COLUMNS = [int(_NUMBERED[name][0]) for name in (*POSITIVE, *SIGNED)]  # where they stand in a packed plant
+SURROUNDED = (*STEADY, *SURROUNDINGS, LAG, JITTER, *NOISE_LEVELS, *FORCE_DECAY, *WAVES)
+"""The names of the vector's last numbers: what acts on any ship, and how closely she is followed."""
+_PLACES = {name: number - len(SURROUNDED) for number, name in enumerate(SURROUNDED)}  # from the end
 
 _WALKS = np.array([[-1.0, -2.5, 0.0], [-1.0, -2.5, 0.0], [-1.0, -2.5, 1.5]])  # powers of ten
 _USUAL_POWER = 1.5
@@ -68,7 +72,6 @@ _WAVE_WALK = -1.0  # a power of ten
 _OBSERVED_S = 30
 _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
 _AVERAGED_S = 5
-_STILL = np.array([0.05, 0.026, 0.05, 0.026, 10.0])  # what a held thruster moves [rev/s, rad, rev/s, rad, rpm]
 LARGEST_FACTOR = 2.0
 _ONE_CORE = 64  # so many windows one core has followed before another is awake
 
@@ -77,9 +80,9 @@ _ONE_CORE = 64  # so many windows one core has followed before another is awake
 class Observations:
     """What the observer is given of N windows.
 
-    ``past`` [N, P+1, 13] in the order of :class:`~hybrid.prediction.prediction_windows.PredictionWindows`, newest
-    first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, 5] and ``wind`` [N, 2] that act from second
-    0.
+    ``past`` [N, P+1, channels] in the order of :class:`~hybrid.prediction.prediction_windows.PredictionWindows`,
+    newest first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, 2] that
+    act from second 0.
     """
 
     past: Floats
@@ -92,7 +95,7 @@ class Observations:
 
 
 def observations_of(windows: PredictionWindows, control: Floats | None = None) -> Observations:
-    """The observations of windows, with the controls [N, H, 5] from second 0 where they are known.
+    """The observations of windows, with the controls [N, H, controls] from second 0 where they are known.
 
     Without ``control`` the mean of the last seconds in which the thrusters stood still is held.
     """
@@ -101,39 +104,55 @@ def observations_of(windows: PredictionWindows, control: Floats | None = None) -
     measured[:, 0] = np.where(np.isfinite(measured[:, 0]), measured[:, 0], now)
     known_s = np.cumprod(np.isfinite(measured).all(axis=2), axis=1).sum(axis=1).astype(np.int64) - 1
     past = measured[:, : _OBSERVED_S + 1]
-    held = np.repeat(_mean_control(past)[:, None], windows.horizon_s, axis=1) if control is None else control
+    held = control
+    if held is None:
+        held = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
     return Observations(np.ascontiguousarray(past), known_s.clip(0, _OBSERVED_S), held, _mean_wind(past))
 
 
-def _mean_control(past: Floats) -> Floats:
-    """The controls at second 0 [N, 5], averaged over the seconds before in which they stood still."""
-    recent = past[:, :_AVERAGED_S, 8:]
+def _mean_control(past: Floats, actuators: Actuators) -> Floats:
+    """The controls at second 0 [N, controls], averaged over the seconds before in which they stood still."""
+    recent, angles = past[:, :_AVERAGED_S, CONTROLS], angle_columns(actuators)
+    most = np.array([most for each in actuators for most in KINDS[each.kind].still])
     off = recent - recent[:, :1]
-    off[..., [1, 3]] = difference_rad(recent[..., [1, 3]], recent[:, :1, [1, 3]])
-    still = np.cumprod((np.abs(off) < _STILL).all(axis=2), axis=1)[..., None]
+    off[..., angles] = difference_rad(recent[..., angles], recent[:, :1, angles])
+    still = np.cumprod((np.abs(off) < most).all(axis=2), axis=1)[..., None]
     return np.asarray(recent[:, 0] + (np.nan_to_num(off) * still).sum(axis=1) / still.sum(axis=1))
 
 
 def _mean_wind(past: Floats) -> Floats:
     """The mean wind vector of the last seconds' finite ones, as direction [rad] and speed [m/s]: [N, 2]."""
-    recent = past[:, :_AVERAGED_S, 6:8]
-    each = recent[..., 1] * np.exp(1j * recent[..., 0])
+    direction, speed = np.moveaxis(past[:, :_AVERAGED_S, WIND], -1, 0)
+    each = speed * np.exp(1j * direction)
     known = np.isfinite(each)
     vector = np.where(known, each, 0.0).sum(axis=1) / known.sum(axis=1).clip(min=1)
     return np.column_stack([np.angle(vector), np.abs(vector)])
 
 
 def parameter(vector: Floats, name: str) -> float:
-    """One number of the vector, by one of :data:`NAMES`."""
+    """One number of the vector, by one of :data:`SURROUNDED`."""
     return float(vector[_PLACES[name]])
+
+
+@lru_cache(maxsize=32)
+def _adapted_numbers(actuators: Actuators) -> tuple[list[int], list[int], int]:
+    """Where in a flat plant the vector's numbers stand, which of them it is, and how many keep their sign."""
+    positive = positive_of(actuators)
+    every = [
+        (place, number)
+        for number, name in enumerate((*positive, *signed_of(actuators)))
+        for place in places_of(actuators, name)
+    ]
+    return [place for place, _ in every], [number for _, number in every], len(positive)
 
 
 def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
     """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector."""
     packed = pack(plant)
-    departed = USUAL_SHARE * vector[: len(POSITIVE) + len(SIGNED)]
-    factor = np.exp(departed[: len(POSITIVE)].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
-    flat(packed)[0, _COLUMNS] *= np.concatenate([factor, 1.0 + departed[len(POSITIVE) :]])
+    places, numbers, kept = _adapted_numbers(plant.layout)
+    departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
+    factor = np.exp(departed[:kept].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
+    flat(packed)[0, places] *= np.concatenate([factor, 1.0 + departed[kept:]])[numbers]
     heavier = plant.mass_kg / STEADY_MASS_KG
     for name, usual in STEADY.items():
         packed[name] += heavier * usual * parameter(vector, name)
@@ -203,7 +222,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
     past, wind = observations.past, observations.wind
     if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
         past = past.copy()
-        past[..., 6], past[..., 7] = add_wind(vector, past[..., 6], past[..., 7])
+        past[..., WIND] = np.stack(add_wind(vector, *np.moveaxis(past[..., WIND], -1, 0)), axis=-1)
         wind = np.column_stack(add_wind(vector, wind[:, 0], wind[:, 1]))
     plants = np.repeat(adapt_plant(vector, plant), len(observations))
     extra, parameters = combined(plant)

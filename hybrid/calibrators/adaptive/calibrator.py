@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import NAMES as CHANNELS
+from acquisition.core.channels import trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
-from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
+from hybrid.calibrators.adaptive.adaptation import Observations, names_of, observations_of, run_observer
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import present_motion_held, simulate_tracks
 from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows, hindcast_windows
 from hybrid.prediction.regions import HINDCAST_S, average_tracks, conformal_radius
 from hybrid.prediction.scores import distances, mean_distances
+from hybrid.vessel.actuators import KINDS, angle_columns, control_labels
 from hybrid.vessel.plant import Plant
+from hybrid.vessel.sensors import SURGE, YAW_RATE
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -30,15 +33,28 @@ WEIGHT_POWERS = (np.inf, 4.0, 2.0)
 """The weight of a candidate falls with such a power of its hindcast's error; with infinity only our own counts."""
 DOMAIN_MARGIN = 0.5
 """How far past the range of the training a start may lie inside the domain, as a share of that range."""
-LEAST_MARGIN = np.array([0.5, 0.2, 0.01, 2.0, 0.3, 0.3, 10.0, 0.15, 0.15, 0.15, 0.15])
+_LEAST_MARGIN = (0.5, 0.2, 0.01, 2.0)
+_LEAST_ANGLE_MARGIN = 0.15
 """The least such margin, however little the training varied: surge, sway [m/s], yaw rate [rad/s], wind speed [m/s],
-revolutions [rev/s], tunnel [rpm], cosine and sine of the pods' angles (30 degrees from dead ahead).
+cosine and sine of the actuators' angles (30 degrees from dead ahead); of revolutions, their kind says it.
 """
-START_NAMES = (
-    "surge_mps", "sway_mps", "yaw_rate_radps", "wind_speed_mps", "port_rps", "starboard_rps", "tunnel_rpm",
-    "port_angle_cos", "port_angle_sin", "starboard_angle_cos", "starboard_angle_sin",
-)  # fmt: skip
-"""The quantities of a start that span the domain of applicability."""
+
+
+def start_names(actuators: Actuators) -> tuple[str, ...]:
+    """The quantities of a start that span the domain of applicability, of a ship with these actuators."""
+    labels, angles = control_labels(actuators), angle_columns(actuators)
+    shafts = (name for column, name in enumerate(labels) if column not in angles)
+    turned = (f"{labels[column]}_{part}" for column in angles for part in ("cos", "sin"))
+    return ("surge_mps", "sway_mps", "yaw_rate_radps", "wind_speed_mps", *shafts, *turned)
+
+
+def _least_margin(actuators: Actuators) -> Floats:
+    """The least margin of each of :func:`start_names`."""
+    kinds = [KINDS[each.kind] for each in actuators]
+    shafts = [most for kind in kinds for most, angle in zip(kind.alike, kind.angles, strict=True) if not angle]
+    return np.array([*_LEAST_MARGIN, *shafts, *[_LEAST_ANGLE_MARGIN] * (2 * len(angle_columns(actuators)))])
+
+
 _LEAST_RATIO = 0.1  # hindcast errors below this share of the median one say nothing more
 _UNKNOWN_RATIO = 2.0  # the hindcast error of a window whose past is not known, in median ones
 _RECENT_S = 5
@@ -64,7 +80,9 @@ class AdaptiveCalibrator(Calibrator):
     """
 
     method: ClassVar[str] = "adaptive"
-    inputs: ClassVar[tuple[str, ...]] = CHANNELS
+
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        return trial_names(actuators)
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Fit to the windows of both parts; no legs are needed for stopping. Raises :class:`DataShortageError`."""
@@ -182,8 +200,8 @@ class AdaptiveCalibrator(Calibrator):
 
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         low, high = self.range_
-        margin = np.maximum(DOMAIN_MARGIN * (high - low), LEAST_MARGIN)
-        return DomainOfApplicability(START_NAMES, _starts(windows)[:, None], low, high, margin)
+        margin = np.maximum(DOMAIN_MARGIN * (high - low), _least_margin(windows.actuators))
+        return DomainOfApplicability(start_names(windows.actuators), _starts(windows)[:, None], low, high, margin)
 
     def state_dict(self) -> dict[str, Tensor]:
         import torch
@@ -198,8 +216,9 @@ class AdaptiveCalibrator(Calibrator):
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
         fitted = {name: tensor.numpy() for name, tensor in tensors.items()}
         self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
-        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(NAMES):
-            raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {len(NAMES)}")
+        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(names_of(self.actuators)):
+            numbers = len(names_of(self.actuators))
+            raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {numbers}")
         self.radius_ = fitted["region"]
         power, self.median_hindcast_m_ = map(float, fitted["trust"])
         self.weight_power_ = power or np.inf
@@ -207,7 +226,7 @@ class AdaptiveCalibrator(Calibrator):
 
 
 def _starts(windows: PredictionWindows) -> Floats:
-    """The quantities :data:`START_NAMES` of the windows' starts [N, 11].
+    """The quantities :func:`start_names` of the windows' starts [N, names].
 
     Means over the last seconds, so that single waves do not decide.
     """
@@ -215,9 +234,11 @@ def _starts(windows: PredictionWindows) -> Floats:
     recent = observations.past[:, :_RECENT_S]
     known = np.isfinite(recent).all(axis=2, keepdims=True)
     mean = np.where(known, recent, 0.0).sum(axis=1) / known.sum(axis=1)
-    control = observations.control[:, 0]
-    angles = [f(control[:, column]) for column in (1, 3) for f in (np.cos, np.sin)]
-    return np.column_stack([mean[:, 3:6], observations.wind[:, 1], control[:, [0, 2, 4]], *angles])
+    control, angles = observations.control[:, 0], angle_columns(windows.actuators)
+    shafts = [column for column in range(control.shape[1]) if column not in angles]
+    turned = [f(control[:, column]) for column in angles for f in (np.cos, np.sin)]
+    _, speed = observations.wind.T
+    return np.column_stack([mean[:, SURGE : YAW_RATE + 1], speed, control[:, shafts], *turned])
 
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:

@@ -18,7 +18,7 @@ import numpy as np
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, run_observer
+from hybrid.calibrators.adaptive.adaptation import Observations, names_of, run_observer
 from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.vessel.plant import Plant
 
@@ -40,13 +40,13 @@ def adapt(
     progress: Progress = lambda share: None,
     steps: int = STEPS,
 ) -> Floats:
-    """The vector [len(NAMES)] with which predictions meet the tracks [N, H+1, 3] that were measured.
+    """The vector [numbers] with which predictions meet the tracks [N, H+1, 3] that were measured.
 
     ``overlap`` is the share of a window that is its own, at most one. Seconds whose position was not measured are
     NaN and say nothing.
     """
     off, known = _differences(plant, windows, track)
-    vector, damping = np.zeros(len(NAMES)), 1e-3
+    vector, damping = np.zeros(len(names_of(plant.layout))), 1e-3
     now = off(vector)
     for step in range(steps):
         progress(step / steps)

@@ -16,31 +16,33 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
 from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record, compiled
-from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_over
+from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.plant import ForceFunction
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4
 """The gains are there for four yaw rates that far apart, the first of them none."""
+WIND_DIRECTION, WIND_SPEED, FIRST_CONTROL = 6, 7, 8
+"""Where they stand in a row of channels, after the state."""
 Force = tuple[float, float, float]
 Swing = tuple[float, float, float, float, float, float]
 """Displacement in waves ahead, aside [m] and in heading [rad], and their rates."""
 
 
 @compiled
-def mean_control(before: Floats, after: Floats) -> Control:
-    """The mean of the controls of two rows of 13 channels; angles the shorter way round."""
-    port, starboard = before[9] - after[9], before[11] - after[11]
-    port -= 2.0 * pi * round(port / (2.0 * pi))
-    starboard -= 2.0 * pi * round(starboard / (2.0 * pi))
-    return (
-        0.5 * (before[8] + after[8]),
-        after[9] + 0.5 * port,
-        0.5 * (before[10] + after[10]),
-        after[11] + 0.5 * starboard,
-        0.5 * (before[12] + after[12]),
-    )
+def fill_mean_control(p: Record, result: Control, before: Control, after: Control) -> None:
+    """Fill ``result``: the mean of two controls; angles the shorter way round."""
+    for i in range(len(p.actuators)):
+        kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
+        for column in range(first, first + CONTROLS_OF[kind]):
+            if IS_ANGLE[kind, column - first]:
+                back = before[column] - after[column]
+                back -= 2.0 * pi * round(back / (2.0 * pi))
+                result[column] = after[column] + 0.5 * back
+            else:
+                result[column] = 0.5 * (before[column] + after[column])
 
 
 @compiled
@@ -147,7 +149,8 @@ def _make_observer(stamp: int) -> Callable[..., None]:
     ) -> None:
         """Fill ``states`` [N, H+1, 6], and ``waves`` [N, H+1, 3] beside them.
 
-        From ``past`` [N, P+1, 13], newest first, of which ``known_s`` [N] seconds are whole; ``control`` [N, H, 5]
+        From ``past`` [N, P+1, channels], newest first, of which ``known_s`` [N] seconds are whole; ``control``
+        [N, H, controls]
         and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
         """
         for i in prange(states.shape[0]):
@@ -159,14 +162,14 @@ def _make_observer(stamp: int) -> Callable[..., None]:
             second, since = known_s[i], 0
             row = past[i, second]
             state = (row[0], row[1], row[2], row[3], row[4], row[5])
-            acting = (row[8], row[9], row[10], row[11], row[12])
+            acting = row[FIRST_CONTROL:].copy()
+            order, scratch = acting.copy(), scratch_for(p, acting)
             while second > 0 and stamp != 0:
                 now = past[i, second - 1]
-                order = mean_control(past[i, second], now)
+                fill_mean_control(p, order, past[i, second, FIRST_CONTROL:], now[FIRST_CONTROL:])
                 add_bias_force(p, own, bias)
-                state, acting = advance(
-                    p, mass, lag, order, acting, (now[6], now[7]), 0.0, 1.0, 1, state, extra, parameters[0]
-                )
+                air = (now[WIND_DIRECTION], now[WIND_SPEED])
+                state = advance(p, mass, lag, order, acting, scratch, air, 0.0, 1.0, 1, state, extra, parameters[0])
                 bias = decay(bias, kept)
                 swing = advance_swing(swing, wave)
                 turn = min(int(abs(now[5]) / TURN_RADPS + 0.5), TURNS - 1)
@@ -182,10 +185,10 @@ def _make_observer(stamp: int) -> Callable[..., None]:
             air = (wind[i, 0], wind[i, 1])
             store(state, swing, states[i, 0], waves[i, 0])
             for k in range(control.shape[1]):
-                c = control[i, k]
-                order = (c[0], c[1], c[2], c[3], c[4])
                 add_bias_force(p, own, bias)
-                state, acting = advance(p, mass, lag, order, acting, air, 0.0, 1.0, 1, state, extra, parameters[0])
+                state = advance(
+                    p, mass, lag, control[i, k], acting, scratch, air, 0.0, 1.0, 1, state, extra, parameters[0]
+                )
                 bias = decay(bias, kept)
                 swing = advance_swing(swing, wave)
                 store(state, swing, states[i, k + 1], waves[i, k + 1])

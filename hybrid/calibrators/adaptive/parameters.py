@@ -19,13 +19,14 @@ from hybrid.calibrators.adaptive.adaptation import (
     LAG,
     LAG_S,
     LARGEST_FACTOR,
-    NAMES,
-    POSITIVE,
-    SIGNED,
     STEADY,
     STEADY_MASS_KG,
+    SURROUNDED,
     USUAL_SHARE,
     WIND_MPS,
+    names_of,
+    positive_of,
+    signed_of,
 )
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.vessel.plant import Plant
@@ -78,13 +79,18 @@ def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
     units = units_of(calibrator.plant)
-    places = np.array([NAMES.index(name) for name in units])
+    layout = calibrator.plant.layout
+    places = np.array([names_of(layout).index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))
     order = np.argsort(deviation, kind="stable")
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
     names = list(units)
-    every = [_parameter(names[place], vector[place], deviation[place], *units[names[place]]) for place in order]
+    signs = positive_of(layout)
+    every = [
+        _parameter(names[place], vector[place], deviation[place], names[place] in signs, *units[names[place]])
+        for place in order
+    ]
     return Parameters(tuple(every), correlation)
 
 
@@ -101,8 +107,9 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
 
     heavier = plant.mass_kg / STEADY_MASS_KG
     units: dict[str, tuple[str, float, Natural]] = {}
-    units |= {name: ("times the model's", 1.0, lambda z: float(np.exp(USUAL_SHARE * z))) for name in POSITIVE}
-    units |= {name: ("times the model's", 1.0, lambda z: 1.0 + USUAL_SHARE * z) for name in SIGNED}
+    factors = dict.fromkeys(positive_of(plant.layout), lambda z: float(np.exp(USUAL_SHARE * z)))
+    factors |= dict.fromkeys(signed_of(plant.layout), lambda z: 1.0 + USUAL_SHARE * z)
+    units |= {name: ("times the model's", 1.0, natural) for name, natural in factors.items()}
     for name, usual in STEADY.items():
         own = float(getattr(plant, name))
         units[name] = ("N m" if name.endswith("_nm") else "N", own, added(own, heavier * usual))
@@ -116,11 +123,13 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
     return units | {LAG: ("s", own, lambda z: max(0.0, own + LAG_S * z))}
 
 
-def _parameter(name: str, z: float, deviation: float, unit: str, neutral: float, natural: Natural) -> Parameter:
+def _parameter(
+    name: str, z: float, deviation: float, keeps_sign: bool, unit: str, neutral: float, natural: Natural
+) -> Parameter:
     low, high = sorted((natural(z - 1.96 * deviation), natural(z + 1.96 * deviation)))
-    clipped = name in POSITIVE and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
+    clipped = keeps_sign and abs(USUAL_SHARE * z) > _NEARLY * LARGEST_FACTOR
     at_bound = clipped or (name == LAG and z < 0.0 and natural(z) == 0.0)
-    title = _TITLES.get(name, name if name in POSITIVE + SIGNED else name.replace("_", " "))
+    title = _TITLES.get(name, name.replace("_", " ") if name in SURROUNDED else name)
     return Parameter(
         title, natural(z), low, high, (high - low) / 3.92, unit, neutral, bool(at_bound), deviation < UNKNOWN
     )

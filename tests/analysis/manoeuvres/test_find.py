@@ -87,9 +87,9 @@ def test_single_thrusters_and_the_tunnel_thruster(sail: Sail) -> None:
 
 
 def test_a_stop_by_thrust_astern_has_a_limit_for_its_track() -> None:
-    ahead = Leg(port_rpm=171.0, starboard_rpm=171.0, at_least_s=60.0, at_most_s=60.0, course_deg=0.0)
-    astern = Leg(port_rpm=-120.0, starboard_rpm=-120.0, slower_mps=0.0, at_most_s=200.0)
-    rest = Leg(port_rpm=0.0, starboard_rpm=0.0, at_least_s=60.0, at_most_s=60.0)
+    ahead = Leg(rpm=171.0, at_least_s=60.0, at_most_s=60.0, course_deg=0.0)
+    astern = Leg(rpm=-120.0, slower_mps=0.0, at_most_s=200.0)
+    rest = Leg(rpm=0.0, at_least_s=60.0, at_most_s=60.0)
     table, _ = simulate_trial("gunnerus_short", "calm", (ahead, astern, rest), 150.0, 2.0, 1)
     (stop,) = (each for each in find_manoeuvres(table, 28.9) if each.kind == "stopping")
     assert stop.name == "stopping with thrust astern"

@@ -50,4 +50,16 @@ def vessel_sheet(vessel: str) -> Sheet:
     path = VESSELS / f"{vessel}.toml"
     if not path.is_file():
         raise ConfigurationError(f"no vessel {vessel!r}", fix=f"put its file into {VESSELS}")
-    return Sheet(tomllib.loads(path.read_text(encoding="utf-8")))
+    return Sheet(_by_parts(tomllib.loads(path.read_text(encoding="utf-8"))))
+
+
+def _by_parts(tree: dict[str, Any]) -> dict[str, Any]:
+    """The file's numbers as this ship's equations take them: the hull by axes, the two pods as one, the tunnel."""
+    hull, actuators = tree.pop("hull"), {each["name"]: each for each in tree.pop("actuator")}
+    for part, axis in (("surge", "X"), ("sway", "Y"), ("yaw", "N")):
+        tree[part] = {name: value for name, value in hull.items() if name.startswith(axis)}
+    places = {f"{side}_{axis}_m": actuators[side][f"{axis}_m"] for side in ("port", "starboard") for axis in "xy"}
+    port = actuators["port"]
+    tree["pods"] = {**port, **places, "diameter_m": port["propeller_diameter_m"]}
+    tree["tunnel"] = actuators["tunnel"]
+    return tree

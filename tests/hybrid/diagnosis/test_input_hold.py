@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.core.channels import COMMAND
 from hybrid.diagnosis.input_hold import choose_input_hold
 from hybrid.diagnosis.linearise import Model, linearise
@@ -15,7 +16,8 @@ from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from hybrid.diagnosis.noise import Noise, NoiseEstimate
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.planning.rehearse import behind
-from hybrid.vessel.channels import CONTROL_UNITS, STATE_UNITS
+from hybrid.vessel.actuators import control_units
+from hybrid.vessel.channels import STATE_UNITS
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
 from tests.hybrid.diagnosis.examination_by_hand import SMALL_CATALOGUE
@@ -46,7 +48,7 @@ def recorded(plant: Plant, kind: InputHold) -> pd.DataFrame:
     noise = np.array([0.05, 0.05, 0.1, 0.03, 0.03, 0.05]) * np.random.default_rng(2).standard_normal(motion.shape)
     records = acting[np.maximum(rows - 1, 0)] if kind == "since the last record" else acting[rows]
     table = pd.DataFrame(
-        np.hstack([motion + noise, np.tile([57.3, 4.0], (len(rows), 1)), records / CONTROL_UNITS]),
+        np.hstack([motion + noise, np.tile([57.3, 4.0], (len(rows), 1)), records / control_units(DEFAULT)]),
         columns=[*MOTION, "wind_direction_deg", "wind_speed_mps", *COMMAND],
         index=pd.to_datetime(1_800_000_000_000_000_000 + rows * 100_000_000, utc=True),
     )

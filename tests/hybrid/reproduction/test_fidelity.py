@@ -24,7 +24,7 @@ from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances
 from hybrid.report.notebook import SOURCES
 from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import NUMBERS, Plant
+from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import windows_at
 
 
@@ -107,13 +107,13 @@ def test_references_get_worse_along_the_main_axis() -> None:
 def test_ends_of_the_blend_are_truth_and_reference() -> None:
     for share, plant in ((0.0, LONG), (1.0, SHORT)):
         mixed = NOTEBOOK.blended(LONG, SHORT, share)
-        assert all(np.allclose(getattr(mixed, name), getattr(plant, name), rtol=1e-12) for name in NUMBERS)
+        assert all(np.allclose(mixed.number(name), value, rtol=1e-12) for name, value in plant.numbers().items())
     assert NOTEBOOK.livelier(SHORT, 1.0) == SHORT
 
 
 def test_single_axes_change_one_thing() -> None:
     truth = LONG.shifted(current_north_mps=0.2)
-    names = {each.label: {n for n in NUMBERS if getattr(each.plant, n) != getattr(truth, n)}
+    names = {each.label: {n for n, value in truth.numbers().items() if each.plant.number(n) != value}
              for each in NOTEBOOK.single_degradations(truth, SHORT)}  # fmt: skip
     assert names["without current and wave drift"] == {"current_north_mps"}
     assert "mass_kg" in names["without what changed the ship"]

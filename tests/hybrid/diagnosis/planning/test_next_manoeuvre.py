@@ -181,8 +181,13 @@ def test_no_candidate_asks_for_more_than_the_drives_can_do(vessel: Vessel, usual
     assert len({each.name for each in candidates}) == len({each.what for each in candidates}) == len(candidates)
     for candidate in candidates:
         for leg in candidate.legs:
-            assert max(leg.port_rpm, leg.starboard_rpm) <= vessel.pods.limit_rpm
-            assert abs(leg.tunnel_rpm) <= vessel.tunnel.limit_rpm
+            limits = {
+                f"{each.name}_rpm": each.limit_rpm
+                for kind in ("azimuth", "tunnel")
+                for each in vessel.of_kind(kind)
+            }
+            assert leg.rpm <= min(each.limit_rpm for each in vessel.of_kind("azimuth"))
+            assert all(abs(value) <= limits.get(name, 180.0) for name, value in leg.orders.items())
 
 
 def joined_log(plant: Plant, vessel: Vessel) -> tuple[Log, Log, Log]:

@@ -1,0 +1,52 @@
+"""One channel: a quantity with its unit, the range of values that are possible for it, and its topic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Group = Literal["pose", "velocity", "environment", "command", "auxiliary"]
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One quantity with its unit and the range of values that are possible for it.
+
+    ``low`` and ``high`` are inclusive, except on a circle: there the range is one turn, and it includes
+    the end that ``conventions`` gives (0 <= x < 360, or -180 < x <= 180).
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    group: Group
+    meaning: str
+    circular: bool = False
+
+    @property
+    def topic(self) -> str:
+        """The MCAP topic that carries this channel."""
+        return f"/channel/{self.name}"
+
+    def holds(self, value: float) -> bool:
+        """Whether ``value`` [``unit``] is possible. NaN and infinities are not."""
+        if not self.circular:
+            return self.low <= value <= self.high
+        if self.low < 0:
+            return self.low < value <= self.high
+        return self.low <= value < self.high
+
+    def wrapped(self, value: float) -> float:
+        """``value`` brought into this channel's turn; unchanged where the channel is no angle."""
+        if not self.circular:
+            return value
+        if self.low < 0:
+            return self.high - (self.high - value) % 360.0
+        turned = value % 360.0
+        return 0.0 if turned == 360.0 else turned  # -1e-20 % 360.0 is 360.0 in floating point
+
+
+def circle(name: str, group: Group, meaning: str, low: float = 0.0) -> Channel:
+    """A channel of an angle [deg] whose turn begins at ``low``."""
+    return Channel(name, "deg", low, low + 360.0, group, meaning, circular=True)

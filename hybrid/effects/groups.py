@@ -1,0 +1,66 @@
+"""Effects of actuators of one kind: one for each of them, and one for a pair or for all together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+
+from hybrid.effects.effect import Effect, Parameter, Values
+from hybrid.vessel.plant import Plant
+
+Change = Callable[[Plant, str, float], Plant]
+"""The plant with its number of that name changed by a parameter's value."""
+
+
+def loss(plant: Plant, number: str, fraction: float) -> Plant:
+    """A share of the force lost; a loss on top of another takes its share of what is left."""
+    return plant.replaced(**{number: 1.0 - (1.0 - plant.number(number)) * (1.0 - fraction)})
+
+
+def offset(plant: Plant, number: str, angle_deg: float) -> Plant:
+    """An angle added."""
+    return plant.shifted(**{number: radians(angle_deg)})
+
+
+def for_each_and_all(
+    stem: str,
+    names: tuple[str, ...],
+    change: Change,
+    number: str,
+    *,
+    family: str,
+    what: str,
+    source: str,
+    parameter: Parameter,
+    like: tuple[str, ...] = (),
+    one_is_like: tuple[str, ...] = (),
+    all_are_like: tuple[str, ...] = (),
+) -> tuple[Effect, ...]:
+    """``stem_NAME`` for each actuator, and ``stem_both`` for a pair, ``stem_all`` for more of one kind.
+
+    ``change`` changes the ``number`` of the actuators concerned. They are confused with each other and with the
+    effects ``like`` them; one alone with ``one_is_like`` besides, all together with ``all_are_like``.
+    """
+    together = {1: "", 2: f"{stem}_both"}.get(len(names), f"{stem}_all")
+    groups: dict[str, tuple[str, ...]] = {f"{stem}_{name}": (name,) for name in names}
+    groups |= {together: names} if together else {}
+
+    def effect(name: str, group: tuple[str, ...]) -> Effect:
+        def changed(plant: Plant, values: Values) -> Plant:
+            for each in group:
+                plant = change(plant, f"{each}_{number}", values[parameter.name])
+            return plant
+
+        besides = (one_is_like if len(group) == 1 else ()) + (all_are_like if group == names else ())
+        return Effect(
+            name,
+            family=family,
+            kind="actuator",
+            what=what.format(names=" and ".join(each.replace("_", " ") for each in group)),
+            source=source,
+            parameters=(parameter,),
+            change=changed,
+            confused_with=tuple(sorted({*groups, *like, *besides} - {name})),
+        )
+
+    return tuple(effect(name, group) for name, group in groups.items())

@@ -1,0 +1,132 @@
+"""The kinds of actuators, one file each, and the compiled loop's way from a row's kind to its equations.
+
+To add a kind: a file like ``azimuth.py``, a line in :data:`KINDS`, and its channels in
+:data:`acquisition.core.actuators.KINDS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from acquisition.core.actuators import Actuator, Actuators
+from acquisition.core.arrays import Floats
+from hybrid.vessel.actuators.azimuth import AZIMUTH
+from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND, Drive, Kind
+from hybrid.vessel.actuators.tunnel import TUNNEL
+from hybrid.vessel.compiling import compiled
+
+KINDS: dict[str, Kind] = {"azimuth": AZIMUTH, "tunnel": TUNNEL}
+
+
+class Entry(Protocol):
+    """One ``[[actuator]]`` of a vessel file, of whatever kind."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def kind(self) -> str:
+        """Its kind, one of :data:`KINDS`."""
+
+    @property
+    def x_m(self) -> float:
+        """How far ahead of the origin of the body axes it is [m]."""
+
+
+CODES: dict[str, float] = {name: float(code) for code, name in enumerate(KINDS)}
+ROW_SIZE = FIRST_NUMBER + max(len(kind.numbers) for kind in KINDS.values())
+WORK_SIZE = max(kind.work for kind in KINDS.values())
+_WIDEST = max(len(kind.units) for kind in KINDS.values())
+CONTROLS_OF = np.array([len(kind.units) for kind in KINDS.values()])
+"""How many controls an actuator of each kind has, by its code."""
+
+IS_ANGLE = np.array([[*kind.angles, *[False] * (_WIDEST - len(kind.angles))] for kind in KINDS.values()])
+"""Which controls of each kind are angles, [kinds, most controls]."""
+
+
+def control_units(actuators: Actuators) -> Floats:
+    """What a ship's control channels are multiplied with to be controls in SI: [controls]."""
+    return np.array([unit for each in actuators for unit in KINDS[each.kind].units])
+
+
+def control_labels(actuators: Actuators) -> tuple[str, ...]:
+    """The names of a ship's controls in SI: ``port_rps``, ``port_angle``, ``tunnel_rpm``."""
+    return tuple(f"{each.name}_{label}" for each in actuators for label in KINDS[each.kind].labels)
+
+
+def angle_columns(actuators: Actuators) -> list[int]:
+    """Which of a ship's controls are angles."""
+    angles = [angle for each in actuators for angle in KINDS[each.kind].angles]
+    return [number for number, angle in enumerate(angles) if angle]
+
+
+def list_of(entries: tuple[Entry, ...]) -> Actuators:
+    """The names and kinds of a vessel file's actuators."""
+    return tuple(Actuator(each.name, each.kind) for each in entries)
+
+
+def _chained_hold(kinds: list[tuple[int, Kind]]) -> Callable[..., None]:
+    """One compiled function that holds an actuator of any kind: the way from the code in its row."""
+    (code, kind), *others = kinds
+    own: Any = kind.hold
+    if not others:
+        return own  # type: ignore[no-any-return]
+    other: Any = _chained_hold(others)
+
+    @compiled
+    def hold(p, row, control, first, work):  # type: ignore[no-untyped-def]
+        if row[KIND] == code:
+            own(p, row, control, first, work)
+        else:
+            other(p, row, control, first, work)
+
+    return hold  # type: ignore[no-any-return]
+
+
+def _chained_force(kinds: list[tuple[int, Kind]]) -> Callable[..., tuple[float, float, float]]:
+    """As :func:`_chained_hold`, of the force."""
+    (code, kind), *others = kinds
+    own: Any = kind.force
+    if not others:
+        return own  # type: ignore[no-any-return]
+    other: Any = _chained_force(others)
+
+    @compiled
+    def force(p, row, work, u, v, r):  # type: ignore[no-untyped-def]
+        if row[KIND] == code:
+            return own(p, row, work, u, v, r)
+        return other(p, row, work, u, v, r)
+
+    return force  # type: ignore[no-any-return]
+
+
+hold_actuator = _chained_hold(list(enumerate(KINDS.values())))
+"""``hold_actuator(p, row, control, first, work)``: the working numbers of one actuator while the control holds."""
+
+actuator_force = _chained_force(list(enumerate(KINDS.values())))
+"""``actuator_force(p, row, work, u, v, r)``: its force and moment X [N], Y [N], N [N m]."""
+
+__all__ = [
+    "CODES",
+    "CONTROL",
+    "CONTROLS_OF",
+    "FIRST_NUMBER",
+    "IS_ANGLE",
+    "KIND",
+    "KINDS",
+    "ROW_SIZE",
+    "WORK_SIZE",
+    "Drive",
+    "Entry",
+    "Kind",
+    "actuator_force",
+    "angle_columns",
+    "control_labels",
+    "control_units",
+    "hold_actuator",
+    "list_of",
+]

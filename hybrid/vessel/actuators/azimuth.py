@@ -1,0 +1,180 @@
+"""The azimuth thruster (paper, eq. 6): a propeller that points anywhere. Controls: shaft [rev/s] and angle [rad].
+
+Angle 0 pushes the ship ahead, a positive one turns the thrust to starboard. Thrust along the pod is
+``rho D^2 (thrust_nn D^2 n|n| + thrust_nu D |n| u_a + thrust_uu u_a|u_a|)``, the force across it
+``rho D^2 (side_nv D |n| v_c + side_uv |u_a| v_c + side_vv |v_c| v_c)``, u_a and v_c the inflow along and across it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, radians, sin
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import StrictFloat as Number
+
+from acquisition.core.arrays import Floats
+from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.compiling import Record, compiled
+
+if TYPE_CHECKING:
+    from hybrid.effects.effect import Effect
+
+RPM_PER_RPS = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Azimuth:
+    """An azimuth thruster in a vessel file: place, propeller, force coefficients, and what its drive can do."""
+
+    name: str
+    kind: Literal["azimuth"]
+    x_m: Number
+    y_m: Number
+    propeller_diameter_m: Number
+    thrust_nn: Number
+    thrust_nu: Number
+    thrust_uu: Number
+    side_nv: Number
+    side_uv: Number
+    side_vv: Number
+    limit_rpm: Number
+    azimuth_rate_limit_dps: Number
+    azimuth_lag_s: Number
+    shaft_lag_s: Number
+
+
+SHARED = (
+    "propeller_diameter_m", "thrust_nn", "thrust_nu", "thrust_uu", "side_nv", "side_uv", "side_vv",
+)  # fmt: skip
+NUMBERS = ("x_m", "y_m", *SHARED, "thrust_loss", "angle_offset_rad")
+(
+    X_M, Y_M, DIAMETER_M, THRUST_NN, THRUST_NU, THRUST_UU, SIDE_NV, SIDE_UV, SIDE_VV, THRUST_LOSS, ANGLE_OFFSET_RAD,
+) = columns(NUMBERS)  # fmt: skip
+COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
+"""The working numbers: the true direction of thrust, the shaft's speed, the share of force that is left."""
+
+
+@compiled
+def scaled_azimuth(p: Record, angle_rad: float) -> float:
+    """The true azimuth before its offset: the plant's factor acts on the angle within half a turn of ahead."""
+    if p.azimuth_scale == 1.0:
+        return angle_rad
+    turns = round(angle_rad / (2.0 * pi))
+    return float(p.azimuth_scale * (angle_rad - 2.0 * pi * turns))
+
+
+@compiled
+def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+    """Where the pod points and how its shaft turns while ``control`` holds."""
+    true_rad = scaled_azimuth(p, control[first + 1]) + row[ANGLE_OFFSET_RAD]
+    work[COSINE], work[SINE] = cos(true_rad), sin(true_rad)
+    work[SHAFT_RPS], work[EFFECT] = control[first], 1.0 - row[THRUST_LOSS]
+
+
+@compiled
+def force(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
+    """Force and moment X [N], Y [N], N [N m] of one pod; ``u, v`` [m/s], ``r`` [rad/s] relative to the water.
+
+    Thrust along the pod and the side force across it are quadratic in shaft speed and inflow; the inflow is
+    that of the hull's motion at the pod.
+    """
+    D, n, x, y = row[DIAMETER_M], work[SHAFT_RPS], row[X_M], row[Y_M]
+    u_p, v_p = u - y * r, v + x * r
+    u_a = u_p * work[COSINE] + v_p * work[SINE]
+    v_c = -u_p * work[SINE] + v_p * work[COSINE]
+    pressure = p.water_density_kgpm3 * D * D * work[EFFECT]
+    T = pressure * (
+        row[THRUST_NN] * D * D * n * abs(n) + row[THRUST_NU] * D * abs(n) * u_a + row[THRUST_UU] * u_a * abs(u_a)
+    )
+    C = pressure * v_c * (row[SIDE_NV] * D * abs(n) + row[SIDE_UV] * abs(u_a) + row[SIDE_VV] * abs(v_c))
+    X = T * work[COSINE] - C * work[SINE]
+    Y = T * work[SINE] + C * work[COSINE]
+    return X, Y, x * Y - y * X
+
+
+def drives(entry: Azimuth) -> tuple[Drive, Drive]:
+    """How shaft [rev/s] and angle [rad] follow their orders."""
+    return (
+        Drive(entry.shaft_lag_s, limit=entry.limit_rpm / RPM_PER_RPS),
+        Drive(entry.azimuth_lag_s, rate=radians(entry.azimuth_rate_limit_dps)),
+    )
+
+
+def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+    """Lost thrust and offset angle of each thruster and of all alike; inflow, side force and angle of all."""
+    from hybrid.effects.effect import Effect, Parameter, scaling
+    from hybrid.effects.groups import for_each_and_all, loss, offset
+
+    number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
+    subject = number.get(len(names), "All azimuths turn more than they report")
+    return (
+        *for_each_and_all(
+            "thrust_loss", names, loss, "thrust_loss",
+            family="propulsion",
+            what="Lost thrust: both force components of the {names} pod times (1 - fraction)",
+            source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
+            parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
+            like=("hull_lengthening", "pod_side_force"),
+            one_is_like=("yaw_asymmetry",),
+            all_are_like=("hull_fouling", "towed_load", "wake_fraction"),
+        ),
+        Effect(
+            "wake_fraction",
+            family="propulsion",
+            kind="physics",
+            what="The hull's wake at the pods: axial inflow u_a times (1 - fraction), hence more thrust under way",
+            source="Carlton, Marine Propellers and Propulsion, ch. 5",
+            parameters=(Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03),),
+            change=lambda plant, values: plant.scaled(
+                1.0 - values["fraction"], "thrust_nu", "side_uv"
+            ).scaled((1.0 - values["fraction"]) ** 2, "thrust_uu"),
+            confused_with=("hull_fouling", "towed_load"),
+        ),
+        scaling(
+            "pod_side_force",
+            "propulsion",
+            ("side_nv", "side_uv", "side_vv"),
+            (1.2, 0.05),
+            what="Side force of the pods in oblique flow: the three coefficients across the pod times a factor",
+            source="Ribner, Propellers in yaw, NACA Report 820 (1945): a propeller resists like a fin",
+        ),
+        *for_each_and_all(
+            "azimuth_offset", names, offset, "angle_offset_rad",
+            family="alignment",
+            what="The {names} azimuth points elsewhere: true angle = reported + offset",
+            source="Zero of the azimuth feedback",
+            parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.5, 0.5, tolerance=0.1),
+            like=("sway_asymmetry", "yaw_asymmetry"),
+        ),
+        Effect(
+            "azimuth_scale",
+            family="alignment",
+            kind="actuator",
+            what=f"{subject}: true angle = factor x reported, from ahead either way",
+            source="Gain of the azimuth feedback",
+            parameters=(Parameter("factor", "1", 1.0, 0.5, 1.5, 1.05, 0.02, tolerance=0.002),),
+            change=lambda plant, values: plant.scaled(values["factor"], "azimuth_scale"),
+            confused_with=("hull_lengthening", "skeg", "trim", "yaw_damping"),
+        ),
+    )  # fmt: skip
+
+
+AZIMUTH = Kind(
+    entry=Azimuth,
+    numbers=NUMBERS,
+    labels=("rps", "angle"),
+    units=(1.0 / RPM_PER_RPS, pi / 180.0),
+    angles=(False, True),
+    work=4,
+    hold=hold,
+    force=force,
+    still=(0.05, 0.026),
+    alike=(0.3, 0.0),
+    drives=drives,
+    effects=effects,
+    slots={"thrust_loss": 0.0, "angle_offset_rad": 0.0},
+    shared=frozenset(SHARED),
+    keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"),
+    adapted=("x_m",),
+)

@@ -1,0 +1,64 @@
+"""What a kind of actuator is to the rest: its entry in a vessel file, its numbers, its controls, its equations.
+
+The compiled core sees an actuator as one row of numbers: the code of its kind, the place of its first control,
+and the kind's numbers in their order. What stays constant while the controls are held is worked out once a step
+into a row of working numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hybrid.effects.effect import Effect
+
+KIND, CONTROL, FIRST_NUMBER = range(3)
+"""Where the kind's code, the first control's place and the first number stand in an actuator's row."""
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """How one control follows its order: a first-order lag [s], and limits of the order and of its rate [SI]."""
+
+    lag_s: float
+    limit: float = float("inf")
+    rate: float = float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of actuator.
+
+    ``entry`` is the class of its table in a vessel file. ``numbers`` are what a plant holds of it, in the order
+    of its row: those of the entry and, with their neutral values, ``slots`` that effects set. ``shared`` are the
+    numbers that a plant of several alike calls by their own name, without the actuator's. ``units`` turn the
+    kind's channels into controls in SI, ``labels`` name these, ``angles`` tells which of them are angles,
+    ``drives`` how they follow orders, ``still`` how much feedback of a held one moves and ``alike`` what is not
+    another setting. ``keeps_sign`` are the shared numbers, ``adapted`` the own ones, that are learned of a ship.
+    ``hold(p, row, control, first, work)`` and ``force(p, row, work, u, v, r) -> X, Y, N`` are compiled; ``work``
+    is how many working numbers they share. ``effects(names)`` are the effects of a ship's actuators of this kind.
+    """
+
+    entry: type
+    numbers: tuple[str, ...]
+    labels: tuple[str, ...]
+    units: tuple[float, ...]
+    angles: tuple[bool, ...]
+    work: int
+    hold: Callable[..., None]
+    force: Callable[..., tuple[float, float, float]]
+    still: tuple[float, ...]
+    alike: tuple[float, ...]
+    drives: Callable[[Any], tuple[Drive, ...]]
+    effects: Callable[[tuple[str, ...]], tuple[Effect, ...]]
+    slots: Mapping[str, float] = field(default_factory=dict)
+    shared: frozenset[str] = frozenset()
+    keeps_sign: tuple[str, ...] = ()
+    adapted: tuple[str, ...] = ()
+
+
+def columns(numbers: tuple[str, ...]) -> range:
+    """Where a kind's numbers stand in its row."""
+    return range(FIRST_NUMBER, FIRST_NUMBER + len(numbers))

@@ -1,0 +1,93 @@
+"""The tunnel thruster (paper, eq. 7): a side force that goes with the shaft alone. Control: shaft [rpm].
+
+``cubic_n n^3 + quadratic_n n|n| + linear_n n``, positive to starboard; no loss with speed is modelled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import StrictFloat as Number
+
+from acquisition.core.arrays import Floats
+from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.compiling import Record, compiled
+
+if TYPE_CHECKING:
+    from hybrid.effects.effect import Effect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tunnel:
+    """A tunnel thruster in a vessel file: place, side force as a polynomial of the shaft in rpm, and its drive."""
+
+    name: str
+    kind: Literal["tunnel"]
+    x_m: Number
+    cubic_n: Number
+    quadratic_n: Number
+    linear_n: Number
+    limit_rpm: Number
+    shaft_lag_s: Number
+
+
+NUMBERS = ("x_m", "cubic_n", "quadratic_n", "linear_n")
+X_M, CUBIC_N, QUADRATIC_N, LINEAR_N = columns(NUMBERS)
+FORCE_N = 0
+"""The working number: the side force while the control holds."""
+
+
+@compiled
+def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+    """The side force [N] while ``control`` holds."""
+    n = control[first]
+    work[FORCE_N] = row[CUBIC_N] * n * n * n + row[QUADRATIC_N] * n * abs(n) + row[LINEAR_N] * n
+
+
+@compiled
+def force(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
+    """Force and moment X [N], Y [N], N [N m], whatever the motion."""
+    return 0.0, work[FORCE_N], row[X_M] * work[FORCE_N]
+
+
+def drives(entry: Tunnel) -> tuple[Drive]:
+    """How the shaft [rpm] follows its order."""
+    return (Drive(entry.shaft_lag_s, limit=entry.limit_rpm),)
+
+
+def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+    """Lost side force of each thruster."""
+    from hybrid.effects.effect import Effect, Parameter
+
+    def loss(name: str) -> Effect:
+        return Effect(
+            f"{name}_thrust_loss" if name == "tunnel" else f"thrust_loss_{name}",  # the contract's older name
+            family="propulsion",
+            kind="actuator",
+            what=f"Lost side force of the {name.replace('_', ' ')} thruster: times (1 - fraction)",
+            source="Brix, Manoeuvring Technical Manual (1993): speed, grids and fouling as one share",
+            parameters=(Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),),
+            change=lambda plant, values: plant.scaled(
+                1.0 - values["fraction"], *(f"{name}_{number}" for number in ("cubic_n", "quadratic_n", "linear_n"))
+            ),
+        )
+
+    return tuple(loss(name) for name in names)
+
+
+TUNNEL = Kind(
+    entry=Tunnel,
+    numbers=NUMBERS,
+    labels=("rpm",),
+    units=(1.0,),
+    angles=(False,),
+    work=1,
+    hold=hold,
+    force=force,
+    still=(10.0,),
+    alike=(10.0,),
+    drives=drives,
+    effects=effects,
+    adapted=("cubic_n", "quadratic_n", "linear_n"),
+)
