@@ -51,9 +51,11 @@ docs: $(STAMP)   ## the documentation as a site in docs/_build/html; a warning i
 linkcheck: $(STAMP) ## whether the links to other sites still lead somewhere; needs a network
 	$(BIN)/python -m sphinx -b linkcheck -q docs docs/_build/linkcheck
 
-lint: $(STAMP)   ## ruff: rules and format
+lint: $(STAMP)   ## ruff (rules, complexity, docstrings, format), import layers, dead code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/python -m tests.dead_code
 
 types: $(STAMP)  ## mypy, strict
 	$(BIN)/mypy

@@ -65,7 +65,7 @@ def _say_version(wanted: bool) -> None:
     if wanted:
         import typer
 
-        from acquisition.recording.trial import software_version
+        from acquisition.core.trial import software_version
 
         typer.echo(software_version())
         raise typer.Exit
@@ -85,7 +85,7 @@ _PLACES = {
     "save_vessel": "hybrid.vessel.files:save_vessel",
     "smooth": "analysis.estimation.smoother:smooth",
     "vessels": "hybrid.vessel.files:vessel_names",
-    "version": "acquisition.recording.trial:software_version",
+    "version": "acquisition.core.trial:software_version",
 } | {
     name: f"{_SCRIPTING}:{name}"
     for name in (

@@ -249,8 +249,8 @@ def batch(
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
-    from analysis.batch.products import Options
     from analysis.batch.workers import Terminated
+    from analysis.products import Options
 
     if rebuild_positions and no_repair:
         raise typer.BadParameter("--rebuild-positions needs the repairs")

@@ -21,14 +21,14 @@ if TYPE_CHECKING:
     from analysis.quality.check import DataQuality
     from analysis.windows.held import HeldWindows
     from hybrid.calibrators.artefact import TrainedCalibrator
+    from hybrid.calibrators.predict import Prediction
     from hybrid.effects.catalogue import Catalogue
     from hybrid.evaluation.summary import Evaluation
+    from hybrid.evaluation.validate import Validation
     from hybrid.planning.plan import Plan
     from hybrid.vessel.parameters import Vessel
     from hybrid.vessel.plant import Plant
     from hybrid.workflows.diagnose import Diagnosed
-    from hybrid.workflows.predict import Prediction
-    from hybrid.workflows.validate import Validation
 
 Paths = str | Path | Sequence[str | Path]
 HORIZON_S = 15
@@ -38,12 +38,12 @@ SIMULATED_ORIGIN = (63.44, 10.40)
 
 
 def write(table: pd.DataFrame, path: str | Path, vessel: str = "", **trial: Any) -> Path:
-    """A table of channels as a recording; ``trial`` is what :class:`acquisition.recording.trial.Trial` holds.
+    """A table of channels as a recording; ``trial`` is what :class:`acquisition.core.trial.Trial` holds.
 
     The table has a UTC index and the columns of the conventions. Raises :class:`StorageError`.
     """
+    from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
-    from acquisition.recording.trial import Trial
 
     target = Path(path)
     write_table(table, target, Trial(**{"name": target.stem, "vessel": vessel, **trial}), source="table")
@@ -136,8 +136,8 @@ def simulate(
     nothing else.
     """
     from acquisition.core.actuators import as_text
+    from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
-    from acquisition.recording.trial import Trial
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.simulation.trial import simulate_trial, write_truth
     from hybrid.vessel.files import load_vessel
@@ -193,9 +193,9 @@ def train(
     Raises :class:`DataShortageError` where no window is held, :class:`ConfigurationError` for an unknown method.
     """
     from hybrid.calibrators import refuse_unknown
+    from hybrid.calibrators.train import train as train_calibrator
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.vessel.files import DEFAULT, load_vessel, located
-    from hybrid.workflows.train import train as train_calibrator
 
     refuse_unknown(method)
     name = located(str(vessel or DEFAULT))
@@ -221,8 +221,8 @@ def validate(
 
     Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
     """
-    from hybrid.workflows.validate import refuse_training_data
-    from hybrid.workflows.validate import validate as validate_dataset
+    from hybrid.evaluation.validate import refuse_training_data
+    from hybrid.evaluation.validate import validate as validate_dataset
 
     trained, plant, seconds = _model(calibrator, vessel, horizon_s)
     dataset = _dataset(recordings, seconds, stride_s, part, repair, rebuild_positions)
@@ -283,8 +283,8 @@ def predict(
     """
     from analysis.tables.resample import resample
     from analysis.tables.table import read_table, require
-    from hybrid.workflows.predict import parse_time
-    from hybrid.workflows.predict import predict as predict_at
+    from hybrid.calibrators.predict import parse_time
+    from hybrid.calibrators.predict import predict as predict_at
 
     trained, plant, seconds = _model(calibrator, vessel, horizon_s)
     table = read_table(recording)

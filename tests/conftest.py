@@ -36,8 +36,8 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """Recordings of the lengthened ship in the paper's manoeuvre; one that was asked for before is given again."""
+    from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
-    from acquisition.recording.trial import Trial
     from hybrid.simulation.trial import simulate_trial
 
     folder = tmp_path_factory.mktemp("simulated")
@@ -78,13 +78,13 @@ def few_epochs(method: str, seed: int = 0, plant: Plant | None = None, epochs: i
 @pytest.fixture(scope="session")
 def small(earlier: list[Path]) -> TrainedCalibrator:
     """A calibrator on the ship before she was lengthened, trained on little and for a short time."""
+    from hybrid.calibrators.train import train
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.prediction.dataset import load_dataset
     from hybrid.vessel.files import load_vessel
-    from hybrid.workflows.train import train
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("hybrid.workflows.train.make_calibrator", few_epochs)
+        patch.setattr("hybrid.calibrators.train.make_calibrator", few_epochs)
         dataset = load_dataset(earlier, SMALL_HORIZON_S, 5)
         return train(dataset, "gunnerus_short", vessel_plant(load_vessel("gunnerus_short")), "paper")
 

@@ -201,7 +201,7 @@ def test_train_validate_predict(
 ) -> None:
     """The three in a row, each with one JSON object; the horizon of the calibrator is taken up unasked."""
     monkeypatch.setattr(
-        "hybrid.workflows.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 2)
+        "hybrid.calibrators.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 2)
     )
     folder = tmp_path / "calibrator"
     trained = command("train", *earlier[:2], "-o", folder, "--horizon", 20, "--method", "paper", "--json")
@@ -454,8 +454,8 @@ def test_a_recording_without_a_channel(name: str, channel: str, without: Callabl
 @pytest.fixture(scope="module")
 def without(simulated: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     """A recording that lacks one channel."""
+    from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
-    from acquisition.recording.trial import Trial
     from analysis.tables.table import read_table
 
     folder = tmp_path_factory.mktemp("without")

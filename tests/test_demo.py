@@ -8,6 +8,32 @@ import pytest
 
 from acquisition.core.channels import NAMES
 from acquisition.recording.reader import read_recording
+from tests.acquisition.conftest import SimulatedClock, clock
+
+__all__ = ["clock"]  # a fixture
+
+
+@pytest.mark.parametrize(
+    ("held", "longest_s"), [([2, 2, 2, 5, 5, 6, 9], 0.5), ([2, 6, 6], 5.5)], ids=["late", "lost"]
+)
+def test_the_recorder_is_ended_when_it_has_all_that_was_played_or_nothing_more_comes(
+    held: list[int], longest_s: float, clock: SimulatedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recorder on a busy machine is behind: a fixed pause cut off the end of the voyage."""
+    from hybrid.workflows import demo
+
+    left, asked = iter(held), list[int]()
+
+    def count(folder: Path, names: object) -> int:
+        asked.append(next(left, held[-1]))
+        return asked[-1]
+
+    monkeypatch.setattr(demo, "time", clock)
+    monkeypatch.setattr(demo, "_held", count)
+    began_s = clock.now_s
+    demo._wait_for_all(Path(), {"heading_deg": 5, "north_m": 4})
+    assert asked[: len(held)] == held
+    assert clock.now_s - began_s == pytest.approx(0.5 * held.index(max(held)) + longest_s)
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ def test_functions_have_their_texts(site: Path) -> None:
     text = (site / "reference" / "python.html").read_text(encoding="utf-8")
     for name in (
         "analysis.tables.table.read_table",
-        "hybrid.workflows.train.train",
+        "hybrid.calibrators.train.train",
         "hybrid.workflows.diagnose.diagnose_files",
     ):
         assert f'id="{name}"' in text

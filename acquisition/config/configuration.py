@@ -28,8 +28,8 @@ from acquisition.config.toml_file import line_of, parse_toml, read_text
 from acquisition.config.trial_section import TrialSection
 from acquisition.core.channels import AUXILIARY, BY_NAME, NAMES
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.trial import Trial
 from acquisition.core.units import scale_to
-from acquisition.recording.trial import Trial
 
 CONFIGURATION = "configuration.toml"
 """The name of the configuration among a recording's attachments."""

@@ -8,7 +8,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from acquisition.config.sections import STRICT, FiniteFloat
-from acquisition.recording.trial import Trial
+from acquisition.core.trial import Trial
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -19,7 +19,7 @@ from acquisition.core.kinematics import (
     wind_over_ground,
 )
 from acquisition.core.tangent_plane import TangentPlane
-from acquisition.recording.trial import Trial
+from acquisition.core.trial import Trial
 
 _HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long
 _MOTION_KEEPS_NS = 1_500_000_000

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from acquisition.core.errors import InputError
+from acquisition.core.trial import Trial
 from acquisition.logger.requests import RecorderState, running_recorders
 from acquisition.logger.timescale import NEW_PART_NS
 from acquisition.recording.batches import Samples
 from acquisition.recording.tail import Tail
-from acquisition.recording.trial import Trial
 
 _QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
 _ASK_EVERY_S, _ASK_SOON_S = 1.0, 0.1  # the latter where a part has just come to its end

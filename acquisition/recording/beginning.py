@@ -9,9 +9,9 @@ from pathlib import Path
 
 from mcap.records import Metadata
 
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import open_recording
 from acquisition.recording.scan import Damage, scan
-from acquisition.recording.trial import Trial
 
 
 def trial_at_beginning(path: Path) -> Trial:

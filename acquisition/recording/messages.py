@@ -11,6 +11,7 @@ from typing import Any
 import orjson
 
 from acquisition.core.frames import Frame, FrameFlag, Sample
+from acquisition.core.trial import Trial
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
     EVENT_TOPIC,
@@ -20,7 +21,6 @@ from acquisition.recording.schemas import (
     PREDICTION_TOPIC,
     raw_topic,
 )
-from acquisition.recording.trial import Trial
 
 _NANO = 1_000_000_000
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}

@@ -19,6 +19,7 @@ from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message
 from numpy.typing import NDArray
 
 from acquisition.core.errors import InputError
+from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, Samples, add_samples, batches
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
@@ -29,7 +30,6 @@ from acquisition.recording.schemas import (
     PREDICTION_TOPIC,
     RAW_PREFIX,
 )
-from acquisition.recording.trial import Trial
 
 REMEDY = "save what is intact with `seatrial recover`"
 

@@ -29,11 +29,11 @@ from mcap.writer import CompressionType, Writer
 from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
+from acquisition.core.trial import Trial, software_version
 from acquisition.recording.definitions import Definitions, collect_definitions, scan_definitions
 from acquisition.recording.reader import open_recording
 from acquisition.recording.records import HEAD, RecordError, contents
 from acquisition.recording.scan import Damage, Intact
-from acquisition.recording.trial import Trial, software_version
 from acquisition.recording.verification import Digest, verify
 
 _CHUNK_BYTES = 1024 * 1024

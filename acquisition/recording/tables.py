@@ -14,7 +14,7 @@ from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_names
 from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import Quality, Sample
-from acquisition.recording.trial import Trial
+from acquisition.core.trial import Trial
 from acquisition.recording.writer import RecordingWriter
 
 _ROWS_TO_FLUSH = 50_000

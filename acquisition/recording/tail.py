@@ -17,11 +17,11 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, McapRecord, Metadata
 
 from acquisition.core.errors import InputError
+from acquisition.core.trial import Trial
 from acquisition.recording.batches import Batch, Samples, add_samples, batches
 from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import CHANNEL_PREFIX
-from acquisition.recording.trial import Trial
 
 _SPAN = struct.Struct("<QQ")  # what a chunk begins with: the times of its first and last message
 _OF_NO_USE = (Opcode.MESSAGE_INDEX, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT)

@@ -12,11 +12,11 @@ from types import TracebackType
 from typing import Any
 
 from acquisition.core.errors import StorageError, storage_error
+from acquisition.core.trial import Trial, software_version
 from acquisition.recording.mcap_file import McapFile, end_without_index
 from acquisition.recording.messages import MessageSink
 from acquisition.recording.schemas import schema_of
 from acquisition.recording.storage import CommittedFile, sync_folder
-from acquisition.recording.trial import Trial, software_version
 
 _CHUNK_BYTES = 64 * 1024
 _LATEST_NS = 2**63 - 1

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from acquisition.tables.column_map import load_column_map
 from acquisition.tables.mapped_table import apply_column_map
 from acquisition.tables.table_files import RawTable, parse_numbers, parse_times, read_raw

@@ -14,8 +14,8 @@ from acquisition.config.toml_file import line_of, read_text
 from acquisition.core.angles import in_turn, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.trial import Trial
 from acquisition.core.units import scale_to
-from acquisition.recording.trial import Trial
 from acquisition.tables.column_map import DEGREES_AND_MINUTES, ColumnMap, factor
 from acquisition.tables.table_files import RawTable, parse_numbers, parse_times
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
-from acquisition.recording.trial import Trial
+from acquisition.core.trial import Trial
 
 SUFFIXES = (".csv", ".parquet", ".mat")
 _NANO, _MICRO = 1_000_000_000, 1_000_000

@@ -18,7 +18,6 @@ import pandas as pd
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.progress import Progress
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
-from analysis.batch.products import Options
 from analysis.batch.workers import (
     LOCK,
     MARKS,
@@ -29,6 +28,7 @@ from analysis.batch.workers import (
     exclusive_folder,
     run_jobs,
 )
+from analysis.products import Options
 from analysis.report.index_page import index_page
 from analysis.tables.files import atomic_file, read_parquet, write_parquet
 

@@ -24,9 +24,9 @@ import pandas as pd
 
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
-from acquisition.recording.trial import software_version
-from analysis.batch.products import Options, Products, analyse
+from acquisition.core.trial import software_version
 from analysis.manoeuvres import Manoeuvre, as_json
+from analysis.products import Options, Products, analyse
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
 from analysis.tables.provenance import history_of, provenance_of, sha256_of

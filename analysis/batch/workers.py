@@ -27,7 +27,7 @@ from typing import Any, TypeAlias
 from acquisition.core.errors import InputError, SourceError, StorageError, storage_error
 from acquisition.core.progress import Progress
 from analysis.batch.one_recording import SUMMARY, Row
-from analysis.batch.products import Options, cause_of
+from analysis.products import Options, cause_of
 
 MOST_ATTEMPTS = 3
 """So often a recording may take its worker down before it is left alone."""

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from acquisition.core.channels import BY_NAME, NAMES, is_circular
 from acquisition.core.errors import ConfigurationError
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 from analysis.report.interactive_data import DECIMALS, page_data, panels_of
 from analysis.tables.files import atomic_file, expect_suffix
 

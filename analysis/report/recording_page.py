@@ -13,7 +13,7 @@ from analysis.tables.export import SIGMA_SUFFIX
 if TYPE_CHECKING:
     import pandas as pd
 
-    from analysis.batch.products import Products
+    from analysis.products import Products
 
 _FILES = ("table.parquet", "flags.parquet", "quality.json", "windows.parquet", "manoeuvres.json", "summary.json")
 

@@ -17,7 +17,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from acquisition.core.errors import storage_error
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

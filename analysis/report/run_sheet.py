@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 from analysis.kinematics import mean_wind
 from analysis.tables.provenance import sha256_of
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 from analysis.tables.files import atomic_file, expect_suffix, write_parquet
 from analysis.tables.provenance import provenance_of
 from analysis.tables.table import delays_in_ns

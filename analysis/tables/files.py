@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acquisition.core.errors import InputError, StorageError, storage_error
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
     import pandas as pd

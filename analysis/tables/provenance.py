@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.core.errors import InputError
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 
 
 def provenance_of(

@@ -20,6 +20,7 @@ from acquisition.core.errors import ConfigurationError, InputError, SeatrialErro
 from analysis.tables.files import make_folder
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.regions import Fallback, PredictedTracks, predict_with_fallback
 from hybrid.calibrators.sidecar import (
     FORMAT,
     SIDECAR,
@@ -37,7 +38,6 @@ from hybrid.calibrators.sidecar import (
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.dataset import Source
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.prediction.regions import Fallback, PredictedTracks, predict_with_fallback
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.fingerprint import plant_hash
 from hybrid.vessel.plant import Plant

@@ -11,8 +11,8 @@ import numpy as np
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
+from hybrid.calibrators.regions import conformal_radius
 from hybrid.prediction.prediction_windows import PredictionWindows
-from hybrid.prediction.regions import conformal_radius
 
 if TYPE_CHECKING:
     from torch import Tensor

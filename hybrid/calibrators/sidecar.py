@@ -19,7 +19,7 @@ from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt,
 
 from acquisition.core.channels import actuators_of, trial_names
 from acquisition.core.errors import InputError
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 from hybrid.calibrators import METHODS
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.prediction.dataset import Source

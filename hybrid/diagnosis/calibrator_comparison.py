@@ -17,6 +17,7 @@ from acquisition.core.arrays import Ints
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from analysis.windows.recordings import trial_names
+from hybrid.calibrators.train import METHOD
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
@@ -30,7 +31,6 @@ from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import LegBootstrap
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.train import METHOD
 
 STRIDE_S = 5
 _LEAST_LEGS = 4  # over fewer a mean has no interval that says anything

@@ -9,7 +9,7 @@ from hybrid.effects.catalogue import (
     parse_effect,
     vessel_plant,
 )
-from hybrid.effects.effect import FAMILIES, Effect, Parameter
+from hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 __all__ = [
     "CATALOGUE",

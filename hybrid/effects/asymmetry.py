@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hybrid.effects.effect import Effect, Parameter
+from hybrid.vessel.effect import Effect, Parameter
 
 YAW_ASYMMETRY = Effect(
     "yaw_asymmetry",

@@ -19,8 +19,8 @@ from typing import Any
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects import asymmetry, clock, environment, hull, hull_shape, inertia, sensors
-from hybrid.effects.effect import FAMILIES, Effect, Values
 from hybrid.vessel.actuators import KINDS
+from hybrid.vessel.effect import FAMILIES, Effect, Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 
@@ -90,12 +90,13 @@ def _catalogue_for(actuators: Actuators) -> dict[str, Effect]:
     return catalogue
 
 
-def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect) -> None:
-    """What an effect is confused with is told of that other, too."""
+def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: bool = True) -> None:
+    """What an effect is confused with is told of that other, too; in order of names, or behind all others."""
     for rival in effect.confused_with:
         other = effect_named(rival, catalogue)
         if effect.name not in other.confused_with:
-            catalogue[rival] = replace(other, confused_with=tuple(sorted((*other.confused_with, effect.name))))
+            names = (*other.confused_with, effect.name)
+            catalogue[rival] = replace(other, confused_with=tuple(sorted(names)) if in_order else names)
 
 
 def catalogue_for(actuators: Actuators) -> dict[str, Effect]:
@@ -142,7 +143,7 @@ def catalogue_with(
         own = load_effects(file)
         catalogue |= own
         for effect in own.values():
-            _confuse_both_ways(catalogue, effect)
+            _confuse_both_ways(catalogue, effect, in_order=False)
     for name in without:
         del catalogue[effect_named(name, catalogue).name]
     return catalogue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hybrid.effects.effect import Effect, Kind, Parameter
+from hybrid.vessel.effect import Effect, Kind, Parameter
 
 _TOLERANCE_S = 0.03  # a fraction of a sample, of buses and of time stamps
 

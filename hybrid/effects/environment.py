@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import cos, hypot, radians, sin
 
-from hybrid.effects.effect import DIRECTION, Effect, Parameter, Values, scaling
+from hybrid.vessel.effect import DIRECTION, Effect, Parameter, Values, scaling
 from hybrid.vessel.plant import Plant
 
 

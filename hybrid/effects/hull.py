@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
-from hybrid.effects.effect import Effect, Parameter, Values, scaling
+from hybrid.vessel.effect import Effect, Parameter, Values, scaling
 from hybrid.vessel.plant import HULL, Plant
 
 _REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"

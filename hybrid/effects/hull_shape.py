@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi, tan
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.effects.effect import Effect, Parameter, Values
+from hybrid.vessel.effect import Effect, Parameter, Values
 from hybrid.vessel.plant import HULL, Plant
 
 LATERAL_AREA_M2_PER_M = 4.0

@@ -6,7 +6,7 @@ make the Munk moment; a factor on it acts in both, as it does in nature.
 
 from __future__ import annotations
 
-from hybrid.effects.effect import scaling
+from hybrid.vessel.effect import scaling
 
 _REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
 

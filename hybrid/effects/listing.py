@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hybrid.effects.catalogue import VERSION, Catalogue
-from hybrid.effects.effect import FAMILIES, Effect, Parameter
+from hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 WIDTH = 112
 """The fewest columns in which the tables can be read."""

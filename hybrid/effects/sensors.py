@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import radians
 
-from hybrid.effects.effect import Effect, Parameter, Values
+from hybrid.vessel.effect import Effect, Parameter, Values
 from hybrid.vessel.plant import Plant
 
 _GYROS = "Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, ch. 4"

@@ -15,8 +15,8 @@ import numpy as np
 
 from acquisition.core.arrays import Bools
 from acquisition.core.errors import ConfigurationError, DataShortageError
+from hybrid.calibrators.train import HELD_OUT_SHARE
 from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
-from hybrid.workflows.train import HELD_OUT_SHARE
 
 TEST_SHARE = 0.3
 """The share of the windows, or of a recording's time, that is kept back to judge by."""

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
+from hybrid.calibrators.regions import Fallback, conformal_radius, predict_with_fallback
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.dataset import within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
-from hybrid.prediction.regions import Fallback, conformal_radius, predict_with_fallback
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
 

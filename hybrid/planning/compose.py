@@ -21,8 +21,6 @@ _SEEN = noncentrality(16.0, 1)
 _LEAST = 1e-3  # evidence below this is none
 _EXCHANGES = 2
 
-Pairs = Sequence[tuple[str, str]]
-
 
 @dataclass(frozen=True, slots=True)
 class Aims:

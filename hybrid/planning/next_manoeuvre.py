@@ -24,12 +24,12 @@ from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import apply_effects
-from hybrid.effects.effect import Values
 from hybrid.planning.information import Design, Information, design_of, separation
 from hybrid.planning.rehearse import behind, one_leg, rehearsed
 from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.effect import Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 

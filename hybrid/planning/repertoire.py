@@ -19,7 +19,7 @@ _TUNNEL = 0.75  # of the tunnel thruster's limit
 _ROUND_RPM = 5.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
     """A manoeuvre by name, in words, and as legs that are gone through again until the time is up."""
 

@@ -16,8 +16,8 @@ import pandas as pd
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from acquisition.recording.reader import read_trial
-from analysis.batch.products import Options, Products, analyse
 from analysis.estimation.smoother import smooth
+from analysis.products import Options, Products, analyse
 from analysis.report.run_sheet import Ship
 from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import percent_of
@@ -27,6 +27,7 @@ from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.artefact import TrainedCalibrator, load, plant_for, refuse_horizon
 from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.effects.catalogue import vessel_plant
+from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, load_dataset
 from hybrid.report.errors import Calibration, Errors, calibration_of, errors_of
 from hybrid.report.motion import one_after_another, predicted_motion
@@ -34,7 +35,6 @@ from hybrid.report.residuals import Residuals, residuals_of
 from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.validate import Validation, refuse_training_data, validate
 
 SHOWN = ("reference", "hybrid")
 """The methods that are drawn beside what was measured; tables have all."""

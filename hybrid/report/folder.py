@@ -224,7 +224,7 @@ def _refuse_elsewhere(out: Path, recordings: Path) -> None:
 def batch_options(out: Path) -> Any:
     """The options of a batch, from the first result that says them."""
     from analysis.batch.one_recording import SUMMARY
-    from analysis.batch.products import Options
+    from analysis.products import Options
 
     for path in sorted(out.rglob(SUMMARY)):
         try:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from hybrid.workflows.predict import Prediction
-    from hybrid.workflows.validate import Validation
+    from hybrid.calibrators.predict import Prediction
+    from hybrid.evaluation.validate import Validation
 
 _UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
 _COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")

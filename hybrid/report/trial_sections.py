@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
-from analysis.batch.products import Products
+from analysis.products import Products
 from analysis.report.run_sheet import events_of, run_sheet
 from hybrid.prediction.scores import FEW_LEGS
 from hybrid.report.case import Case
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from hybrid.calibrators.adaptive.parameters import Parameter, Parameters
     from hybrid.calibrators.calibrator import DomainOfApplicability
-    from hybrid.workflows.validate import Validation
+    from hybrid.evaluation.validate import Validation
 
 __all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "events_of", "run_sheet"]  # for the template
 

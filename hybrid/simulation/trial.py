@@ -19,7 +19,7 @@ import pandas as pd
 from acquisition.core.actuators import as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, storage_error
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, main_shafts, manoeuvre_named

@@ -22,14 +22,14 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import POSE, VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import Trial
 from acquisition.recording.batches import Samples
 from acquisition.recording.reader import Recording, Series
-from acquisition.recording.trial import Trial
 from analysis.tables.resample import own_gap_s, resample_recording
 from analysis.tables.table import actuators_in_recording
 from analysis.tables.time_index import NANO
+from hybrid.calibrators.predict import Prediction, predict
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.predict import Prediction, predict
 
 if TYPE_CHECKING:
     from hybrid.calibrators.artefact import TrainedCalibrator

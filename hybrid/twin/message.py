@@ -13,8 +13,8 @@ import pymap3d
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from analysis.tables.time_index import NANO
+from hybrid.calibrators.predict import Prediction
 from hybrid.twin.running_error import MeanErrors, TrackError
-from hybrid.workflows.predict import Prediction
 
 Origin = tuple[float, float] | None
 """Latitude and longitude of the plane's origin [deg], if it is known."""

@@ -21,8 +21,8 @@ from analysis.tables.resample import MOTION_FILTER
 from analysis.tables.table import table_actuators, table_controls
 from analysis.tables.time_index import NANO, times_ns
 from analysis.windows.steady_controls import Tolerances, held
+from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
-from hybrid.workflows.predict import Prediction
 
 FILTER_REACH_S = MOTION_FILTER.reach
 """How long after a second its value at 1 Hz is final [s]: the reach of the filter."""

@@ -22,10 +22,10 @@ from threadpoolctl import threadpool_limits
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.angles import wrap_360
 from acquisition.logger.supervision import LOG, LogFormat, log_to
+from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.twin.twin import Predictor, Statistics, Twin, warm_up
-from hybrid.workflows.predict import Prediction
 
 _POLL_S = 0.1
 _LOG_EVERY_S = 30.0

@@ -300,7 +300,7 @@ def _places(actuators: Actuators, name: str) -> tuple[tuple[int, int], ...]:
         if name in KINDS[each.kind].shared:
             shared.append((which, numbers.index(name)))
     if not own and not shared:
-        raise KeyError(f"{name} is no number of this plant")
+        raise KeyError(f"{name} is no number of a plant")
     return tuple(own or shared)
 
 

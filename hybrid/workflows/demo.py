@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,27 +21,27 @@ from acquisition.config.configuration import load_config
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
 from acquisition.core.progress import Progress
+from acquisition.core.trial import Trial
 from acquisition.emulator.emulate import Playback, emulate
 from acquisition.emulator.null_modem import NullModem
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.quality.check import DataQuality, check_recording
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
 from hybrid.calibrators.artefact import TrainedCalibrator, save
+from hybrid.calibrators.train import train
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import vessel_plant
+from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import load_dataset
 from hybrid.report.folder import Choices, folder_report
 from hybrid.report.words import plain
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
-from hybrid.workflows.train import train
-from hybrid.workflows.validate import Validation, refuse_training_data, validate
 
 Say = Callable[[str], None]
 
@@ -51,6 +51,7 @@ VOYAGE_S, TRAINING_VOYAGES, TRAINING_S = 1200.0, 6, 1800.0
 SPEED = 24.0
 HORIZON_S, STRIDE_S = 15, 5
 _RECORDER_TIMEOUT_S = 30.0
+_SILENCE_S = 5.0  # after which nothing more is on its way to a recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,13 +140,29 @@ def play_and_record(voyage: Path, folder: Path, progress: Progress) -> tuple[Pla
         recorder = _start_recorder(receiving, folder / "recordings")
         try:
             played = emulate(voyage, load_config(sending), SPEED, progress)
-            time.sleep(0.5)  # what is still on its way
+            _wait_for_all(folder / "recordings", played.counts)
         finally:
             recorder.send_signal(signal.SIGINT)
             stdout, stderr = recorder.communicate(timeout=_RECORDER_TIMEOUT_S)
     if recorder.returncode != 0:
         raise SourceError("the recorder failed", where="demo", why=stderr.strip())
     return played, Path(stdout.strip())
+
+
+def _wait_for_all(folder: Path, counts: Mapping[str, int]) -> None:
+    """Return when the recording holds all that was played, or has not grown for a while: then some are lost."""
+    held, grown_s = -1, time.monotonic()
+    while held < sum(counts.values()) and time.monotonic() - grown_s < _SILENCE_S:
+        time.sleep(0.5)
+        now = _held(folder, counts)
+        if now > held:
+            held, grown_s = now, time.monotonic()
+
+
+def _held(folder: Path, names: Iterable[str]) -> int:
+    """The number of values of these channels in the recording that a recorder is writing."""
+    series = [read_recording(path).series for path in folder.glob("*.mcap")]
+    return sum(each[name].value.size for each in series for name in names if name in each)
 
 
 def _configuration(path: Path, can_device: str, serial_device: str, port: int) -> Path:

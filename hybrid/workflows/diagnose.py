@@ -12,8 +12,8 @@ import pandas as pd
 
 from acquisition.core.errors import storage_error
 from acquisition.core.progress import Progress
+from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
-from acquisition.recording.trial import software_version
 from analysis.prepare import Preparation, prepare
 from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import select

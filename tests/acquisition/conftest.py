@@ -16,11 +16,11 @@ import pytest
 
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
+from acquisition.core.trial import Trial
 from acquisition.emulator.null_modem import NullModem
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import HEALTH_TOPIC
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 
 DBC = Path(__file__).parents[2] / "trials" / "vessels" / "thrusters.dbc"
 ORIGIN = (63.44, 10.4)

@@ -22,8 +22,8 @@ from acquisition.core.kinematics import (
     wind_over_ground,
 )
 from acquisition.core.tangent_plane import TangentPlane
+from acquisition.core.trial import Trial
 from acquisition.logger.derive import Derivation
-from acquisition.recording.trial import Trial
 
 ORIGIN = (63.44, 10.40)
 TRIAL = Trial(name="x", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])

@@ -19,6 +19,7 @@ from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag
+from acquisition.core.trial import Trial
 from acquisition.decoders import make_decoders
 from acquisition.emulator.emulate import emulate, moments_of
 from acquisition.encoders import Moment, Packet, make_encoder
@@ -26,7 +27,6 @@ from acquisition.encoders.nmea0183 import degrees_and_minutes
 from acquisition.logger.derive import Derivation
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from tests.acquisition.conftest import (
     DBC,
     ORIGIN,

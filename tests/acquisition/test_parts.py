@@ -17,11 +17,11 @@ from mcap.reader import make_reader
 from acquisition.config.sections import RecordingSection
 from acquisition.core.errors import StorageError
 from acquisition.core.frames import Sample
+from acquisition.core.trial import Trial
 from acquisition.recording import disk_room, storage
 from acquisition.recording import parts as parts_module
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
-from acquisition.recording.trial import Trial
 from tests.acquisition.conftest import PATIENCE_S
 
 START_NS = 1_790_000_000_000_000_000

@@ -13,9 +13,9 @@ from mcap.writer import Writer
 
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Frame, Quality, Sample
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import MessageStream, Recording, read_recording
 from acquisition.recording.schemas import CHANNEL_PREFIX
-from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
 
 SAMPLES = st.builds(

@@ -27,10 +27,10 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import InputError, SeatrialError, StorageError
 from acquisition.core.frames import Sample
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.recover import RecoverySummary, recover
 from acquisition.recording.scan import MCAP_MAGIC, Intact, scan
-from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
 
 START_NS = 1_780_000_000_000_000_000

@@ -11,6 +11,7 @@ import pytest
 from acquisition.config.sections import RecordingSection
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Sample
+from acquisition.core.trial import Trial
 from acquisition.logger.follow import Follower, choose_recorder, no_recorder_text
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
@@ -19,7 +20,6 @@ from acquisition.recording.batches import Samples
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tail import Tail
-from acquisition.recording.trial import Trial
 from acquisition.recording.writer import RecordingWriter
 
 START_NS = 1_790_000_000_000_000_000

@@ -11,9 +11,9 @@ import pandas as pd
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.channels import NAMES
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
-from analysis.batch.products import Options
+from analysis.products import Options
 from tests.analysis.conftest import table_at
 
 QUICK = Options(smooth=False, pictures=False)

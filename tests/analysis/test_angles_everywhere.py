@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from acquisition.core.angles import difference, wrap_180, wrap_360
 from acquisition.core.channels import CIRCULAR, NAMES
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
 from analysis.estimation.local_polynomial import smooth_motion
 from analysis.estimation.smoother import smooth

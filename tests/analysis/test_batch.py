@@ -24,8 +24,8 @@ from acquisition.core.errors import DataShortageError, InputError, SourceError, 
 from analysis.batch import workers
 from analysis.batch.batch import Summary, process_job, read_index, recordings_below, result_names, run_batch
 from analysis.batch.one_recording import NOT_CLOSED, Row, process_recording
-from analysis.batch.products import Options
 from analysis.batch.workers import MARKS, MOST_ATTEMPTS, Job
+from analysis.products import Options
 from seatrial import app
 from tests.acquisition.conftest import PATIENCE_S
 from tests.analysis.small_batch import BROKEN, QUICK, hashes, sailed, write_batch, write_broken

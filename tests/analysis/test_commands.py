@@ -17,9 +17,9 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.quality.check import check_recording, check_table
 from analysis.tables.files import read_parquet
 from analysis.tables.table import read_table

@@ -18,9 +18,9 @@ from typer.testing import CliRunner
 
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import InputError, StorageError
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
 from analysis.prepare import Preparation, prepare
 from analysis.quality.findings import CheckResult

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, StorageError
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.batch import one_recording
 from analysis.batch.one_recording import SUMMARY, distance_m, json_value, process_recording, reusable_row, thumbnail
-from analysis.batch.products import cause_of
+from analysis.products import cause_of
 from analysis.tables.files import read_parquet
 from analysis.windows.recordings import read_windows
 from tests.analysis.conftest import table_at

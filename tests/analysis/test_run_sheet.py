@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.manoeuvres.indices import Current, Manoeuvre
 from analysis.report.run_sheet import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
 from analysis.tables.resample import resample

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from acquisition.core.actuators import DEFAULT
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from analysis.tables.resample import resample
 from analysis.windows.held import REASONS, columns_for, held_windows, join_windows

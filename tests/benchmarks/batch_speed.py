@@ -17,7 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from analysis.batch.batch import run_batch
-from analysis.batch.products import Options
+from analysis.products import Options
 from tests.analysis.small_batch import sailed, write_batch
 
 

@@ -37,7 +37,7 @@ T = TypeVar("T")
 
 def write_voyage(path: Path, hours: float) -> int:
     """Simulated hours one after the other, each channel at times of its own; the number of samples."""
-    from acquisition.recording.trial import Trial
+    from acquisition.core.trial import Trial
     from acquisition.recording.writer import RecordingWriter
     from hybrid.simulation.trial import simulate_trial
 

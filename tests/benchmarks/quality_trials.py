@@ -20,9 +20,9 @@ from scipy.stats import beta
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.quality.check import check_recording
 from analysis.quality.findings import Finding
 from hybrid.simulation.sensors import Noise

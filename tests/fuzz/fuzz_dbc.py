@@ -17,10 +17,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Signal
     from acquisition.core.frames import Frame, FrameFlag
+    from acquisition.core.trial import Trial
     from acquisition.decoders.clock import SourceClock
     from acquisition.decoders.dbc import DbcDecoder
     from acquisition.logger.derive import Derivation
-    from acquisition.recording.trial import Trial
     from tests.fuzz.decoding import check_frame
 
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)

@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import MavlinkSource
     from acquisition.core.frames import Frame
+    from acquisition.core.trial import Trial
     from acquisition.decoders.mavlink import MavlinkDecoder, dialect
     from acquisition.decoders.mavlink_packets import LONGEST_BYTES, checksum
     from acquisition.logger.derive import Derivation
-    from acquisition.recording.trial import Trial
     from tests.fuzz.decoding import check_frame
 
 SECOND = 1_000_000_000

@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Thrusters
     from acquisition.core.frames import Frame
+    from acquisition.core.trial import Trial
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
     from acquisition.decoders.tag_block import checksum
     from acquisition.logger.derive import Derivation
-    from acquisition.recording.trial import Trial
     from acquisition.sources.lines import LineAssembler
     from tests.fuzz.decoding import check_frame
 

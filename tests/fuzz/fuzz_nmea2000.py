@@ -20,10 +20,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Device
     from acquisition.core.frames import Frame, FrameFlag
+    from acquisition.core.trial import Trial
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
     from acquisition.decoders.parameter_fields import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
     from acquisition.logger.derive import Derivation
-    from acquisition.recording.trial import Trial
     from tests.acquisition.can_frames import fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame
 

@@ -27,10 +27,10 @@ with atheris.instrument_imports(include=["acquisition", "mcap"]):
 
     from acquisition.core.errors import SeatrialError
     from acquisition.core.frames import Sample
+    from acquisition.core.trial import Trial
     from acquisition.recording.reader import read_recording
     from acquisition.recording.recover import recover
     from acquisition.recording.scan import MCAP_MAGIC, scan
-    from acquisition.recording.trial import Trial
     from acquisition.recording.writer import RecordingWriter
 
 Key = tuple[str, int, int, bytes]

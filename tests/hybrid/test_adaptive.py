@@ -33,11 +33,11 @@ from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.adaptive.gains import WAVE_DAMPING, kalman_gains, wave_step
 from hybrid.calibrators.artefact import TrainedCalibrator, load, save
+from hybrid.calibrators.regions import Fallback
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.prediction.regions import Fallback
 from hybrid.prediction.scores import distances
-from hybrid.vessel.plant import Plant, pack, places_of
+from hybrid.vessel.plant import Plant, flat, pack, places_of
 from tests.hybrid.windows_by_hand import moved, turned, voyages
 
 SECONDS = 10
@@ -186,7 +186,7 @@ def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float])
     """Masses, damping and thrust keep their sign whatever the vector says; all others change by shares; and what
     is not in the vector is the reference's still.
     """
-    then, now = pack(plant), adapt_plant(np.array(numbers), plant)
+    then, now = flat(pack(plant))[0], flat(adapt_plant(np.array(numbers), plant))[0]
     for name, number in zip(NAMES, numbers, strict=True):
         place = places_of(plant.layout, name) if name in POSITIVE or name in SIGNED else []
         if name in POSITIVE:

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import ConfigurationError, InputError
 from analysis.tables.table import read_table
-from hybrid.simulation import cli
+from hybrid.cli import campaign as cli
 from hybrid.simulation.campaigns import Campaign, Made, load_campaign, run_campaign, trials_of
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel, save_vessel

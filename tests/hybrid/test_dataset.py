@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from hybrid.evaluation.splits import draws_of, shared_seconds
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -51,7 +51,7 @@ def test_train_and_validate_repair_on_request(
 ) -> None:
     """With --repair both judge the reference on speeds in knots as on those that are right."""
     monkeypatch.setattr(
-        "hybrid.workflows.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 1)
+        "hybrid.calibrators.train.make_calibrator", lambda method, seed, plant: few_epochs(method, seed, plant, 1)
     )
 
     def said(command: str, path: Path, *options: str) -> dict[str, Any]:

@@ -15,10 +15,10 @@ from acquisition.core.errors import InputError, ModelRangeError
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
 from hybrid.calibrators.artefact import TrainedCalibrator
+from hybrid.calibrators.predict import parse_time, predict, window_at
 from hybrid.prediction.baselines import reference
 from hybrid.report.terminal_tables import prediction_table
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.predict import parse_time, predict, window_at
 from tests.conftest import SMALL_HORIZON_S
 
 

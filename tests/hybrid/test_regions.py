@@ -11,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
 
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Bools, Floats
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
+from hybrid.calibrators.regions import BASELINES, HINDCAST_S, Fallback, conformal_radius, predict_with_fallback
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.prediction_windows import (
     PAST_S,
@@ -20,7 +22,6 @@ from hybrid.prediction.prediction_windows import (
     concatenate_windows,
     hindcast_windows,
 )
-from hybrid.prediction.regions import BASELINES, HINDCAST_S, Fallback, conformal_radius, predict_with_fallback
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
@@ -35,8 +36,10 @@ class Boastful(Calibrator):
     """
 
     method: ClassVar[str] = "boastful"
-    inputs: ClassVar[tuple[str, ...]] = ()
     beyond: float = 1000.0
+
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        return ()
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         return self

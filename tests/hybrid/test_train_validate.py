@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 
 from acquisition.core.errors import DataShortageError, InputError
 from hybrid.calibrators.artefact import TrainedCalibrator
+from hybrid.calibrators.regions import conformal_radius
+from hybrid.calibrators.train import train
 from hybrid.effects.catalogue import vessel_plant
+from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Source, load_dataset, within_model_range
-from hybrid.prediction.regions import conformal_radius
 from hybrid.prediction.scores import distances
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
-from hybrid.workflows.train import train
-from hybrid.workflows.validate import Validation, refuse_training_data, validate
 from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
 from tests.hybrid.windows_by_hand import random_windows
 
@@ -166,7 +166,7 @@ def test_training_repeats(earlier: list[Path], unseen: Path, plant: Plant, monke
     def fewer(method: str, seed: int, plant: Plant) -> object:
         return few_epochs(method, seed, plant, epochs=2)
 
-    monkeypatch.setattr("hybrid.workflows.train.make_calibrator", fewer)
+    monkeypatch.setattr("hybrid.calibrators.train.make_calibrator", fewer)
     dataset = load_dataset(earlier[:2], 15, 5)
     first, again, other = (train(dataset, "gunnerus_short", plant, "paper", seed) for seed in (1, 1, 2))
     assert np.array_equal(first.band_m, again.band_m)

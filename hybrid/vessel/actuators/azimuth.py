@@ -18,7 +18,7 @@ from hybrid.vessel.actuators.kind import Drive, Kind, columns
 from hybrid.vessel.compiling import Record, compiled
 
 if TYPE_CHECKING:
-    from hybrid.effects.effect import Effect
+    from hybrid.vessel.effect import Effect
 
 RPM_PER_RPS = 60.0
 
@@ -103,8 +103,8 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust and offset angle of each thruster and of all alike; inflow, side force and angle of all."""
-    from hybrid.effects.effect import Effect, Parameter, scaling
-    from hybrid.effects.groups import for_each_and_all, loss, offset
+    from hybrid.vessel.actuators.effects import for_each_and_all, loss, offset
+    from hybrid.vessel.effect import Effect, Parameter, scaling
 
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
     subject = number.get(len(names), "All azimuths turn more than they report")

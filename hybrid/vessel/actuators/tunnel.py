@@ -15,7 +15,7 @@ from hybrid.vessel.actuators.kind import Drive, Kind, columns
 from hybrid.vessel.compiling import Record, compiled
 
 if TYPE_CHECKING:
-    from hybrid.effects.effect import Effect
+    from hybrid.vessel.effect import Effect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ def drives(entry: Tunnel) -> tuple[Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost side force of each thruster."""
-    from hybrid.effects.effect import Effect, Parameter
+    from hybrid.vessel.effect import Effect, Parameter
 
     def loss(name: str) -> Effect:
         return Effect(

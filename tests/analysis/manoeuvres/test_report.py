@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from acquisition.core.errors import StorageError
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.manoeuvres import find_manoeuvres
 from analysis.manoeuvres.indices import index_of
 from analysis.manoeuvres.motion import motion_of

@@ -12,9 +12,9 @@ import pytest
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.quality.channel_quality import grade_of
 from analysis.quality.check import DataQuality, check_recording, check_table, rows_of
 from analysis.tables.table import table_of

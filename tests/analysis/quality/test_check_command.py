@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.report.quality_page import binned_flags
 from analysis.tables.files import read_parquet
 from hybrid.simulation.trial import simulate_trial

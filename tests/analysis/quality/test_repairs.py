@@ -13,9 +13,9 @@ from acquisition.core.angles import difference, unwrap, wrap_360
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from acquisition.tables.import_table import import_table
 from analysis.quality.channel_checks import is_other_convention
 from analysis.quality.check import check_recording

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.recording.trial import software_version
+from acquisition.core.trial import software_version
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import VERSION
 from tests.benchmarks.diagnosis.cases import Size, cases_of

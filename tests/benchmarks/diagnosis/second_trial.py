@@ -64,14 +64,15 @@ def orders_of(legs: Manoeuvre) -> tuple[Order, ...]:
 
 
 def _order(leg: Leg, course_deg: float) -> Order:
+    rpm, angle, own = leg.rpm, leg.helm_deg, leg.orders
     order = Order(
-        HOLD, leg.port_rpm, leg.starboard_rpm, leg.port_angle_deg, leg.starboard_angle_deg, leg.tunnel_rpm,
-        course_deg, seconds=leg.at_most_s,
+        HOLD, own.get("port_rpm", rpm), own.get("starboard_rpm", rpm), own.get("port_angle_deg", angle),
+        own.get("starboard_angle_deg", angle), own.get("tunnel_rpm", 0.0), course_deg, seconds=leg.at_most_s,
     )  # fmt: skip
     if not isnan(leg.course_deg):
         return replace(order, kind=STEER)
     if not isnan(leg.deviation_deg):
-        swing = abs(leg.port_angle_deg)
+        swing = abs(order.port_deg)
         return replace(
             order, kind=ZIGZAG, port_deg=swing, starboard_deg=swing, turn_deg=abs(leg.deviation_deg), switches=1.0
         )

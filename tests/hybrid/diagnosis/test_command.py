@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial
+from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel

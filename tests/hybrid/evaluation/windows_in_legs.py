@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 from torch import Tensor
 
+from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Bools, Floats
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
 from hybrid.prediction.baselines import constant_velocity
@@ -51,7 +52,9 @@ class Oracle(Calibrator):
     """Knows the measured track: no calibrator can be better."""
 
     method: ClassVar[str] = "oracle"
-    inputs: ClassVar[tuple[str, ...]] = ()
+
+    def labels(self, actuators: Actuators) -> tuple[str, ...]:
+        return ()
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         progress(1.0)

@@ -158,7 +158,7 @@ def test_a_cell_that_fails_is_one_clear_error_and_the_notebook_stays(tmp_path: P
 def test_a_batch_leads_to_the_report_of_each_recording(unseen: Path, tmp_path: Path) -> None:
     """The links are there after the reports, and again when the batch is run anew."""
     from analysis.batch.batch import run_batch
-    from analysis.batch.products import Options
+    from analysis.products import Options
 
     batch_folder, out = tmp_path / "batch_folder", tmp_path / "out"
     batch_folder.mkdir()

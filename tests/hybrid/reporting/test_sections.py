@@ -13,9 +13,9 @@ import pytest
 from markupsafe import Markup
 
 from acquisition.core.errors import StorageError
+from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
-from acquisition.recording.trial import Trial
 from analysis.report.rendering import Page, render
 from analysis.tables.table import table_of
 from hybrid.report.case import Case, load_case

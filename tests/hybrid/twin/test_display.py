@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from rich.console import Console
 
+from hybrid.calibrators.predict import Prediction
 from hybrid.twin.running_error import RunningError, TrackError
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import Display
-from hybrid.workflows.predict import Prediction
 
 
 def picture(prediction: Prediction | None, error: TrackError | None, width: int = 100) -> str:

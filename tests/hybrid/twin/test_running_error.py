@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hybrid.calibrators.predict import Prediction
 from hybrid.twin.running_error import FILTER_REACH_S, RunningError, mean_errors, track_error
 from hybrid.twin.twin import Statistics
 from hybrid.twin.watch import summary_of
-from hybrid.workflows.predict import Prediction
 from tests.hybrid.twin.steady_ship import HEADING_DEG, SPEED_MPS, START, steady_table
 
 HORIZON_S = 10

@@ -12,11 +12,11 @@ import pytest
 
 from acquisition.config.sections import RecordingSection
 from acquisition.core.frames import Sample
+from acquisition.core.trial import Trial
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
-from acquisition.recording.trial import Trial
 from hybrid.twin import twin as twin_module
 from hybrid.twin.twin import Predictor, Twin
 from hybrid.vessel.plant import Plant

@@ -13,7 +13,6 @@ from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE
-from hybrid.effects.effect import Values
 from hybrid.planning.next_manoeuvre import (
     Pair,
     Ranked,
@@ -28,6 +27,7 @@ from hybrid.planning.rehearse import behind, rehearsed
 from hybrid.planning.repertoire import repertoire, shafts_of
 from hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
 from hybrid.simulation.sea_state import SeaState
+from hybrid.vessel.effect import Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 

@@ -13,10 +13,10 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from acquisition.core.errors import ConfigurationError
+from hybrid.cli.plan import mount
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE
 from hybrid.planning import plan as planning
-from hybrid.planning.cli import mount
 from hybrid.planning.compose import Aims, composed, cost
 from hybrid.planning.information import Design
 from hybrid.planning.plan import Plan, noise_in, plan, programme_of

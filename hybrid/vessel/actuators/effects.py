@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import radians
 
-from hybrid.effects.effect import Effect, Parameter, Values
+from hybrid.vessel.effect import Effect, Parameter, Values
 from hybrid.vessel.plant import Plant
 
 Change = Callable[[Plant, str, float], Plant]

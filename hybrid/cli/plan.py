@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acquisition.cli import AsJson
-from hybrid.options import EffectsOption, SeaStateOption, VesselOption
+from hybrid.cli.options import EffectsOption, SeaStateOption, VesselOption
 
 if TYPE_CHECKING:
     from hybrid.planning.plan import Plan

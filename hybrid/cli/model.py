@@ -10,9 +10,14 @@ import typer
 
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
-from hybrid.diagnosis import cli as diagnosis
-from hybrid.evaluation import cli as evaluation
-from hybrid.options import (
+from hybrid.cli import campaign as truth_commands
+from hybrid.cli import diagnose as diagnosis
+from hybrid.cli import evaluate as evaluation
+from hybrid.cli import plan as planning
+from hybrid.cli import report as reporting
+from hybrid.cli import reproduce as reproduction
+from hybrid.cli import watch as twin
+from hybrid.cli.options import (
     CalibratorOption,
     EffectsOption,
     PartOption,
@@ -22,11 +27,6 @@ from hybrid.options import (
     StrideOption,
     VesselOption,
 )
-from hybrid.planning import cli as planning
-from hybrid.report import cli as reporting
-from hybrid.reproduction import cli as reproduction
-from hybrid.simulation import cli as truth_commands
-from hybrid.twin import cli as twin
 
 HORIZON_S = 15
 SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]

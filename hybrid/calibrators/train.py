@@ -11,9 +11,9 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.artefact import TrainedCalibrator
+from hybrid.calibrators.regions import Fallback
 from hybrid.prediction.dataset import Dataset, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
-from hybrid.prediction.regions import Fallback
 from hybrid.prediction.scores import score
 from hybrid.vessel.plant import Plant
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
-from hybrid.options import PartOption, VesselOption
+from hybrid.cli.options import PartOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:

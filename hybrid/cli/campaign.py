@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
-from hybrid.options import WorkersOption
+from hybrid.cli.options import WorkersOption
 
 
 def mount(app: typer.Typer) -> None:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from acquisition.cli import AsJson
-from hybrid.options import SeaStateOption, WorkersOption
+from hybrid.cli.options import SeaStateOption, WorkersOption
 
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder for the results.")]
 Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]

@@ -10,7 +10,7 @@ import typer
 
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
-from hybrid.options import Recordings, RepairOption, StrideOption, VesselOption
+from hybrid.cli.options import Recordings, RepairOption, StrideOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:

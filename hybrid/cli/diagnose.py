@@ -10,7 +10,7 @@ import typer
 
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
-from hybrid.options import EffectsOption, PartOption, Recordings, RepairOption, VesselOption
+from hybrid.cli.options import EffectsOption, PartOption, Recordings, RepairOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
