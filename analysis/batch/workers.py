@@ -103,7 +103,7 @@ def map_calls(
             progress(len(results) / len(calls))
         return results
     with _client(workers, None) as client:
-        futures = [client.submit(*each, pure=False) for each in calls]
+        futures = [client.submit(_on_one_core, *each, pure=False) for each in calls]
         try:
             for future in import_module("distributed").as_completed(futures, loop=client.loop):
                 future.result()
@@ -112,6 +112,12 @@ def map_calls(
         except BaseException:
             client.cancel(futures, force=True)
             raise
+
+
+def _on_one_core(function: Callable[..., Any], *arguments: Any) -> Any:
+    """A call whose compiled loops keep to one core: threads of several processes would wait for each other."""
+    import_module("numba").set_num_threads(1)
+    return function(*arguments)
 
 
 @contextmanager
@@ -203,7 +209,6 @@ def _client(workers: int, scheduler: str | None) -> Iterator[Client]:
         "distributed.scheduler.allowed-failures": 10 * MOST_ATTEMPTS,  # our own marks know who is to blame
         "distributed.scheduler.worker-saturation": 1.0,
         "distributed.comm.timeouts.connect": f"{_CONNECT_S}s",
-        "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,  # one core a worker, as for BLAS and OpenMP
     }
     with dask.config.set(quiet):
         if scheduler is not None:

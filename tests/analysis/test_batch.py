@@ -276,7 +276,14 @@ def test_the_command_prints_the_summary_and_fails_if_any_failed(one: Path, tmp_p
 def start_command(folder: Path, out: Path, *arguments: str) -> subprocess.Popen[bytes]:
     """The command in a process group of its own, as a terminal has it."""
     command = [sys.executable, "-m", "seatrial", "batch", str(folder), "-o", str(out), *FAST, *arguments]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True, preexec_fn=_hear_interrupts
+    )
+
+
+def _hear_interrupts() -> None:
+    """A suite that a shell runs in the background is deaf to SIGINT, and so is what it starts."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def wait_for_results(out: Path, count: int, limit_s: float = PATIENCE_S) -> None:
