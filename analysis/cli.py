@@ -77,7 +77,7 @@ def check(
         return
     from rich.console import Console
 
-    from analysis.quality.terminal import print_quality
+    from analysis.report.quality_page import print_quality
 
     print_quality(Console(), quality)
 

@@ -14,21 +14,24 @@ from acquisition.core.arrays import Bools, Ints
 from acquisition.core.channels import channel_names
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording, Series
-from analysis.quality.channel_quality import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
+from analysis.quality.channel_checks import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.commands import check_orders, check_thruster_feedback
-from analysis.quality.findings import Check, CheckResult, Finding, merge_flags
+from analysis.quality.findings import (
+    ALL,
+    WORDING,
+    Check,
+    CheckResult,
+    Finding,
+    clock_jump_finding,
+    findings_of,
+    merge_flags,
+    other_convention_finding,
+    time_outlier_finding,
+)
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.motion.checks import check_motion
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import column_samples, rows_of, series_samples, times_of
-from analysis.quality.summary import (
-    ALL,
-    WORDING,
-    clock_jump_finding,
-    findings_of,
-    other_convention_finding,
-    time_outlier_finding,
-)
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps, select_samples
 from analysis.quality.wind import check_wind
 from analysis.tables.table import actuators_in_recording, table_actuators, table_of

@@ -1,20 +1,26 @@
 """What a check says: flags beside the data, and findings in words with their size.
 
 Flags are those of QARTOD (:class:`acquisition.core.frames.Quality`): 1 good, 2 not evaluated, 3 suspect, 4 bad,
-9 missing. A check never drops a row; it returns flags of the same index as the data it was given.
+9 missing. A check never drops a row; it returns flags of the same index as the data it was given. What checks of
+single channels found stands in one finding a channel and code, or in one for all channels together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Ints
+from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
+from analysis.quality.samples import Stretch, times_of
+from analysis.quality.time_checks import ClockJump
+from analysis.tables.time_index import NANO, time_span_text
 
 Flags = NDArray[np.uint8]
 
@@ -86,3 +92,184 @@ def merge_flags(first: Flags, second: Flags) -> Flags:
     [1, 1, 4, 9]
     """
     return np.where(_RANK[first] >= _RANK[second], first, second).astype(np.uint8)
+
+
+ALL = "all"
+OTHER_TURN = "other_turn"
+"""In the estimate of impossible angles that are possible in the other convention."""
+_FEW = 0.05
+"""The share of samples that may be stamped outside a recording for certain to be the wrong ones."""
+Troubles = Mapping[str, list[Stretch]]
+"""By channel: where it has one kind of fault."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """The text for one kind of fault: from the channel, the stretches and the largest of them to a sentence."""
+
+    sentence: Callable[[str, list[Stretch], Stretch], str]
+    remedy: str
+    estimate: Callable[[list[Stretch], Stretch], dict[str, float]] = field(
+        default=lambda found, largest: {"count": float(len(found)), "largest": largest.size}
+    )
+
+
+def _at(stretch: Stretch) -> str:
+    return f"{utc_time(stretch.start_ns):%H:%M:%S}"
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else "twice" if count == 2 else f"{count} times"
+
+
+def _count(found: list[Stretch]) -> float:
+    """How many samples stretches hold that are sized by their number."""
+    return sum(each.size for each in found)
+
+
+def _samples(found: list[Stretch]) -> str:
+    count = _count(found)
+    return "1 sample" if count == 1 else f"{count:,.0f} samples"
+
+
+def _unit(channel: str) -> str:
+    return BY_NAME[channel].unit if channel in BY_NAME else ""
+
+
+def _who(channel: str) -> str:
+    return "every channel" if channel == ALL else channel
+
+
+CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
+"""Codes whose flagged samples `--repair` may turn into gaps without asking."""
+
+WORDING: dict[str, Wording] = {
+    "gap": Wording(
+        lambda channel, found, largest: f"{_who(channel)} is silent {_times(len(found))}, "
+        f"{sum(each.size for each in found):.1f} s in all, the longest {largest.size:.1f} s from {_at(largest)}",
+        "Nothing is put across a gap; keep it out of windows",
+        lambda found, largest: {"seconds": largest.size, "count": float(len(found))},
+    ),
+    "stuck": Wording(
+        lambda channel, found, largest: f"{_who(channel)} stands exactly still {_times(len(found))} although it "
+        f"should move, the longest for {largest.seconds:.1f} s from {_at(largest)}",
+        "Do not use it there; look for a sensor or a converter that stopped",
+        lambda found, largest: {"seconds": largest.seconds, "count": float(len(found))},
+    ),
+    "spike": Wording(
+        lambda channel, found, largest: f"{_who(channel)} leaves its neighbours and returns {_times(len(found))}, "
+        f"the furthest by {largest.size:.3g} {_unit(channel)} at {_at(largest)}",
+        "The samples are flagged bad and stay out of resampling",
+    ),
+    "out_of_range": Wording(
+        lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} with impossible values, the first "
+        f"at {_at(min(found))}",
+        "The samples are flagged bad; look at the unit and at the source's code for no value",
+        lambda found, largest: {"count": _count(found)},
+    ),
+    "duplicate": Wording(
+        lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} at a measured time that was there "
+        f"before, the first at {_at(min(found))}",
+        "Keep one of the samples of one time",
+        lambda found, largest: {"count": _count(found)},
+    ),
+    "time_backwards": Wording(
+        lambda channel, found, largest: f"The measured time of {_who(channel)} runs back {_times(len(found))}, "
+        f"the furthest by {abs(largest.size):.3g} s at {_at(largest)}",
+        "Tables are sorted by measured time; look at how the source stamps",
+        lambda found, largest: {"seconds": abs(largest.size), "count": float(len(found))},
+    ),
+    "time_jitter": Wording(
+        lambda channel, found, largest: f"The stamps of {_who(channel)} scatter about a regular clock by "
+        f"{largest.size:.3g} s",
+        "Take the source's own time if it has one, or put the samples back on a regular clock",
+        lambda found, largest: {"seconds": largest.size},
+    ),
+    "quantised": Wording(
+        lambda channel, found, largest: f"{_who(channel)} moves in steps of {largest.size:.3g} {_unit(channel)}, "
+        "coarser than its noise",
+        "What lies between the steps is lost; take it from a finer source if there is one",
+        lambda found, largest: {"step": largest.size},
+    ),
+}  # fmt: skip
+
+
+def utc_time(time_ns: int) -> pd.Timestamp:
+    """A time [ns since 1970] as UTC."""
+    return pd.Timestamp(time_ns, unit="ns", tz="UTC")
+
+
+def findings_of(code: str, troubles: Troubles, channels: int) -> list[Finding]:
+    """Findings of one code: what all ``channels`` have in common once, the rest by channel."""
+    together, apart = _shared(troubles) if len(troubles) == channels > 1 else ([], dict(troubles))
+    found = [_finding(code, ALL, together)] if together else []
+    return found + [_finding(code, channel, stretches) for channel, stretches in apart.items() if stretches]
+
+
+def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]]:
+    """The stretches that every channel has, by their ends, and what is left of each."""
+    ends = set.intersection(*({(each.start_ns, each.end_ns) for each in found} for found in troubles.values()))
+    first = next(iter(troubles.values()))
+    together = [each for each in first if (each.start_ns, each.end_ns) in ends]
+    apart = {channel: [each for each in found if (each.start_ns, each.end_ns) not in ends]
+             for channel, found in troubles.items()}  # fmt: skip
+    return together, apart
+
+
+def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
+    words, largest = WORDING[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
+    start, end = utc_time(min(each.start_ns for each in found)), utc_time(max(each.end_ns for each in found))
+    estimate = words.estimate(found, largest)
+    return Finding(
+        code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate, code in CERTAIN
+    )
+
+
+def other_convention_finding(finding: Finding) -> Finding:
+    """A finding of impossible angles that are those of the other convention; that makes their repair certain."""
+    low = BY_NAME[finding.channel].low
+    theirs, ours = ("0..360", "-180..180") if low < 0.0 else ("-180..180", "0..360")
+    count = finding.estimate["count"]
+    text = (
+        f"{finding.channel} counts {theirs} where the convention is {ours}: {count:,.0f} "
+        f"{'sample lies' if count == 1 else 'samples lie'} beyond, the first at {finding.start:%H:%M:%S}"
+    )
+    remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"
+    return replace(finding, text=text, remedy=remedy, estimate={**finding.estimate, OTHER_TURN: 1.0})
+
+
+def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
+    """A jump of a clock; ``what`` says whose clock, and what it was seen against."""
+    direction = "forward" if jump.seconds > 0 else "back"
+    text = (
+        f"{what} jumps {direction} by {abs(jump.seconds):.2f} s ({abs(jump.low):.2f} to {abs(jump.high):.2f}) "
+        f"at {utc_time(jump.start_ns):%H:%M:%S}"
+    )
+    estimate = {"seconds": jump.seconds, "low": jump.low, "high": jump.high}
+    remedy = "Take the jump off every later stamp before anything crosses it"
+    return Finding("clock_jump", channel, utc_time(jump.start_ns), utc_time(jump.end_ns), text, remedy, estimate)
+
+
+def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, last_ns: int) -> Finding:
+    """Samples that are stamped outside the recording proper, which lasts from ``first_ns`` to ``last_ns``.
+
+    A few are certain to be wrong; of two halves that lie years apart nobody knows which.
+    """
+    stray = {name: _outside(times_of(each), first_ns, last_ns) for name, each in samples.items()}
+    stray = {name: each for name, each in stray.items() if each.size}
+    every = np.concatenate(list(stray.values()))
+    away_s = max(first_ns - int(every.min()), int(every.max()) - last_ns) / NANO
+    channel = next(iter(stray)) if len(stray) == 1 else ALL
+    count, due = every.size, sum(map(len, samples.values()))
+    text = (
+        f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(every)}, up to "
+        f"{away_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
+    )
+    remedy = "Look at the clock when recording began; `--repair` makes gaps of a few such samples"
+    estimate = {"count": float(count), "seconds": away_s}
+    ends = utc_time(int(every.min())), utc_time(int(every.max()))
+    return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)
+
+
+def _outside(time_ns: Ints, first_ns: int, last_ns: int) -> Ints:
+    return time_ns[(time_ns < first_ns) | (time_ns > last_ns)]

@@ -1,4 +1,4 @@
-"""The quality of a recording as files: the contract's JSON, the flags as Parquet, and one HTML page."""
+"""The quality of a recording for people, at a terminal and on a page, and for programs as JSON and Parquet."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.channels import NAMES
 from acquisition.core.frames import Quality
+from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
-from analysis.quality.summary import ALL
-from analysis.quality.terminal import counts_of, finding_text
 from analysis.report.rendering import Page, render
 from analysis.tables.files import atomic_file, write_parquet
 from analysis.tables.time_index import main_stretch, times_ns
@@ -22,9 +22,13 @@ from analysis.tables.time_index import main_stretch, times_ns
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from rich.console import Console
+    from rich.table import Table
 
+    from analysis.quality.channel_checks import ChannelQuality
     from analysis.quality.check import DataQuality
     from analysis.quality.findings import Finding
+
 
 PALETTE = ("#0072B2", "#CC79A7", "#56B4E9", "#000000", "#8C564B", "#7F7F7F", "#9467BD")
 COLOURS = {Quality.GOOD: "#9CC9B5", Quality.NOT_EVALUATED: "#D9DEE2", Quality.SUSPECT: "#E69F00",
@@ -172,3 +176,54 @@ def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], 
             if finding.channel == ALL or name in finding.channel:
                 bar = (line + 0.22 + 0.08 * (codes.index(finding.code) % 3), 0.08)
                 axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
+
+
+_STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
+_COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
+
+
+def print_quality(console: Console, quality: DataQuality) -> None:
+    """Print the table of channels and each finding with its remedy."""
+    console.print(channel_table(quality))
+    if missing := missing_text(quality):
+        console.print(missing, style="yellow", highlight=False)
+    console.print()
+    if not quality.findings:
+        console.print("Nothing found.", style="green")
+    for finding in quality.findings:
+        where = "all channels" if finding.channel == ALL else finding.channel
+        console.print(f"{finding.code}  {where}", style="bold", highlight=False, markup=False)
+        span = f"{finding.start:%Y-%m-%d %H:%M:%S} to {finding.end:%H:%M:%S}"
+        console.print(f"  {span}", style="dim", highlight=False)
+        console.print(f"  {finding_text(finding)}", highlight=False, markup=False)
+
+
+def missing_text(quality: DataQuality) -> str:
+    """Which of the 13 channels the recording lacks altogether, which no check can judge; empty if it has all."""
+    missing = [name for name in NAMES if name not in quality.channels]
+    return f"not in the recording: {', '.join(missing)}" if missing else ""
+
+
+def finding_text(finding: Finding) -> str:
+    """A finding and its remedy as sentences with one full stop each."""
+    return f"{finding.as_json()['text'].rstrip('.')}."
+
+
+def channel_table(quality: DataQuality) -> Table:
+    """A line a channel: its grade and the counts of its own faults; nothing stands for none."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
+    for number, title in enumerate(_COLUMNS):
+        table.add_column(title, justify="left" if number < 2 else "right", no_wrap=True)
+    for name, channel in quality.channels.items():
+        table.add_row(name, Text(channel.grade, _STYLES[channel.grade]), *counts_of(channel))
+    return table
+
+
+def counts_of(channel: ChannelQuality) -> list[str]:
+    """The counts of a channel as text, empty where nothing was found."""
+    faults = (len(channel.gaps), len(channel.stuck), channel.spikes, channel.out_of_range, channel.duplicates,
+              channel.time_backwards)  # fmt: skip
+    return [f"{channel.count:,}", f"{channel.rate_hz:.2f}", *(f"{each:,}" if each else "" for each in faults)]

@@ -51,8 +51,8 @@ def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
     from analysis.manoeuvres import report
     from analysis.manoeuvres.motion import motion_of
-    from analysis.quality.terminal import missing_text
     from analysis.report import manoeuvre_plots, quality_page, trial_figures
+    from analysis.report.quality_page import missing_text
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,

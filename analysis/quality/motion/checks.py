@@ -23,20 +23,16 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
-from analysis.quality.motion.coarse import coarse_fit
-from analysis.quality.motion.heading_jitter import heading_jitter, is_certain
-from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics, quantile, widen_by_parts
-from analysis.quality.motion.position_jitter import Jitter, PositionJump, position_jumps, stamp_jitter
-from analysis.quality.motion.scales import (
-    contradiction_finding,
-    diverged_fit_finding,
-    flag_displaced,
-    heading_offset,
-    jump_finding,
-    speed_scale,
-    yaw_rate_bias,
-    yaw_rate_scale,
+from analysis.quality.motion.coarse import coarse_fit, contradiction_finding
+from analysis.quality.motion.jitter import (
+    Jitter,
+    heading_jitter,
+    is_certain,
+    stamp_jitter,
 )
+from analysis.quality.motion.jumps import PositionJump, flag_displaced, jump_finding, position_jumps
+from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics, quantile, widen_by_parts
+from analysis.quality.motion.scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
 from analysis.quality.motion.series import GROUPS, MOTION
 from analysis.tables.time_index import utc_index
 
@@ -73,8 +69,18 @@ def check_motion(table: pd.DataFrame) -> CheckResult:
     except (DataShortageError, InputError):
         return CheckResult(flags)
     if not fit.converged:
-        return _with_flags(flags, table, (diverged_fit_finding(table),), ())
+        return _with_flags(flags, table, (_diverged_finding(table),), ())
     return _with_flags(flags, table, findings_of(table, fit), position_jumps(table, fit))
+
+
+def _diverged_finding(table: pd.DataFrame) -> Finding:
+    """The finding for a fit that ran against its bounds."""
+    index = utc_index(table)
+    return Finding(
+        "motion_contradiction", "north_m", index.min(), index.max(),
+        "Positions, heading, speeds and yaw rate tell of no one motion, and nothing that was tried explains it",
+        "Check signs, units and axes of the motion channels.",
+    )  # fmt: skip
 
 
 def _with_flags(

@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Complexes, Floats
 from analysis.kinematics import integrate
+from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
 from analysis.tables.table import require
+from analysis.tables.time_index import utc_index
 
 _WINDOW_S = 10.0
 _LONG_S = 60.0
@@ -77,6 +79,17 @@ def coarse_fit(table: pd.DataFrame) -> Coarse:
     if left > _CONTRADICTED:
         return Coarse(1.0, 0.0, yaw_rate_factor, "no sign and no unit that was tried explains it", "north_m", left)
     return Coarse(*_scale_and_angle(moves), yaw_rate_factor)
+
+
+def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
+    """The contradiction that a coarse fit found; ``estimate`` has the share of the moves left unexplained."""
+    index = utc_index(table)
+    text = f"Positions, heading and speeds tell of no one motion: {coarse.left:.0%} of the way is left over;"
+    return Finding(
+        "motion_contradiction", coarse.channel, index.min(), index.max(), f"{text} {coarse.contradiction}",
+        "Mend signs and units where the channels are recorded; nothing else can be told of them until then.",
+        {"left": coarse.left},
+    )  # fmt: skip
 
 
 def _scale_and_angle(moves: _Moves) -> tuple[float, float]:

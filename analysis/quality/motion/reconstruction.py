@@ -16,7 +16,7 @@ from acquisition.core.angles import unwrap, wrap_360
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError, InputError
 from analysis.kinematics import integrate, to_earth
-from analysis.quality.motion.heading_jitter import (
+from analysis.quality.motion.jitter import (
     HeadingErrors,
     discontinuities,
     integrated_yaw_rate_at,

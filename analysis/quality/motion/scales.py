@@ -1,8 +1,7 @@
 """Scales, a bias and an offset of the motion channels as findings, where they are significant.
 
 What is significant may yet not be certain: a factor must be known to half a percent over the whole recording, and
-be one that no other channel could be to blame for. Findings of gross contradictions, of jumps, and the units that
-a gross factor points to stand here too.
+be one that no other channel could be to blame for. A gross factor points to a unit.
 """
 
 from __future__ import annotations
@@ -12,12 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from acquisition.core.frames import Quality
 from analysis.quality.findings import Finding
-from analysis.quality.motion.coarse import Coarse
 from analysis.quality.motion.kinematics import CHANCE, NAMES, Kinematics, quantile
-from analysis.quality.motion.position_jitter import PositionJump
-from analysis.tables.time_index import NANO, times_ns, utc_index
 
 _SMALLEST = {
     "speed_factor": 0.005,
@@ -205,51 +200,3 @@ def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> 
 def is_plausible_factor(factor: float, unit: Unit | None) -> bool:
     """Whether a factor may be put right without asking."""
     return unit.sure if unit is not None else FACTORS[0] <= factor <= FACTORS[1]
-
-
-def contradiction_finding(table: pd.DataFrame, coarse: Coarse) -> Finding:
-    """The contradiction that a coarse fit found; ``estimate`` has the share of the moves left unexplained."""
-    index = utc_index(table)
-    text = f"Positions, heading and speeds tell of no one motion: {coarse.left:.0%} of the way is left over;"
-    return Finding(
-        "motion_contradiction", coarse.channel, index.min(), index.max(), f"{text} {coarse.contradiction}",
-        "Mend signs and units where the channels are recorded; nothing else can be told of them until then.",
-        {"left": coarse.left},
-    )  # fmt: skip
-
-
-def diverged_fit_finding(table: pd.DataFrame) -> Finding:
-    """The finding for a fit that ran against its bounds."""
-    index = utc_index(table)
-    return Finding(
-        "motion_contradiction", "north_m", index.min(), index.max(),
-        "Positions, heading, speeds and yaw rate tell of no one motion, and nothing that was tried explains it",
-        "Check signs, units and axes of the motion channels.",
-    )  # fmt: skip
-
-
-def jump_finding(table: pd.DataFrame, jump: PositionJump) -> Finding:
-    """A jump in words; it ends where the positions return."""
-    index = utc_index(table)
-    start = index.min() + pd.Timedelta(round(jump.time_s * NANO), "ns")
-    end = index.min() + pd.Timedelta(round(jump.until_s * NANO), "ns") if jump.returns else start
-    text = (
-        f"The positions jump by {jump.metres:.1f} m ({jump.north_m:+.1f} m north, {jump.east_m:+.1f} m east)"
-        f" at {start:%H:%M:%S}"
-    )
-    after = f" and return after {jump.until_s - jump.time_s:.1f} s" if jump.returns else " and do not return"
-    return Finding(
-        "position_jump", "north_m", start, end, text + after,
-        "Leave out what is displaced." if jump.returns else "Take what lies before and after as two recordings.",
-        {"metres": jump.metres, "north_m": jump.north_m, "east_m": jump.east_m},
-    )  # fmt: skip
-
-
-def flag_displaced(flags: pd.DataFrame, table: pd.DataFrame, jumps: tuple[PositionJump, ...]) -> None:
-    """Mark positions bad, in place, from a jump until they return."""
-    time_s = (times_ns(table) - times_ns(table).min()) / NANO
-    for jump in jumps:
-        if jump.returns:
-            away = (time_s >= jump.time_s - 1e-6) & (time_s < jump.until_s - 1e-6)
-            for name in ("north_m", "east_m"):
-                flags.loc[away & (flags[name] != Quality.MISSING).to_numpy(), name] = int(Quality.BAD)

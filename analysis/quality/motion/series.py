@@ -2,6 +2,8 @@
 
 Positions, heading, speeds and yaw rate are four groups, each with stamps of its own. Groups that are faster than
 :data:`STEP_S` are averaged over that long, time and value alike, which shifts nothing.
+From them follow the path that heading and speeds describe, and the turns that the yaw rate gives, as models of
+what may be wrong.
 """
 
 from __future__ import annotations
@@ -226,3 +228,78 @@ def block_starts(motion: Motion, grid_s: Floats, length: int) -> NDArray[np.int6
             there[np.searchsorted(grid_s, begin, "right") : np.searchsorted(grid_s, end)] = False
     starts = [np.arange(first, stop - length + 1, length) for first, stop in zip(*runs(there), strict=True)]
     return np.concatenate([np.empty(0, dtype=np.int64), *starts])
+
+
+Model = Callable[[Floats], tuple[Floats, Floats]]
+"""Levels [points, m] on the grid (2 of position or 1 of heading) for p parameters, and their slopes [points, p, m].
+
+The third parameter, the delay of the measured level, moves no model: its slope is what reading it later costs.
+"""
+
+_RATE_WIDTH_S = 1.0
+_MEAN_WIDTH_S = 5.0
+
+
+def path_model(motion: Motion, grid_s: Floats) -> Model:
+    """The path by heading and speeds as a model of the positions; the speeds' stamps are the time."""
+    heading_at, body = spline(motion.heading), spline(motion.speed)(grid_s)
+    first, last = motion.heading.time_s[[0, -1]]
+    width = max(_RATE_WIDTH_S, motion.heading.interval_s)
+
+    def model(values: Floats) -> tuple[Floats, Floats]:
+        factor, offset, _, heading_late_s, forward, starboard = values
+        times = np.clip(grid_s + heading_late_s, first + width, last - width)
+        true = heading_at(times)[:, 0] - offset
+        turning = (heading_at(times + width) - heading_at(times - width)) / (2.0 * width)
+        moving = rotate(true, body)
+        travelled = integral(grid_s, moving)
+        ahead, aside = np.column_stack([np.cos(true), np.sin(true)]), np.column_stack([-np.sin(true), np.cos(true)])
+        arm = forward * ahead + starboard * aside
+        swung = turning * _quarter_turn(arm)
+        bent = integral(grid_s, turning * factor * _quarter_turn(moving))
+        by_offset = -factor * _quarter_turn(travelled) - _quarter_turn(arm)
+        slopes = (travelled, by_offset, -factor * moving - swung, bent + swung, ahead, aside)
+        return factor * travelled + arm, np.stack(slopes, axis=1)
+
+    return model
+
+
+def turn_model(motion: Motion, grid_s: Floats) -> Model:
+    """The heading by the integrated yaw rate, whose stamps are the time; factor, bias and delay of the heading.
+
+    The slope by the factor is the smoothed heading: unlike the integrated yaw rate it shares no noise with what
+    is left, which would make the factor too small (an instrumental variable).
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    rate = spline(motion.yaw_rate)(grid_s)
+    turned, elapsed = integral(grid_s, rate), (grid_s - grid_s[0])[:, np.newaxis]
+    size = 2 * int(0.5 * _MEAN_WIDTH_S / motion.step_s) + 1
+    smooth = uniform_filter1d(spline(motion.heading)(grid_s), size, axis=0)
+
+    def model(values: Floats) -> tuple[Floats, Floats]:
+        factor, bias, _ = values
+        slopes = (smooth / factor, elapsed, -factor * rate - bias)
+        return factor * turned + bias * elapsed, np.stack(slopes, axis=1)
+
+    return model
+
+
+def interpolate(time_s: Floats, grid_s: Floats, columns: Floats) -> Floats:
+    """Columns [points, m] on the even grid, linearly at other times."""
+    place = np.clip((time_s - grid_s[0]) / (grid_s[1] - grid_s[0]), 0.0, grid_s.size - 1.000001)
+    before = place.astype(np.int64)
+    share = (place - before)[:, np.newaxis]
+    return np.asarray(columns[before] * (1.0 - share) + columns[before + 1] * share)
+
+
+def integral(grid_s: Floats, rates: Floats) -> Floats:
+    """Rates [points, ...] integrated from the first point, by cubic splines."""
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(grid_s, rates).antiderivative()(grid_s))
+
+
+def _quarter_turn(vectors: Floats) -> Floats:
+    """Vectors [n, 2] north and east turned by +90 deg: the change by a turn of one radian."""
+    return np.column_stack([-vectors[:, 1], vectors[:, 0]])

@@ -15,7 +15,7 @@ from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import Recording, Series, read_recording
 from acquisition.recording.tables import write_table
-from analysis.quality.channel_quality import grade_of
+from analysis.quality.channel_checks import grade_of
 from analysis.quality.check import DataQuality, check_recording, check_table, rows_of
 from analysis.tables.table import table_of
 from analysis.tables.time_index import times_ns

@@ -1,9 +1,13 @@
-"""Stamps of headings that jitter: the heading scatters about the integrated yaw rate in proportion to the rate.
+"""Stamps that jitter: of positions, which err along the way then, and of headings, which err as the ship turns.
 
-A ship's inertia keeps her yaw rate smooth, and noise of compass and gyro is the same whether she turns or not.
-The variance that grows with the square of the yaw rate is therefore that of the stamps. Each stretch of time
-counts for itself, about its own straight line and, within what is known of such sensors, its own scale and delay;
-the interval comes from leaving out one stretch after another.
+With wrong stamps a position errs along the track, in proportion to the ship's speed; noise of the positions errs
+across as much as along. So the variance along less that across, over the square of the speed, is the variance of
+the stamps. A heading scatters about the integrated yaw rate: a ship's inertia keeps her yaw rate smooth, and noise
+of compass and gyro is the same whether she turns or not, so that the variance that grows with the square of the
+yaw rate is that of the stamps.
+
+Each stretch of time counts for itself, about its own straight line and, of headings within what is known of such
+sensors, its own scale and delay; the interval comes from a jackknife over stretches.
 """
 
 from __future__ import annotations
@@ -16,20 +20,129 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats
-from analysis.quality.motion.kinematics import Kinematics, quantile
-from analysis.quality.motion.path import turn_model
-from analysis.quality.motion.position_jitter import Jitter
-from analysis.quality.motion.series import GROUPS, group_samples
+from analysis.quality.motion.jumps import PositionErrors, position_errors
+from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
+from analysis.quality.motion.series import (
+    GROUPS,
+    group_samples,
+    rotate,
+    turn_model,
+)
 from analysis.quality.samples import jackknife_error
+
+_SHORT_S = 30.0
+_LONG_S = 120.0
+_FEWEST_SAMPLES = 8
+_FEWEST_STRETCHES = 5
+_BROKEN = 30.0
+_LEAST_RATIO = 2.0
+_LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
+
+
+@dataclass(frozen=True, slots=True)
+class Jitter:
+    """Variance of the stamps [s2] with its standard error and the effective number of stretches.
+
+    ``surplus`` is by how many of its standard errors the variance that jitter makes exceeds the one that it does
+    not (of positions along and across the way, of headings with and without turning) in short stretches, whose
+    many tell it best, and ``ratio`` the one over the other.
+    """
+
+    variance_s2: float = 0.0
+    standard_error_s2: float = np.inf
+    stretches: float = 0.0
+    surplus: float = 0.0
+    surplus_stretches: float = 0.0
+    ratio: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        return float(np.sqrt(max(self.variance_s2, 0.0)))
+
+    def beyond(self, smallest_s: float, chance: float = CHANCE) -> bool:
+        """Whether it is at least ``smallest_s`` and significant at ``chance``."""
+        surely = self.surplus > quantile(1.0 - chance, self.surplus_stretches)
+        return surely and self.seconds >= smallest_s and self.ratio >= _LEAST_RATIO
+
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval of the standard deviation [s]."""
+        error = np.hypot(self.standard_error_s2, _LEFT_OVER * self.variance_s2)
+        half = quantile(0.975, self.stretches) * error
+        low, high = np.sqrt(np.maximum([self.variance_s2 - half, self.variance_s2 + half], 0.0))
+        return float(low), float(high)
+
+
+def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
+    """The jitter of the positions in a table about the motion that was fitted to it.
+
+    The line of a stretch takes some of a jitter that lasts for seconds away with it, by as much as the stretch is
+    short: the size is what stretches of 60 and 120 s lead to in the limit of long ones.
+    """
+    errors = position_errors(table, fit)
+    short, half, long = (_position_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
+    usable, short = _usable(long), short[_usable(short)]
+    if usable.sum() < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
+        return Jitter()
+    size = _excess_over_speed(_in_the_limit(long, half, 2)[usable])
+    variance, error, telling = _excess_over_speed(short)
+    ratio = short[:, 2].sum() / max(float(short[:, 3].sum()), 1e-12)
+    return Jitter(*size, variance / max(error, 1e-12), telling, float(ratio))
+
+
+def _position_sums(errors: PositionErrors, seconds: float) -> Floats:
+    """By stretch [k, 4]: samples, and sums of squares of speed, of errors along and of errors across the way."""
+    stretch = (errors.time_s // seconds).astype(np.int64)
+    left = np.column_stack([_about_straight_lines(column, stretch) for column in errors.error.T])
+    body = rotate(-np.arctan2(errors.velocity[:, 1], errors.velocity[:, 0]), left)
+    speed2 = (errors.velocity**2).sum(axis=1)
+    return _sums_by_stretch(stretch, np.ones(stretch.size), speed2, *(body**2).T)
+
+
+def _sums_by_stretch(stretch: NDArray[np.int64], *columns: Floats) -> Floats:
+    """The sum of each column [n] over each stretch: [k, columns]."""
+    return np.column_stack([np.bincount(stretch, column) for column in columns]).astype(float)
+
+
+def _in_the_limit(long: Floats, half: Floats, first: int) -> Floats:
+    """Sums over long stretches, those of squared errors (from column ``first`` on) extrapolated by those over half
+    as long to infinitely long ones, for errors that last longer than a stretch."""
+    paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(len(long), 2, -1).sum(axis=1)
+    return np.hstack([long[:, :first], 2.0 * long[:, first:] - paired[:, first:]])
+
+
+def _usable(sums: Floats) -> NDArray[np.bool_]:
+    """Stretches with samples enough and without breaks."""
+    count, _, along, across = sums.T
+    usable = count >= max(_FEWEST_SAMPLES, 0.5 * float(np.median(count[count > 0])))
+    size = (along + across) / np.maximum(count, 1)
+    return np.asarray(usable & (size <= _BROKEN * np.median(size[usable])) if usable.any() else usable)
+
+
+def _excess_over_speed(sums: Floats) -> tuple[float, float, float]:
+    """The variance along less that across over the square of the speed [s2], its standard error by a jackknife, and
+    the effective number of stretches."""
+    _, moved_m2, along_m2, across_m2 = sums.T
+    excess_m2 = along_m2 - across_m2
+    total, base = excess_m2.sum(), moved_m2.sum()
+    without = (total - excess_m2) / np.maximum(base - moved_m2, 1e-12)
+    return float(total / base), float(jackknife_error(without)), float(base**2 / (moved_m2**2).sum())
+
+
+def _about_straight_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
+    """Residuals about the straight line of each stretch, scaled for the two degrees of freedom that it takes."""
+    place = np.arange(values.size, dtype=float)
+    count = np.bincount(stretch)
+    some = np.maximum(count, 1)
+    place -= (np.bincount(stretch, place) / some)[stretch]
+    values = values - (np.bincount(stretch, values) / some)[stretch]
+    slope = np.bincount(stretch, place * values) / np.maximum(np.bincount(stretch, place**2), 1e-12)
+    return np.asarray((values - slope[stretch] * place) * np.sqrt(some / np.maximum(count - 2, 1))[stretch])
+
 
 _SMALLEST_S = 0.1
 """Jitter below this is nothing to care about: a quarter of a degree in a hard turn."""
 _CHANCE = 1e-3
 """Probability that chance exceeds its own spread so far in a sound trial; it must be as large as jitter besides."""
-_SHORT_S = 30.0
-_LONG_S = 120.0
-_FEWEST_SAMPLES = 8
-_FEWEST_STRETCHES = 5
 _PRIOR = np.array([np.inf, np.inf, 0.05, 0.3])
 """How far the line, the scale and the delay [s] of one stretch may be from those of the whole recording."""
 _FINEST_RAD = np.deg2rad(0.01)
@@ -155,9 +268,9 @@ def _residual(columns: Floats, error: Floats, noise2: float) -> Floats:
 
 def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
     """The jitter from residuals in short, longer and long stretches, and squared error per squared second [n]."""
-    short, half, long = (_sums(each, spoils2) for each in lines)
+    short, half, long = (_heading_sums(each, spoils2) for each in lines)
     least = step**2 / 12.0
-    size = _growth(_in_the_limit(long, half)[lines[2].usable], least)
+    size = _growth(_in_the_limit(long, half, 3)[lines[2].usable], least)
     others = _growth(short[lines[0].usable], least)
     surest = max(size, others, key=lambda each: each.surplus / quantile(1.0 - _CHANCE, each.telling))
     judged = lines[2].usable[lines[2].stretch]
@@ -167,18 +280,11 @@ def _jitter(lines: tuple[_Lines, ...], spoils2: Floats, step: float) -> Jitter:
     )  # fmt: skip
 
 
-def _sums(lines: _Lines, spoils2: Floats) -> Floats:
+def _heading_sums(lines: _Lines, spoils2: Floats) -> Floats:
     """By stretch [k, 5]: the number of headings, and the sums of what jitter would spoil, of its squares, of the
     squared errors and of their products with what it would spoil."""
     left2 = lines.left**2
-    each = np.column_stack([np.ones(left2.size), spoils2, spoils2**2, left2, spoils2 * left2])
-    return np.column_stack([np.bincount(lines.stretch, column) for column in each.T]).astype(float)
-
-
-def _in_the_limit(long: Floats, half: Floats) -> Floats:
-    """Sums of squared residuals extrapolated to infinitely long stretches, for errors that last longer than one."""
-    paired = np.pad(half, ((0, 2 * len(long) - len(half)), (0, 0))).reshape(-1, 2, 5).sum(axis=1)
-    return np.hstack([long[:, :3], 2.0 * long[:, 3:] - paired[:, 3:]])
+    return _sums_by_stretch(lines.stretch, np.ones(left2.size), spoils2, spoils2**2, left2, spoils2 * left2)
 
 
 def _ratio(spoils2: Floats, left2: Floats) -> float:
