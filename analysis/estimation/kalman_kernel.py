@@ -15,7 +15,7 @@ Neither it nor the filter inverts a matrix. Matrices of the state have :data:`WI
 states': loops of a known length are compiled to vector instructions, and zeros of F and H are skipped, so that a
 model of independent blocks costs no more than its blocks.
 
-Its oracles are filterpy (:mod:`.kalman_filterpy`), a textbook filter and the batch least-squares solution, in the
+Its oracles are filterpy (in :mod:`.kalman`), a textbook filter and the batch least-squares solution, in the
 tests.
 """
 
@@ -27,35 +27,32 @@ import numpy as np
 from numba import njit
 
 from acquisition.core.arrays import Bools, Floats, Ints
+from analysis.compiling import FAST, compiled
 
 WIDTH = 24
 """Columns of the state's matrices, and the most states that a model may have."""
 
-# Sums may be fused, but NaN and infinity keep their meaning: a missing sample is a NaN, no gate an infinite limit.
-compiled = njit(fastmath={"contract"}, error_model="numpy")
+
+@compiled
+def add_product(F: Floats, x: Floats, columns: int, result: Floats) -> None:
+    """Adds F x to ``result`` [n, columns or more]; the zeros of F cost nothing."""
+    n = F.shape[0]
+    for i in range(n):
+        for k in range(n):
+            f = F[i, k]
+            if f != 0.0:
+                for j in range(columns):
+                    result[i, j] += f * x[k, j]
 
 
 @compiled
 def predict_covariance(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
     """``P`` becomes F P F' + Q, in place; ``work`` [n, WIDTH] is scratch. ``P`` is symmetric and stays so."""
-    n = P.shape[0]
-    for i in range(n):
-        for j in range(WIDTH):
-            work[i, j] = 0.0
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                for j in range(WIDTH):
-                    work[i, j] += f * P[k, j]
+    work[:] = 0.0
+    add_product(F, P, WIDTH, work)
     transpose(work)
-    for i in range(n):
-        for j in range(WIDTH):
-            P[i, j] = Q[i, j]
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                for j in range(WIDTH):
-                    P[i, j] += f * work[k, j]
+    P[:] = Q
+    add_product(F, work, WIDTH, P)
 
 
 @compiled
@@ -69,15 +66,8 @@ def transpose(work: Floats) -> None:
 @compiled
 def predict_means(F: Floats, m: Floats, moved: Floats) -> None:
     """Fills ``moved`` [n, C] with F m."""
-    n, columns = m.shape
-    for i in range(n):
-        for j in range(columns):
-            moved[i, j] = 0.0
-        for k in range(n):
-            f = F[i, k]
-            if f != 0.0:
-                for j in range(columns):
-                    moved[i, j] += f * m[k, j]
+    moved[:] = 0.0
+    add_product(F, m, m.shape[1], moved)
 
 
 @compiled
@@ -301,7 +291,7 @@ def smoother_pass(  # type: ignore[no-untyped-def]
             costates[k], informations[k] = costate, information[:, :n]
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def run_filter(
     time_s: Floats, value: Floats, H: Floats, R: Floats, turn: Floats, jumps: Bools, F: Floats, Q: Floats,
     interval: Ints, edges: Ints, mean: Floats, covariance: Floats, limit: float, patience_s: float, patience: int,
@@ -330,7 +320,7 @@ def run_filter(
     return z[:, :, 0].copy(), variance, gains, means, covariances
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def run_smoother(
     F: Floats, interval: Ints, H: Floats, limit: float, innovation: Floats, variance: Floats, gains: Floats,
     means: Floats, covariances: Floats,
@@ -345,7 +335,7 @@ def run_smoother(
     return mean, costates, informations
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, fastmath=FAST, error_model="numpy")
 def gain_sequence(F: Floats, Q: Floats, H: Floats, R: Floats, P: Floats, steps: int) -> Floats:
     """The Kalman gains [steps, n, c] of a system that does not change, on all channels' innovations at once.
 

@@ -33,8 +33,8 @@ from analysis.estimation.motion_model import (
     motion_steps,
 )
 from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
-from analysis.windows.steady_controls import noise_of
 
+_QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 STRETCHES, STEPS_OF_STRETCH = 10, 200
 LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
 """The least noise that is searched for, SI."""
@@ -185,6 +185,21 @@ def _first_levels(data: Binned) -> Floats:
         series = data.value[:, channel][np.isfinite(data.value[:, channel])]
         levels.append(noise_of(np.unwrap(series) if channel == HEADING else series))
     return np.array(levels)
+
+
+def noise_of(values: Floats, apart: int = 1) -> float:
+    """The standard deviation of the noise on a series at a steady rate, in its own unit.
+
+    Second differences do not see a ramp, and their lower quartile does not see steps and spikes, as long as
+    the setting is left alone or moves steadily for half of the time. They are of values ``apart`` rows from each
+    other. NaN are passed over; 0 for a series too short to tell.
+    """
+    second = np.abs(values[2 * apart :] - 2.0 * values[apart:-apart] + values[: -2 * apart])
+    second = second[np.isfinite(second)]
+    if second.size < 8:
+        return 0.0
+    noise = np.quantile(second, 0.25) / (_QUARTILE_OF_ABSOLUTE_NORMAL * 6.0**0.5)
+    return float(noise)
 
 
 def _given_heading(part: Binned, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Start, Floats]:

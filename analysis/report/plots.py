@@ -232,7 +232,7 @@ def _held_stretches(windows: pd.DataFrame) -> list[tuple[float, float]]:
 def consistency(axes: Axes, channels: Mapping[str, Mapping[str, float]]) -> list[Artist]:
     """Mean NIS by channel with the bounds it should lie in; one is what a filter that is right has.
 
-    ``channels`` is :meth:`analysis.estimation.consistency.Consistency.as_json` of a smoothed recording.
+    ``channels`` is :meth:`analysis.estimation.smoother.Consistency.as_json` of a smoothed recording.
     """
     names = list(channels)
     places = np.arange(len(names), dtype=float)

@@ -26,10 +26,10 @@ from acquisition.core.actuators import DEFAULT, Actuators, kind_of_control
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import is_circular
+from analysis.estimation.noise_levels import noise_of
 from analysis.tables.resample import SETTING_FILTER
 
 Sort = Literal["azimuth", "shaft", "tunnel"]
-_QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 _FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row to row: 1 if white, 2.1 if filtered
 
 
@@ -95,21 +95,6 @@ def _shared(rows: int) -> Floats:
     result = np.zeros(max(rows, product.size))
     result[: product.size] = product / product[0]
     return result[:rows]
-
-
-def noise_of(values: Floats, apart: int = 1) -> float:
-    """The standard deviation of the noise on a series at a steady rate, in its own unit.
-
-    Second differences do not see a ramp, and their lower quartile does not see steps and spikes, as long as
-    the setting is left alone or moves steadily for half of the time. They are of values ``apart`` rows from each
-    other. NaN are passed over; 0 for a series too short to tell.
-    """
-    second = np.abs(values[2 * apart :] - 2.0 * values[apart:-apart] + values[: -2 * apart])
-    second = second[np.isfinite(second)]
-    if second.size < 8:
-        return 0.0
-    noise = np.quantile(second, 0.25) / (_QUARTILE_OF_ABSOLUTE_NORMAL * 6.0**0.5)
-    return float(noise)
 
 
 def held(

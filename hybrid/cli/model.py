@@ -89,10 +89,10 @@ def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None
         return
     from rich.console import Console
 
-    from hybrid.effects.listing import WIDTH, catalogue_tables
+    from hybrid.report.terminal_tables import CATALOGUE_WIDTH, catalogue_tables
 
     console = Console()
-    console.width = max(console.width, WIDTH)
+    console.width = max(console.width, CATALOGUE_WIDTH)
     console.print(catalogue_tables(catalogue))
 
 

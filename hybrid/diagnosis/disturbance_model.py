@@ -14,8 +14,8 @@ from math import cos, sin
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from analysis.compiling import compiled
 from analysis.estimation.process_models import decay, oscillator
-from hybrid.vessel.compiling import compiled
 
 CALM, SWING, DRIFT = 9, 6, 6
 """The number of states without waves and slow errors of sensors, and how many more each of these are."""

@@ -23,12 +23,12 @@ from numba import get_num_threads, njit
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from analysis.compiling import FAST, compiled, source_stamp
 from analysis.estimation import kalman_kernel, process_models
 from analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
 from hybrid.diagnosis.disturbance_model import fill_block, states_of
 from hybrid.diagnosis.linearise import Linear, Signature
 from hybrid.diagnosis.noise import FORCE_UNITS, Noise
-from hybrid.vessel.compiling import FAST, compiled, source_stamp
 
 STAMP = source_stamp(
     *(Path(__file__).with_name(f"{name}.py") for name in ("disturbance_model", "innovations")),

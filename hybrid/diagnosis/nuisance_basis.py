@@ -22,13 +22,13 @@ import numpy as np
 from numba import njit
 
 from acquisition.core.arrays import Floats, Ints
+from analysis.compiling import FAST, Record
 from hybrid.diagnosis.linearise import Model, Signature, next_states
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue
 from hybrid.vessel.actuators import KINDS, angle_columns
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
 from hybrid.vessel.dynamics import actuators_force, hold, scratch_for
-from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.plant import PHYSICS_STAMP, Plant, pack
 from hybrid.vessel.sensors import SURGE, SWAY, YAW_RATE
 
 AXES = ("surge", "sway", "yaw")

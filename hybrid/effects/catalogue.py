@@ -1,8 +1,8 @@
 """The catalogue: every effect by its name, users' own beside the built-in ones.
 
 The effects of the actuators follow from a ship's list of them (:func:`catalogue_for`); :data:`CATALOGUE` is that
-of the default list. To add an effect to Seatrial, write one :class:`Effect` in the file of its family and one
-line here. To add one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the
+of the default list. To add an effect to Seatrial, write one :class:`Effect` into the list in the file of its
+subject. To add one of your own, write a Python file with ``EFFECTS = [Effect(...), ...]`` and give it to the
 command line.
 """
 
@@ -18,7 +18,7 @@ from typing import Any
 
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
-from hybrid.effects import asymmetry, clock, environment, hull, hull_shape, inertia, sensors
+from hybrid.effects import environment, hull, sensors
 from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.effect import FAMILIES, Effect, Values
 from hybrid.vessel.parameters import Vessel
@@ -28,50 +28,6 @@ Catalogue = Mapping[str, Effect]
 
 VERSION = "2"
 """Stated with every verdict; to be raised when an effect is added, removed or changes its form."""
-
-_HULL = (
-    inertia.LOADING,
-    inertia.SURGE_ADDED_MASS,
-    inertia.SWAY_ADDED_MASS,
-    inertia.YAW_INERTIA,
-    hull.HULL_FOULING,
-    hull.CROSS_FLOW_DRAG,
-    hull.DRIFT_FORCE,
-    hull.DRIFT_MOMENT,
-    hull.TURNING_FORCE,
-    hull.TURNING_DRAG,
-    hull.YAW_DAMPING,
-    hull.TRIM,
-    hull.SKEG,
-    hull.TOWED_LOAD,
-    hull_shape.HULL_LENGTHENING,
-    hull_shape.SHALLOW_WATER,
-)
-_SURROUNDINGS = (
-    asymmetry.YAW_ASYMMETRY,
-    asymmetry.SWAY_ASYMMETRY,
-    environment.OCEAN_CURRENT,
-    environment.WAVE_DRIFT,
-    environment.WIND_LOAD,
-    environment.WIND_DRAG,
-    environment.WIND_SIDE_LOAD,
-    environment.WIND_YAW_LOAD,
-    clock.POSITION_DELAY,
-    clock.HEADING_DELAY,
-    clock.SPEED_DELAY,
-    clock.COMMAND_DELAY,
-    clock.THRUSTER_LAG,
-    sensors.HEADING_BIAS,
-    sensors.POSITION_ANTENNA_OFFSET,
-    sensors.SPEED_SENSOR_OFFSET,
-    sensors.SPEED_SENSOR_ROTATION,
-    sensors.SPEED_SCALE,
-    sensors.SWAY_BIAS,
-    sensors.YAW_RATE_BIAS,
-    sensors.YAW_RATE_SCALE,
-    sensors.WIND_DIRECTION_BIAS,
-    sensors.WIND_SPEED_SCALE,
-)
 
 
 def _actuator_effects(actuators: Actuators) -> list[Effect]:
@@ -84,7 +40,10 @@ def _actuator_effects(actuators: Actuators) -> list[Effect]:
 @lru_cache(maxsize=32)
 def _catalogue_for(actuators: Actuators) -> dict[str, Effect]:
     own = _actuator_effects(actuators)
-    catalogue = {effect.name: effect for effect in (*_HULL, *own, *_SURROUNDINGS)}
+    catalogue = {
+        effect.name: effect
+        for effect in (*hull.EFFECTS, *own, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
+    }
     for effect in own:
         _confuse_both_ways(catalogue, effect)
     return catalogue

@@ -24,46 +24,6 @@ def _drift(plant: Plant, values: Values) -> Plant:
     return replace(plant, drift_force_n=total, drift_north=north / total, drift_east=east / total)
 
 
-OCEAN_CURRENT = Effect(
-    "ocean_current",
-    family="environment",
-    kind="physics",
-    what="Steady uniform current: hull and pods feel the velocity relative to the moving water",
-    source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
-    parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 3.0, 0.2, 0.03), DIRECTION),
-    change=_current,
-    chart="polar",
-    confused_with=("heading_bias", "speed_scale", "wave_drift"),
-)
-WAVE_DRIFT = Effect(
-    "wave_drift",
-    family="environment",
-    kind="physics",
-    what="Mean second-order wave force: 0.35 F cos b ahead, F sin b abeam, 0.06 Loa F sin 2b in yaw",
-    source="Form of the mean drift force over the wave angle, after Faltinsen, Sea Loads (1990), ch. 5",
-    parameters=(Parameter("force_n", "N", 0.0, 0.0, 60e3, 2e3, 500.0), DIRECTION),
-    change=_drift,
-    chart="polar",
-    confused_with=("ocean_current", "wind_direction_bias", "wind_load", "wind_side_load", "wind_speed_scale"),
-)
-WIND_LOAD = scaling(
-    "wind_load",
-    "environment",
-    ("wind_load_factor",),
-    (1.5, 0.2),
-    what="All wind coefficients times a factor: more or less windage than the tables say",
-    source="Blendermann, Parameter identification of wind loads on ships, J. Wind Eng. Ind. Aerodyn. 51 (1994)",
-    confused_with=(
-        "wave_drift",
-        "wind_direction_bias",
-        "wind_drag",
-        "wind_side_load",
-        "wind_speed_scale",
-        "wind_yaw_load",
-    ),
-)
-
-
 def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]) -> Effect:
     return scaling(
         name,
@@ -76,21 +36,49 @@ def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]
     )
 
 
-WIND_DRAG = _wind(
-    "wind_drag",
-    "CX",
-    "Wind force along the ship",
-    ("wind_load", "wind_speed_scale"),
+EFFECTS = (
+    Effect(
+        "ocean_current",
+        family="environment",
+        kind="physics",
+        what="Steady uniform current: hull and pods feel the velocity relative to the moving water",
+        source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
+        parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 3.0, 0.2, 0.03), DIRECTION),
+        change=_current,
+        chart="polar",
+        confused_with=("heading_bias", "speed_scale", "wave_drift"),
+    ),
+    Effect(
+        "wave_drift",
+        family="environment",
+        kind="physics",
+        what="Mean second-order wave force: 0.35 F cos b ahead, F sin b abeam, 0.06 Loa F sin 2b in yaw",
+        source="Form of the mean drift force over the wave angle, after Faltinsen, Sea Loads (1990), ch. 5",
+        parameters=(Parameter("force_n", "N", 0.0, 0.0, 60e3, 2e3, 500.0), DIRECTION),
+        change=_drift,
+        chart="polar",
+        confused_with=("ocean_current", "wind_direction_bias", "wind_load", "wind_side_load", "wind_speed_scale"),
+    ),
+    scaling(
+        "wind_load",
+        "environment",
+        ("wind_load_factor",),
+        (1.5, 0.2),
+        what="All wind coefficients times a factor: more or less windage than the tables say",
+        source="Blendermann, Parameter identification of wind loads on ships, J. Wind Eng. Ind. Aerodyn. 51 (1994)",
+        confused_with=(
+            "wave_drift",
+            "wind_direction_bias",
+            "wind_drag",
+            "wind_side_load",
+            "wind_speed_scale",
+            "wind_yaw_load",
+        ),
+    ),
+    _wind("wind_drag", "CX", "Wind force along the ship", ("wind_load", "wind_speed_scale")),
+    _wind("wind_side_load", "CY", "Wind force across the ship", ("wave_drift", "wind_load", "wind_speed_scale")),
+    _wind(
+        "wind_yaw_load", "CN", "Yaw moment of the wind", ("wind_direction_bias", "wind_load", "wind_speed_scale")
+    ),
 )
-WIND_SIDE_LOAD = _wind(
-    "wind_side_load",
-    "CY",
-    "Wind force across the ship",
-    ("wave_drift", "wind_load", "wind_speed_scale"),
-)
-WIND_YAW_LOAD = _wind(
-    "wind_yaw_load",
-    "CN",
-    "Yaw moment of the wind",
-    ("wind_direction_bias", "wind_load", "wind_speed_scale"),
-)
+"""Current, waves and wind."""

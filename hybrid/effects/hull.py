@@ -1,9 +1,10 @@
-"""Effects on the hull's own forces: the size of its coefficients, its surface, what is fixed to it."""
+"""Effects of the hull: its coefficients, inertia and symmetry, its surface and length, a bottom close below it."""
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, tan
 
+from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.effect import Effect, Parameter, Values, scaling
 from hybrid.vessel.plant import HULL, Plant
 
@@ -14,104 +15,12 @@ _DERIVATIVES = (
 SKEG_LIFT_SLOPE = pi / 2.0
 """Of a slender fin of aspect ratio one, its mirror image in the hull counted: pi/2 times the aspect ratio."""
 
-HULL_FOULING = scaling(
-    "hull_fouling",
-    "hull",
-    ("Xuu",),
-    (1.2, 0.05),
-    what="Growth on the hull: straight-ahead resistance Xuu times a factor",
-    source="Schultz, Effects of coating roughness and biofouling on ship resistance, Biofouling 23 (2007)",
-    parameter="resistance_factor",
-    confused_with=("towed_load",),
-)
-CROSS_FLOW_DRAG = scaling(
-    "cross_flow_drag",
-    "hull",
-    ("Y_absv_v", "N_absv_v"),
-    (1.5, 0.15),
-    what="Cross-flow drag of the hull: Y|v|v and N|v|v times a factor",
-    source="Faltinsen, Sea Loads on Ships and Offshore Structures (1990), ch. 6",
-    confused_with=("drift_moment",),
-)
-YAW_DAMPING = scaling(
-    "yaw_damping",
-    "hull",
-    ("Nur", "Nuur", "Nrrr", "N_absr_r"),
-    (1.15, 0.05),
-    what="Resistance of the hull to turning: Nur, Nuur, Nrrr and N|r|r times a factor",
-    source=_REGRESSIONS,
-    confused_with=(
-        "drift_moment",
-        "hull_lengthening",
-        "skeg",
-        "surge_added_mass",
-        "sway_added_mass",
-        "trim",
-        "turning_force",
-    ),
-)
-DRIFT_FORCE = scaling(
-    "drift_force",
-    "hull",
-    ("Yuv", "Yuuv", "Yvvv"),
-    (1.3, 0.1),
-    what="Side force of the drifting hull: Yuv, Yuuv and Yvvv times a factor",
-    source=_REGRESSIONS,
-    confused_with=("shallow_water", "skeg", "turning_force"),
-)
-DRIFT_MOMENT = scaling(
-    "drift_moment",
-    "hull",
-    ("Nuv", "Nuuv", "Nvvv"),
-    (1.2, 0.05),
-    what="Yaw moment of the drifting hull beside the Munk moment: Nuv, Nuuv and Nvvv times a factor",
-    source=_REGRESSIONS,
-    confused_with=("cross_flow_drag", "skeg", "surge_added_mass", "sway_added_mass", "trim", "yaw_damping"),
-)
-TURNING_FORCE = scaling(
-    "turning_force",
-    "hull",
-    ("Yur", "Yuur", "Yrrr", "Y_absr_r"),
-    (1.3, 0.1),
-    what="Side force of the turning hull: Yur, Yuur, Yrrr and Y|r|r times a factor",
-    source=_REGRESSIONS,
-    confused_with=("drift_force", "loading", "shallow_water", "trim", "yaw_damping"),
-)
-TURNING_DRAG = scaling(
-    "turning_drag",
-    "hull",
-    ("Xrr", "Xurr", "Xrv", "Xrvu"),
-    (1.3, 0.1),
-    what="Resistance of the turning hull: Xrr, Xurr, Xrv and Xrvu times a factor",
-    source="Norrbin, Theory and observations on the use of a mathematical model for ship manoeuvring, SSPA 68",
-)
-
 
 def _trimmed(plant: Plant, values: Values) -> Plant:
     """Each coefficient of the side force gives the moment's of like name its lever arm."""
     return plant.shifted(**{
         name: values["shift_m"] * getattr(plant, f"Y{name[1:]}") for name in HULL if name.startswith("N")
     })  # fmt: skip
-
-
-TRIM = Effect(
-    "trim",
-    family="hull",
-    kind="physics",
-    what="Trim by the head: the hull's side force acts further forward by the shift, N + shift Y",
-    source=_DERIVATIVES,
-    parameters=(Parameter("shift_m", "m", 0.0, -5.0, 5.0, 0.5, 0.1),),
-    change=_trimmed,
-    confused_with=(
-        "drift_moment",
-        "hull_lengthening",
-        "skeg",
-        "surge_added_mass",
-        "sway_added_mass",
-        "turning_force",
-        "yaw_damping",
-    ),
-)
 
 
 def stern_m(plant: Plant) -> float:
@@ -127,30 +36,269 @@ def _with_skeg(plant: Plant, values: Values) -> Plant:
     return plant.shifted(Yuv=lift, Yur=x_m * lift, Nuv=x_m * lift, Nur=x_m**2 * lift)
 
 
-SKEG = Effect(
-    "skeg",
-    family="hull",
-    kind="physics",
-    what="More skeg: a low fin at the pods with side force -(pi/4) rho area u (v + x r); negative, less of it",
-    source="Jones, Properties of low-aspect-ratio pointed wings, NACA Report 835 (1946); aspect ratio one",
-    parameters=(Parameter("area_m2", "m2", 0.0, -10.0, 20.0, 2.0, 0.3),),
-    change=_with_skeg,
-    confused_with=(
-        "drift_force",
-        "drift_moment",
-        "hull_lengthening",
+LATERAL_AREA_M2_PER_M = 4.0
+
+
+def _order(name: str) -> int:
+    """How often the yaw rate stands in a coefficient's name: each is a lever arm."""
+    return name.count("r")
+
+
+def _lengthened(plant: Plant, values: Values) -> Plant:
+    added_m = values["length_m"]
+    s = (plant.length_between_perpendiculars_m + added_m) / plant.length_between_perpendiculars_m
+    plant = plant.scaled(s, "mass_kg", "Xud", "Yvd").scaled(s**2, "Yrd").scaled(s**3, "yaw_inertia_kgm2", "Nrd")
+    for name in HULL:
+        lever = 2 if name.startswith("N") else 1
+        plant = plant.scaled(s**0.8 if name == "Xuu" else s ** (lever + _order(name)), name)
+    places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft
+    return plant.shifted(
+        length_between_perpendiculars_m=added_m,
+        length_overall_m=added_m,
+        lateral_area_m2=LATERAL_AREA_M2_PER_M * added_m,
+        **{name: (added_m if plant.number(name) > 0.0 else -added_m) / 2.0 for name in places},
+    )
+
+
+_TURNING = ("Yur", "Yuur", "Yrrr", "Y_absr_r", "Nur", "Nuur", "Nrrr", "N_absr_r")
+_DRIFTING = [[name for name in HULL if name.startswith(axis) and name not in _TURNING] for axis in "YN"]
+
+
+def aspect_growth(ratio: float, slenderness: float, exponent: float) -> float:
+    """How the hull's effective aspect ratio k grows with draught over depth ``ratio`` (0 to below 1).
+
+    Hirano et al. (1985): 1 / (k/2 ratio + g) with g = (y cot y)^exponent, y = pi/2 ratio, k = ``slenderness``
+    = 2T/L. Their first term would make a bottom far below *reduce* the forces a little; its images in theory
+    (Newman, J. Fluid Mech. 39, 1969) only add, by the square of the ratio. Here the term is k/2 (1 - g): the
+    same at both ends, 1 in deep water and 2/k at the bottom, within 6 % of theirs between for usual ships,
+    and growing throughout.
+    """
+    y = 0.5 * pi * ratio
+    open_share = (y / tan(y)) ** exponent if y > 0.0 else 1.0
+    return float(1.0 / (open_share + 0.5 * slenderness * (1.0 - open_share)))
+
+
+def _shallow(plant: Plant, values: Values) -> Plant:
+    """Derivatives of drift force, drift moment and turning grow with exponents 2.3, 1.7 and 0.7.
+
+    Terms with both v and r count as drift. The factors belong to whole derivatives. Here the added-mass
+    Coriolis terms stand beside the coefficients, so these are set to make the sums grow as they should; the
+    sway and yaw added masses grow like the derivatives of drift. Resistance stays: what shallow water adds to
+    it (Lackenby 1963) goes with the Froude number of the depth and is no coefficient of this model.
+    """
+    if values["depth_m"] <= plant.draught_m:
+        raise ConfigurationError(
+            f"effect shallow_water: depth_m = {values['depth_m']:g} is no more than the draught",
+            fix=f"give more than {plant.draught_m:g} m",
+        )
+    ratio = plant.draught_m / values["depth_m"]
+    slenderness = 2.0 * plant.draught_m / plant.length_between_perpendiculars_m
+    force, moment, turning = (aspect_growth(ratio, slenderness, each) for each in (2.3, 1.7, 0.7))
+    before = plant
+    plant = plant.scaled(force, "Yvd", *_DRIFTING[0]).scaled(moment, "Nrd", *_DRIFTING[1])
+    plant = plant.scaled(turning, *_TURNING)
+    return plant.shifted(
+        Nuv=(moment - force) * before.Yvd - (moment - 1.0) * before.Xud,
+        Yur=(turning - 1.0) * before.Xud,
+        Nur=(turning - 1.0) * before.Yrd,
+    )
+
+
+EFFECTS = (
+    scaling(
+        "loading",
+        "inertia",
+        ("mass_kg", "yaw_inertia_kgm2"),
+        (1.15, 0.03),
+        what="Another loading: mass and yaw inertia times a factor, added mass unchanged",
+        source="Rigid-body inertia at like radius of gyration",
+        parameter="mass_factor",
+        bounds=(0.3, 3.0),
+        confused_with=("hull_lengthening", "surge_added_mass", "sway_added_mass", "turning_force", "yaw_inertia"),
+    ),
+    scaling(
+        "surge_added_mass",
+        "inertia",
+        ("Xud",),
+        (1.5, 0.15),
+        what="The water's inertia in surge: Xud times a factor"
+        ", in the mass and in the Coriolis terms Y, N of u r, u v",
+        source="Newman, Marine Hydrodynamics (1977), ch. 4",
+        confused_with=("drift_moment", "loading", "sway_added_mass", "trim", "yaw_damping"),
+    ),
+    scaling(
         "sway_added_mass",
-        "trim",
+        "inertia",
+        ("Yvd",),
+        (1.2, 0.05),
+        what="The water's inertia in sway: Yvd times a factor"
+        ", in the mass and in the Coriolis terms X, N of v r, u v",
+        source=_REGRESSIONS,
+        confused_with=("drift_moment", "loading", "skeg", "surge_added_mass", "trim", "yaw_damping"),
+    ),
+    scaling(
+        "yaw_inertia",
+        "inertia",
+        ("yaw_inertia_kgm2", "Nrd"),
+        (1.2, 0.08),
+        what="The inertia in yaw: Iz and Nrd times a factor, masses where they were",
+        source=_REGRESSIONS,
+        bounds=(0.3, 3.0),
+        confused_with=("command_delay", "loading", "thruster_lag"),
+    ),
+    scaling(
+        "hull_fouling",
+        "hull",
+        ("Xuu",),
+        (1.2, 0.05),
+        what="Growth on the hull: straight-ahead resistance Xuu times a factor",
+        source="Schultz, Effects of coating roughness and biofouling on ship resistance, Biofouling 23 (2007)",
+        parameter="resistance_factor",
+        confused_with=("towed_load",),
+    ),
+    scaling(
+        "cross_flow_drag",
+        "hull",
+        ("Y_absv_v", "N_absv_v"),
+        (1.5, 0.15),
+        what="Cross-flow drag of the hull: Y|v|v and N|v|v times a factor",
+        source="Faltinsen, Sea Loads on Ships and Offshore Structures (1990), ch. 6",
+        confused_with=("drift_moment",),
+    ),
+    scaling(
+        "drift_force",
+        "hull",
+        ("Yuv", "Yuuv", "Yvvv"),
+        (1.3, 0.1),
+        what="Side force of the drifting hull: Yuv, Yuuv and Yvvv times a factor",
+        source=_REGRESSIONS,
+        confused_with=("shallow_water", "skeg", "turning_force"),
+    ),
+    scaling(
+        "drift_moment",
+        "hull",
+        ("Nuv", "Nuuv", "Nvvv"),
+        (1.2, 0.05),
+        what="Yaw moment of the drifting hull beside the Munk moment: Nuv, Nuuv and Nvvv times a factor",
+        source=_REGRESSIONS,
+        confused_with=("cross_flow_drag", "skeg", "surge_added_mass", "sway_added_mass", "trim", "yaw_damping"),
+    ),
+    scaling(
+        "turning_force",
+        "hull",
+        ("Yur", "Yuur", "Yrrr", "Y_absr_r"),
+        (1.3, 0.1),
+        what="Side force of the turning hull: Yur, Yuur, Yrrr and Y|r|r times a factor",
+        source=_REGRESSIONS,
+        confused_with=("drift_force", "loading", "shallow_water", "trim", "yaw_damping"),
+    ),
+    scaling(
+        "turning_drag",
+        "hull",
+        ("Xrr", "Xurr", "Xrv", "Xrvu"),
+        (1.3, 0.1),
+        what="Resistance of the turning hull: Xrr, Xurr, Xrv and Xrvu times a factor",
+        source="Norrbin, Theory and observations on the use of a mathematical model for ship manoeuvring, SSPA 68",
+    ),
+    scaling(
         "yaw_damping",
+        "hull",
+        ("Nur", "Nuur", "Nrrr", "N_absr_r"),
+        (1.15, 0.05),
+        what="Resistance of the hull to turning: Nur, Nuur, Nrrr and N|r|r times a factor",
+        source=_REGRESSIONS,
+        confused_with=(
+            "drift_moment",
+            "hull_lengthening",
+            "skeg",
+            "surge_added_mass",
+            "sway_added_mass",
+            "trim",
+            "turning_force",
+        ),
+    ),
+    Effect(
+        "trim",
+        family="hull",
+        kind="physics",
+        what="Trim by the head: the hull's side force acts further forward by the shift, N + shift Y",
+        source=_DERIVATIVES,
+        parameters=(Parameter("shift_m", "m", 0.0, -5.0, 5.0, 0.5, 0.1),),
+        change=_trimmed,
+        confused_with=(
+            "drift_moment",
+            "hull_lengthening",
+            "skeg",
+            "surge_added_mass",
+            "sway_added_mass",
+            "turning_force",
+            "yaw_damping",
+        ),
+    ),
+    Effect(
+        "skeg",
+        family="hull",
+        kind="physics",
+        what="More skeg: a low fin at the pods with side force -(pi/4) rho area u (v + x r); negative, less of it",
+        source="Jones, Properties of low-aspect-ratio pointed wings, NACA Report 835 (1946); aspect ratio one",
+        parameters=(Parameter("area_m2", "m2", 0.0, -10.0, 20.0, 2.0, 0.3),),
+        change=_with_skeg,
+        confused_with=("drift_force", "drift_moment", "hull_lengthening", "sway_added_mass", "trim", "yaw_damping"),
+    ),
+    Effect(
+        "towed_load",
+        family="hull",
+        kind="physics",
+        what="Something towed astern: a steady force aft",
+        source="Constant body force, the simplest form of a tow",
+        parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
+        change=lambda plant, values: plant.shifted(constant_X_n=-values["force_n"]),
+        confused_with=("hull_fouling",),
+    ),
+    Effect(
+        "hull_lengthening",
+        family="hull",
+        kind="physics",
+        what="A parallel section put in amidships: mass, added mass and hull coefficients grow with the length",
+        source="Strip-wise scaling of sectional coefficients with length, one lever arm for each r",
+        parameters=(Parameter("length_m", "m", 0.0, -10.0, 20.0, 3.0, 0.5),),
+        change=_lengthened,
+        confused_with=("loading", "skeg", "trim", "yaw_damping"),
+    ),
+    Effect(
+        "shallow_water",
+        family="hull",
+        kind="physics",
+        what="The bottom near the keel: sway and yaw derivatives and added mass grow as draught over depth does",
+        source="Hirano et al., An experimental study on maneuvering hydrodynamic forces in shallow water, "
+        "Trans. West-Japan SNA 69 (1985)",
+        parameters=(Parameter("depth_m", "m", float("inf"), 3.0, float("inf"), 8.0, 25.0),),
+        change=_shallow,
+        chart="inverse_square",
+        confused_with=("drift_force", "turning_force"),
     ),
 )
-TOWED_LOAD = Effect(
-    "towed_load",
-    family="hull",
-    kind="physics",
-    what="Something towed astern: a steady force aft",
-    source="Constant body force, the simplest form of a tow",
-    parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
-    change=lambda plant, values: plant.shifted(constant_X_n=-values["force_n"]),
-    confused_with=("hull_fouling",),
+"""Inertia, coefficients, what is fixed to the hull, her length, the bottom."""
+
+ASYMMETRY = (
+    Effect(
+        "yaw_asymmetry",
+        family="alignment",
+        kind="physics",
+        what="A steady yaw moment, as of a bent skeg or a list",
+        source="Constant body moment",
+        parameters=(Parameter("moment_nm", "N m", 0.0, -1e6, 1e6, 40e3, 10e3),),
+        change=lambda plant, values: plant.shifted(constant_N_nm=values["moment_nm"]),
+    ),
+    Effect(
+        "sway_asymmetry",
+        family="alignment",
+        kind="physics",
+        what="A steady force to starboard, as of a list or a bent keel",
+        source="Constant body force",
+        parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
+        change=lambda plant, values: plant.shifted(constant_Y_n=values["force_n"]),
+        confused_with=("heading_bias",),
+    ),
 )
+"""Of a hull that is not symmetric."""

@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 
 from acquisition.core.arrays import Floats
+from analysis.compiling import FAST, Record, compiled, source_stamp
 from hybrid.simulation.manoeuvres import ENDS, helm_of
 from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.compiling import FAST, Record, compiled, source_stamp
 from hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.sensors import HEADING, YAW_RATE

@@ -5,7 +5,7 @@ Neutral in every vessel file; the effects of the catalogue switch them on.
 
 from __future__ import annotations
 
-from hybrid.vessel.compiling import Record, compiled
+from analysis.compiling import Record, compiled
 
 
 @compiled

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from analysis.compiling import Record, compiled
 from hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND, WORK_SIZE, actuator_force, hold_actuator
-from hybrid.vessel.compiling import Record, compiled
 from hybrid.vessel.drift import constant_force, wave_drift_force
 from hybrid.vessel.hull import hull_force
 from hybrid.vessel.plant import ForceFunction

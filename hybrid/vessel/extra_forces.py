@@ -15,7 +15,7 @@ from numba import njit
 from numba.core.registry import CPUDispatcher
 
 from acquisition.core.arrays import Floats
-from hybrid.vessel.compiling import FAST
+from analysis.compiling import FAST
 from hybrid.vessel.plant import ForceFunction, Plant, Plants
 
 _NONE = np.zeros((1, 1))

@@ -6,7 +6,7 @@ near standstill the damping is quadratic only. Everything here is relative to th
 
 from __future__ import annotations
 
-from hybrid.vessel.compiling import Record, compiled
+from analysis.compiling import Record, compiled
 
 
 @compiled

@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
 from operator import add, attrgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +24,13 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from analysis.compiling import source_stamp
 from hybrid.vessel.actuators import CODES, CONTROL, CONTROLS_OF, FIRST_NUMBER, IS_ANGLE, KIND, KINDS, ROW_SIZE
 from hybrid.vessel.parameters import Polynomial, Vessel
 from hybrid.vessel.wind import TABLE_SIZE
+
+PHYSICS_STAMP = source_stamp(Path(__file__).parent)
+"""A digest of this package, on which every compiled simulation depends."""
 
 ForceFunction = Callable[..., tuple[float, float, float]]
 """``force(time_s, state, control, environment, parameters) -> X [N], Y [N], N [N m]``; see simulate.py."""

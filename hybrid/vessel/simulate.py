@@ -20,11 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record
+from analysis.compiling import FAST, Record
 from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.feedback import acting_controls
-from hybrid.vessel.plant import ForceFunction, Plant, Plants, angles_in, controls_in, pack
+from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, Plants, angles_in, controls_in, pack
 
 STATES = ("north_m", "east_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
 LONGEST_STEP_S = 0.25

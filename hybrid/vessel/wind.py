@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import atan2, cos, pi, sin
 
-from hybrid.vessel.compiling import Record, compiled
+from analysis.compiling import Record, compiled
 
 TABLE_SIZE = 19
 _PER_STEP = (TABLE_SIZE - 1) / pi

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from acquisition.core.actuators import DEFAULT
 from acquisition.core.channels import COMMAND, NAMES
 from acquisition.core.errors import DataShortageError, InputError
+from analysis.estimation.noise_levels import noise_of
 from analysis.windows.held import columns_for, held_windows, join_windows
 from analysis.windows.recordings import read_windows, trial_names, windows_of_tables, write_windows
-from analysis.windows.steady_controls import noise_of
 from tests.analysis.conftest import steady_table, table_at
 
 NOISES = ((0.0, 0.0), (0.3, 0.2), (2.0, 1.0))

@@ -11,7 +11,7 @@ import pytest
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects import CATALOGUE
-from hybrid.effects.hull_shape import aspect_growth
+from hybrid.effects.hull import aspect_growth
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
 from tests.hybrid.conftest import Held

@@ -16,10 +16,10 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from analysis.compiling import FAST, Record, compiled
 from hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND
-from hybrid.vessel.compiling import FAST, PHYSICS_STAMP, Record, compiled
 from hybrid.vessel.dynamics import Control, State, advance, inverse_mass, lag_over, scratch_for
-from hybrid.vessel.plant import ForceFunction
+from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction
 
 LEAP_M, LEAP_RAD, LEAP_MPS, LEAP_RADPS = 8.0, 0.5, 1.5, 0.15
 TURN_RADPS, TURNS = 0.02, 4

@@ -13,10 +13,10 @@ import numpy as np
 
 from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.arrays import Floats
+from analysis.compiling import compiled
 from hybrid.vessel.actuators.azimuth import AZIMUTH
 from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND, Drive, Kind
 from hybrid.vessel.actuators.tunnel import TUNNEL
-from hybrid.vessel.compiling import compiled
 
 KINDS: dict[str, Kind] = {"azimuth": AZIMUTH, "tunnel": TUNNEL}
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
+from analysis.compiling import Record, compiled
 from hybrid.vessel.actuators.kind import Drive, Kind, columns
-from hybrid.vessel.compiling import Record, compiled
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect

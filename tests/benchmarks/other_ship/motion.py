@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from acquisition.core.arrays import Floats
-from hybrid.vessel.compiling import source_stamp
+from analysis.compiling import source_stamp
 from tests.benchmarks.other_ship.forces import (
     Body,
     Control,

@@ -1,8 +1,8 @@
 """How the numerical core is compiled: one decorator's settings and the stamp that keeps its cache honest.
 
 numba stores a compiled kernel beside the file it stands in and looks only at that file to see whether the
-kernel is still right. Ours call functions of other files, so every cached kernel closes over
-:data:`PHYSICS_STAMP`, a digest of them all: change any equation and the kernels compile anew.
+kernel is still right. Ours call functions of other files, so every cached kernel closes over a digest of them all
+(:func:`source_stamp`): change any equation and the kernels compile anew.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any, TypeAlias
 from numba import njit
 
 Record: TypeAlias = Any
-"""One packed plant, a numpy record of ``plant.DTYPE``; inside compiled code its fields are attributes."""
+"""A numpy record, such as a packed plant; inside compiled code its fields are attributes."""
 
-# Sums may be reordered and fused, but NaN and infinity keep their meaning: the range check relies on them.
+# Sums may be fused, but NaN and infinity keep their meaning: a missing sample is a NaN, no gate an infinite limit.
 FAST = {"contract"}
 
 compiled = njit(fastmath=FAST, error_model="numpy", forceinline=True)
@@ -28,12 +28,9 @@ Left to itself LLVM keeps calls that hand arrays over piece by piece: 1.65 times
 
 
 def source_stamp(*places: Path) -> int:
-    """A digest of Python sources: files, and all that are in folders and below."""
-    digest = sha256()
+    """A digest of Python sources: files, all that are in folders and below, and this file's settings."""
+    digest = sha256(Path(__file__).read_bytes())
     for place in places:
         for source in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
             digest.update(source.read_bytes())
     return int(digest.hexdigest()[:15], 16)
-
-
-PHYSICS_STAMP = source_stamp(Path(__file__).parent)
