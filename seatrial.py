@@ -22,8 +22,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from acquisition.core.errors import SeatrialError
-from acquisition.core.signals import stop_on_signals
-from acquisition.core.stdio import guard_standard_streams
+from acquisition.core.process import guard_standard_streams, stop_on_signals
 
 if TYPE_CHECKING:
     import typer
@@ -76,7 +75,7 @@ _PLACES = {
     "batch": "analysis.batch.batch:run_batch",
     "export": "analysis.tables.export:export_table",
     "import_table": "acquisition.tables.import_table:import_table",
-    "info": "acquisition.recording.info:describe",
+    "info": "acquisition.recording.reader:describe",
     "load_calibrator": "hybrid.calibrators.artefact:load",
     "load_vessel": "hybrid.vessel.files:load_vessel",
     "read": "analysis.tables.table:read_table",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from acquisition.core.signals import stop_on_signals
+from acquisition.core.process import stop_on_signals
 
 if TYPE_CHECKING:
     import threading
@@ -84,7 +84,7 @@ def _as_json(health: Health, paths: list[Path]) -> dict[str, Any]:
 
 
 def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
-    from acquisition.logger.live.terminal import missing_channels, summary
+    from acquisition.logger.display import missing_channels, summary
 
     typer.echo(summary(health, paths), err=True)
     for _, level, text in health.events:  # the table that showed them is gone
@@ -100,7 +100,7 @@ def _check_departure(
 ) -> None:
     from rich.console import Console
 
-    from acquisition.logger.live.check_table import preflight_table
+    from acquisition.logger.display import preflight_table
     from acquisition.logger.preflight import check_before_departure
 
     typer.echo(f"listening for {duration_s:g} s", err=True)
@@ -119,7 +119,7 @@ def mark(
     text: Annotated[str, typer.Argument(help='What happens now: "start 20/20".')],
 ) -> None:
     """Set an event mark in the recordings that run on this computer."""
-    from acquisition.logger.marks import send_mark
+    from acquisition.logger.requests import send_mark
 
     count = send_mark(text)
     typer.echo(f"marked in {count} recording{'s' if count > 1 else ''}", err=True)
@@ -135,7 +135,7 @@ def redecode(
     """Rebuild the channels from the raw input."""
     from acquisition.config.configuration import load_config
     from acquisition.core.progress import bar
-    from acquisition.logger.live.terminal import summary
+    from acquisition.logger.display import summary
     from acquisition.logger.redecode import redecode as run
 
     with bar("decoding") as progress:
@@ -190,8 +190,7 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a recording."""
-    from acquisition.recording.info import describe_recording
-    from acquisition.recording.reader import read_recording
+    from acquisition.recording.reader import describe_recording, read_recording
 
     recording = read_recording(file)
     found = describe_recording(recording)

@@ -203,17 +203,17 @@ def test_the_check_of_the_page_finds_an_overspeed() -> None:
 
 def test_the_sentence_and_the_group_of_the_page_are_read() -> None:
     """DPT and 128267, with the readers that the page shows."""
-    from acquisition.decoders import parameter_fields, parameter_groups, sentences
-    from acquisition.decoders.fields import Fields
+    from acquisition.decoders import parameter_groups, sentences
+    from acquisition.decoders.sentences import Fields
 
     reader, fields, group = [block.text for each, block in every("python") if each.name.endswith("a_sensor.md")]
     read = executed(reader, vars(sentences))["_dpt"]
     assert read(Fields(["12.3", "0.5"])) == sentences.Reading([("depth_below_transducer_m", 12.3)])
     assert read(Fields(["", "0.5"])) == sentences.Reading()
 
-    names = {**vars(parameter_fields), **vars(parameter_groups), "FIELDS": {}}
+    names = {**vars(parameter_groups), "FIELDS": {}}
     known = executed(fields + group, names)
-    message = parameter_fields.Message(known["FIELDS"][128267], bytes([0, 0xDC, 0x05, 0, 0, 0xF4, 0x01, 0xFF]))
+    message = parameter_groups.Message(known["FIELDS"][128267], bytes([0, 0xDC, 0x05, 0, 0, 0xF4, 0x01, 0xFF]))
     depth = [("depth_below_transducer_m", pytest.approx(15.0))]
     assert known["_water_depth"](message) == parameter_groups.Reading(depth)
     assert message["offset"] == pytest.approx(0.5)

@@ -22,10 +22,10 @@ from acquisition.config.sections import (
     MavlinkSource,
     RecordingSection,
     SerialSource,
+    TrialSection,
     UdpSource,
 )
 from acquisition.config.toml_file import line_of, parse_toml, read_text
-from acquisition.config.trial_section import TrialSection
 from acquisition.core.channels import AUXILIARY, BY_NAME, NAMES
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial

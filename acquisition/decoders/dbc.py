@@ -26,7 +26,7 @@ from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.nmea2000 import parameter_group
-from acquisition.decoders.parameter_fields import ERROR_VALUE, NOT_AVAILABLE
+from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 
 _NO_VALUE = re.compile(
     r"(?i)\b(sna|n/?a|not available|unavailable|invalid|error|fault|unknown|undefined|reserved)\b"

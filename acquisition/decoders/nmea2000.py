@@ -14,16 +14,18 @@ from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.fast_packets import FastPackets
-from acquisition.decoders.parameter_fields import (
+from acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
     FIELDS,
     GNSS_POSITION,
+    READERS,
     SHORTEST_BYTES,
     SYSTEM_TIME,
     TIME_AND_DATE,
     Message,
+    Reading,
+    group_time,
 )
-from acquisition.decoders.parameter_groups import READERS, Reading, group_time
 
 _CLOCKS = (SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION)
 """What tells the time, best first: a position's time is that of the fix, which is late by the time it comes."""

@@ -1,10 +1,15 @@
-"""Where the emulator's packets go: the far end of each kind of source."""
+"""Where the emulator's packets go: the far end of each kind of source, and a serial line without a cable."""
 
 from __future__ import annotations
 
 import os
+import pty
+import select
 import socket
+import threading
+import tty
 from contextlib import suppress
+from types import TracebackType
 from typing import Protocol
 
 from acquisition.config.sections import (
@@ -19,6 +24,10 @@ from acquisition.config.sections import (
 from acquisition.core.errors import SourceError, storage_error
 from acquisition.encoders import Packet
 
+_WRITE_TIMEOUT_S = 5.0
+_BLOCK_BYTES = 4096
+_POLL_S = 0.1
+
 
 class Transmitter(Protocol):
     """One bus or line to send on."""
@@ -31,9 +40,6 @@ class Transmitter(Protocol):
 
     def close(self) -> None:
         """Let go of it."""
-
-
-_WRITE_TIMEOUT_S = 5.0
 
 
 def _cannot_send(name: str, error: Exception) -> SourceError:
@@ -188,3 +194,36 @@ class _FileTransmitter(_AlwaysReady):
         self._file.flush()
         os.fsync(self._file.fileno())
         self._file.close()
+
+
+class NullModem:
+    """A context manager; what is written to ``emulator_device`` can be read from ``logger_device``."""
+
+    def __enter__(self) -> NullModem:
+        self._near, self._near_port = pty.openpty()
+        self._far, self._far_port = pty.openpty()
+        for port in (self._near_port, self._far_port):
+            tty.setraw(port)
+        self.emulator_device, self.logger_device = os.ttyname(self._near_port), os.ttyname(self._far_port)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._carry, name="null modem", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        for descriptor in (self._near, self._near_port, self._far, self._far_port):
+            os.close(descriptor)
+
+    def _carry(self) -> None:
+        while not self._stop.is_set():
+            readable, _, _ = select.select([self._near], [], [], _POLL_S)
+            if readable:
+                pending = os.read(self._near, _BLOCK_BYTES)
+                while pending and not self._stop.is_set():
+                    _, writable, _ = select.select([], [self._far], [], _POLL_S)
+                    if writable:
+                        pending = pending[os.write(self._far, pending) :]

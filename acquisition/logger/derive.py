@@ -11,6 +11,7 @@ from acquisition.config.sections import Mounting
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Group, Quality, Sample
 from acquisition.core.kinematics import (
+    TangentPlane,
     along,
     apparent_wind,
     to_body,
@@ -18,7 +19,6 @@ from acquisition.core.kinematics import (
     velocity_at_reference,
     wind_over_ground,
 )
-from acquisition.core.tangent_plane import TangentPlane
 from acquisition.core.trial import Trial
 
 _HEADING_KEEPS_NS = 1_500_000_000  # carried on by the rate of turn for as long

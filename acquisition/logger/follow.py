@@ -10,8 +10,8 @@ from pathlib import Path
 
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
+from acquisition.logger.maintenance import NEW_PART_NS
 from acquisition.logger.requests import RecorderState, running_recorders
-from acquisition.logger.timescale import NEW_PART_NS
 from acquisition.recording.batches import Samples
 from acquisition.recording.tail import Tail
 

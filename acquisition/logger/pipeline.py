@@ -16,12 +16,10 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
-from acquisition.logger.inbox import Inbox
-from acquisition.logger.maintenance import Maintenance
+from acquisition.logger.maintenance import Maintenance, Timescale
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.processing import FrameProcessor
-from acquisition.logger.receiver import Receiver
-from acquisition.logger.timescale import Timescale
+from acquisition.logger.receiver import Inbox, Receiver
 from acquisition.recording.parts import RecordingParts
 from acquisition.sources import make_source
 

@@ -15,7 +15,7 @@ import orjson
 
 from acquisition.core.errors import InputError
 from acquisition.logger.health import Health
-from acquisition.recording.prediction_schema import ARRAYS, PREDICTION
+from acquisition.recording.schemas import ARRAYS, PREDICTION
 
 MOST_PER_S = 2.0
 _MOST_AT_ONCE = 4  # after a pause; then no more than MOST_PER_S

@@ -19,8 +19,8 @@ from acquisition.config.sections import RecordingSection
 from acquisition.core.channels import NAMES
 from acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
 from acquisition.logger.pipeline import Recorder
-from acquisition.recording.disk_room import free_bytes, shortage
 from acquisition.recording.parts import RecordingParts
+from acquisition.recording.storage import free_bytes, shortage
 
 
 @dataclass(frozen=True, slots=True)

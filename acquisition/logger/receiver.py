@@ -1,24 +1,56 @@
-"""One source's reception: read, pass on, and when it fails say so, back off and open it again."""
+"""One source's reception: read, pass on to the inbox, and when it fails say so, back off and open it again."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
+from operator import attrgetter
 
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.logger.health import SourceHealth
-from acquisition.logger.inbox import Inbox
 from acquisition.sources import Source
 
+_MOST_AT_ONCE = 100  # of one source, so that the recorder's clock work is never kept waiting for long
 POLL_S = 0.1
 _LONGEST_BACK_OFF_S = 10.0
 _TELL_EVERY_S = 10.0
 _SETTLED_S = 5.0  # a source that stays open so long is well, even if it says nothing
-
 Tell = Callable[[str, str], None]
 """Somebody who puts (level, text) into the recording's event log; called from any thread."""
+
+
+class Inbox:
+    """Frames that wait to be recorded: one writer thread a source, one reader thread for all.
+
+    Nobody is woken: the reader comes by often enough, and a thread that is woken for every frame would cost more
+    than the frame.
+    """
+
+    def __init__(self, sources: Iterable[str], share: int) -> None:
+        self._lines: dict[str, deque[Frame]] = {name: deque() for name in sources}
+        self._share = share
+
+    def put(self, source: str, frames: list[Frame]) -> int:
+        """Take in what the source's share has room for, and return how many frames that is."""
+        line = self._lines[source]
+        room = max(self._share - len(line), 0)
+        line.extend(frames if len(frames) <= room else frames[:room])
+        return min(len(frames), room)
+
+    def take(self) -> list[Frame]:
+        """What waits, in the order of reception; of each source at most some."""
+        taken: list[Frame] = []
+        for line in self._lines.values():
+            taken.extend([line.popleft() for _ in range(min(len(line), _MOST_AT_ONCE))])
+        taken.sort(key=attrgetter("monotonic_ns"))
+        return taken
+
+    def __len__(self) -> int:
+        """How many frames wait."""
+        return sum(len(line) for line in self._lines.values())
 
 
 class Receiver:

@@ -13,15 +13,14 @@ from pathlib import Path
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import FILE_SOURCES, LiveSection
 from acquisition.core.errors import ConfigurationError, SeatrialError, SourceError
+from acquisition.logger.display import Picture, mark_on_keys, status
 from acquisition.logger.health import Health
-from acquisition.logger.live import keys, terminal
-from acquisition.logger.live.foxglove import LiveView
+from acquisition.logger.live_view import LiveView
 from acquisition.logger.log_files import record_log_files
-from acquisition.logger.maintenance import clock_metadata
+from acquisition.logger.maintenance import Timescale, clock_metadata
 from acquisition.logger.pipeline import Recorder, health_of
 from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.logger.supervision import LOG, LogFormat, log_to, notify
-from acquisition.logger.timescale import Timescale
 from acquisition.recording.parts import RecordingParts
 
 _LOOK_S = 0.05
@@ -123,7 +122,7 @@ def _wait(recorder: Recorder, stop: threading.Event, duration_s: float | None) -
     notified_s = 0.0
     while not recorder.ended and time.monotonic() < until_s:
         if time.monotonic() - notified_s > _WATCHDOG_EVERY_S and recorder.alive:
-            notify(f"WATCHDOG=1\nSTATUS={terminal.status(recorder.health)}")
+            notify(f"WATCHDOG=1\nSTATUS={status(recorder.health)}")
             notified_s = time.monotonic()
         if stop.wait(_LOOK_S):
             return
@@ -149,9 +148,9 @@ def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
     from rich.live import Live
 
     expected = frozenset(name for source in config.sources for name in source.channels)
-    picture = terminal.Picture(recorder.health, expected, config.marks)
+    picture = Picture(recorder.health, expected, config.marks)
     with (
-        keys.mark_on_keys(recorder.mark, config.marks),
+        mark_on_keys(recorder.mark, config.marks),
         Live(
             picture,
             console=Console(stderr=True),

@@ -15,8 +15,8 @@ from pathlib import Path
 from acquisition.config.sections import RecordingSection
 from acquisition.core.errors import StorageError
 from acquisition.core.trial import Trial
-from acquisition.recording.disk_room import RESUME_RATIO, require_room, room_bytes, why_full
 from acquisition.recording.messages import MessageSink
+from acquisition.recording.storage import RESUME_RATIO, require_room, room_bytes, why_full
 from acquisition.recording.writer import RecordingWriter
 
 _MEGA = 1_000_000

@@ -7,37 +7,179 @@ once for the messages. The copy gets its name only when it has been read back an
 from __future__ import annotations
 
 import os
+import struct
+from array import array
 from bisect import bisect_left
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from hashlib import blake2b
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
 from mcap.records import (
     Attachment,
     Channel,
     Chunk,
+    ChunkIndex,
     Footer,
+    Header,
+    McapRecord,
     Message,
     Metadata,
     Schema,
 )
+from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
-from acquisition.recording.definitions import Definitions, collect_definitions, scan_definitions
-from acquisition.recording.reader import open_recording
-from acquisition.recording.records import HEAD, RecordError, contents
-from acquisition.recording.scan import Damage, Intact
-from acquisition.recording.verification import Digest, verify
+from acquisition.recording.reader import MessageStream, open_recording
+from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, contents
+from acquisition.recording.scan import Damage, Intact, scan
 
+_KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
 _MESSAGE_HEAD_BYTES = HEAD.size + 22
+
+
+@dataclass(slots=True)
+class Definitions:
+    """Channels and schemas by their number. Those out of a chunk have its checksum and go before the others.
+
+    ``chunk_starts`` is where chunks begin by the word of the index, used for nothing but to count the lost ones.
+    """
+
+    header: Header = field(default_factory=lambda: Header("", ""))
+    vouched: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
+    others: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
+    chunk_starts: array[int] = field(default_factory=lambda: array("Q"))
+
+    def channel(self, number: int) -> Channel | None:
+        """The channel of this number."""
+        found = self._get(Channel, number)
+        return found if isinstance(found, Channel) else None
+
+    def schema(self, number: int) -> Schema | None:
+        """The schema of this number."""
+        found = self._get(Schema, number)
+        return found if isinstance(found, Schema) else None
+
+    def _get(self, kind: type, number: int) -> Channel | Schema | None:
+        return self.vouched.get((kind, number)) or self.others.get((kind, number))
+
+
+def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Definitions:
+    """All definitions of a file, the first that was given to each number.
+
+    Raises :class:`InputError` for more of them than there can be.
+    """
+    definitions, size_bytes = Definitions(), 0
+    for found in scan_definitions(stream, progress):
+        if not isinstance(found, Intact):
+            continue
+        if isinstance(found.record, Header):
+            definitions.header = found.record
+        if isinstance(found.record, ChunkIndex):
+            definitions.chunk_starts.append(found.record.chunk_start_offset)
+        known = definitions.vouched if isinstance(found.record, Chunk) else definitions.others
+        for record in _definitions_in(found.record):
+            first = known.setdefault((type(record), record.id), record)
+            if first is record or first != record:
+                size_bytes += _size_bytes(record)
+        if size_bytes > LARGEST_BYTES:
+            raise InputError("is damaged", where=str(path), why="it defines more topics than there can be")
+    definitions.chunk_starts = array("Q", sorted(definitions.chunk_starts))
+    return definitions
+
+
+def _size_bytes(record: Channel | Schema) -> int:
+    return len(record.data) if isinstance(record, Schema) else len(record.topic) + len(str(record.metadata))
+
+
+def _definitions_in(record: McapRecord | None) -> Iterator[Channel | Schema]:
+    within = contents(record, messages=False) if isinstance(record, Chunk) else iter([record])
+    with suppress(RecordError):  # counted when the messages are copied
+        for each in within:
+            if isinstance(each, Channel | Schema):
+                yield each
+
+
+def scan_definitions(stream: BinaryIO, progress: Progress) -> Iterator[Intact | Damage]:
+    """As :func:`scan`; ``progress`` takes the share done."""
+    size_bytes = stream.seek(0, os.SEEK_END)
+    shown = 0
+    for found in scan(stream):
+        yield found
+        if found.end - shown > size_bytes // 100:
+            shown = found.end
+            progress(shown / size_bytes)
+
+
+class Digest:
+    """A running hash of messages in their order: topics, times and data."""
+
+    def __init__(self) -> None:
+        self.messages = 0
+        self._hash = blake2b()
+
+    def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
+        """Take the next message."""
+        name = topic.encode()
+        self.messages += 1
+        self._hash.update(_KEY.pack(log_ns, publish_ns, len(name), len(data)))
+        self._hash.update(name)
+        self._hash.update(data)
+
+    @property
+    def value(self) -> tuple[int, bytes]:
+        """How many there were, and the hash."""
+        return self.messages, self._hash.digest()
+
+
+def verify(partial: Path, target: Path, saved: Digest) -> None:
+    """Read a file back, as we would and as any other program would.
+
+    Raises :class:`StorageError`, about the name that it is to get, if it does not hold what was saved.
+    """
+    ours, theirs = Digest(), Digest()
+    try:
+        written = MessageStream(partial)
+        for entry in written:
+            ours.add(*entry)
+        with partial.open("rb") as stream:
+            for topic, message in _by_index(stream):
+                theirs.add(topic, message.log_time, message.publish_time, message.data)
+    except (InputError, McapError, ValueError, KeyError, struct.error) as error:
+        raise _unlike(target, str(error)) from error
+    if not written.closed or not ours.value == theirs.value == saved.value:
+        raise _unlike(target, f"{ours.messages:,} and {theirs.messages:,} messages of {saved.messages:,}")
+
+
+def _by_index(stream: BinaryIO) -> Iterator[tuple[str, Message]]:
+    """Topics and messages in file order, found by the library through the file's index.
+
+    The library's own ``iter_messages`` in file order would first hold all of them.
+    """
+    summary = make_reader(stream, validate_crcs=True).get_summary()
+    if summary is None:
+        raise ValueError("it has no summary")
+    for index in summary.chunk_indexes:
+        stream.seek(index.chunk_start_offset + HEAD.size)
+        for record in breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True):
+            if isinstance(record, Message):
+                yield summary.channels[record.channel_id].topic, record
+
+
+def _unlike(target: Path, why: str) -> StorageError:
+    return StorageError("does not read back as it was written", where=str(target), why=why, fix="try another disk")
 
 
 @dataclass(slots=True)

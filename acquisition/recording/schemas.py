@@ -1,4 +1,8 @@
-"""The JSON schemas of a recording's topics; every topic has one, or viewers skip it."""
+"""The JSON schemas of a recording's topics; every topic has one, or viewers skip it.
+
+That of ``/prediction`` is also what the recorder holds a prediction against before it takes it. What is not known
+is left out: Lichtblick reads no schema in which something has two types, be the second one null.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,6 @@ from typing import Any
 
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
-from acquisition.recording.prediction_schema import PREDICTION
 
 RAW_PREFIX = "/raw/"
 CHANNEL_PREFIX = "/channel/"
@@ -17,127 +20,221 @@ HEALTH_TOPIC = "/health"
 PREDICTION_TOPIC = "/prediction"
 PREDICTED_TRACK_TOPIC = "/prediction/track"
 
+MOST_SECONDS = 601
+_MOST_LETTERS = 200
+
+Schema = dict[str, Any]
+
+
+def _value(kind: str, description: str) -> Schema:
+    return {"type": kind, "description": description}
+
+
+def _text(description: str) -> Schema:
+    return {"type": "string", "maxLength": _MOST_LETTERS, "description": description}
+
+
+def _numbers(description: str) -> Schema:
+    return {
+        "type": "array",
+        "items": {"type": "number"},
+        "maxItems": MOST_SECONDS,
+        "description": description,
+    }
+
+
+def _topic(title: str, description: str, properties: dict[str, Schema]) -> Schema:
+    return {"title": title, "description": description, "type": "object", "properties": properties}
+
+
+def _object(description: str, properties: dict[str, Schema], unknown: tuple[str, ...] = ()) -> Schema:
+    """An object; those of its properties that are named ``unknown`` may be left out."""
+    required = [name for name in properties if name not in unknown]
+    return {"type": "object", "description": description, "properties": properties, "required": required}
+
+
+def _channel_schema(channel: Channel) -> Schema:
+    interval = "one turn, half open" if channel.circular else "inclusive"
+    meaning = f"{channel.meaning} [{channel.unit}]"
+    return _topic(
+        f"seatrial.{channel.name}",
+        meaning,
+        {
+            "value": _value("number", f"{meaning}, {channel.low:g} to {channel.high:g}, {interval}"),
+            "source": _value("string", "Which line, device and message it came from, or how it was derived"),
+            "quality": _value("integer", "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"),
+            "source_time": _value(
+                "number", "When the source says it was measured, UTC since 1970 [s]; left out if it does not"
+            ),
+            "source_clock": _value("string", "The clock of publish_time"),
+            "monotonic_ns": _value("integer", "When it was received, on the recorder's monotonic clock [ns]"),
+        },
+    )
+
+
+_RECEIVED = _value("integer", "Received, monotonic clock [ns]")
+_RAW = {
+    "can": _topic(
+        "seatrial.RawCan",
+        "One CAN frame as received",
+        {
+            "id": _value("integer", "Arbitration identifier"),
+            "flags": _value("integer", "1 standard identifier, 2 remote, 4 error"),
+            "data": _value("string", "The data bytes, hexadecimal"),
+            "monotonic_ns": _RECEIVED,
+        },
+    ),
+    "nmea0183": _topic(
+        "seatrial.RawNmea0183",
+        "One line as received, without its line end",
+        {"sentence": _value("string", "The bytes of the line as Latin-1"), "monotonic_ns": _RECEIVED},
+    ),
+    "mavlink": _topic(
+        "seatrial.RawMavlink",
+        "Bytes of a MAVLink stream as received",
+        {"data": _value("string", "The bytes, hexadecimal"), "monotonic_ns": _RECEIVED},
+    ),
+}
+
+# Foxglove's well-known schemas, reduced to JSON Schema from their published field lists.
 _TIME = {
     "type": "object",
     "title": "time",
     "properties": {"sec": {"type": "integer", "minimum": 0}, "nsec": {"type": "integer", "minimum": 0}},
 }
-
-
-def _object(title: str, description: str, properties: dict[str, Any]) -> dict[str, Any]:
-    return {"title": title, "description": description, "type": "object", "properties": properties}
-
-
-def _channel_schema(channel: Channel) -> dict[str, Any]:
-    interval = "one turn, half open" if channel.circular else "inclusive"
-    limits = f"{channel.low:g} to {channel.high:g}, {interval}"
-    return _object(
-        f"seatrial.{channel.name}",
-        f"{channel.meaning} [{channel.unit}]",
-        {
-            "value": {
-                "type": "number",
-                "description": f"{channel.meaning} [{channel.unit}], {limits}",
-            },
-            "source": {
-                "type": "string",
-                "description": "Which line, device and message it came from, or how it was derived",
-            },
-            "quality": {
-                "type": "integer",
-                "description": "1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing",
-            },
-            "source_time": {
-                "type": "number",
-                "description": "When the source says it was measured, UTC since 1970 [s]; left out if it does not",
-            },
-            "source_clock": {"type": "string", "description": "The clock of publish_time"},
-            "monotonic_ns": {
-                "type": "integer",
-                "description": "When it was received, on the recorder's monotonic clock [ns]",
-            },
-        },
-    )
-
-
-_RAW: dict[str, dict[str, Any]] = {
-    "can": _object(
-        "seatrial.RawCan",
-        "One CAN frame as received",
-        {
-            "id": {"type": "integer", "description": "Arbitration identifier"},
-            "flags": {"type": "integer", "description": "1 standard identifier, 2 remote, 4 error"},
-            "data": {"type": "string", "description": "The data bytes, hexadecimal"},
-            "monotonic_ns": {"type": "integer", "description": "Received, monotonic clock [ns]"},
-        },
-    ),
-    "nmea0183": _object(
-        "seatrial.RawNmea0183",
-        "One line as received, without its line end",
-        {
-            "sentence": {"type": "string", "description": "The bytes of the line as Latin-1"},
-            "monotonic_ns": {"type": "integer", "description": "Received, monotonic clock [ns]"},
-        },
-    ),
-    "mavlink": _object(
-        "seatrial.RawMavlink",
-        "Bytes of a MAVLink stream as received",
-        {
-            "data": {"type": "string", "description": "The bytes, hexadecimal"},
-            "monotonic_ns": {"type": "integer", "description": "Received, monotonic clock [ns]"},
-        },
-    ),
-}
-
-# Foxglove's well-known schemas, reduced to JSON Schema from their published field lists.
-_LOCATION_FIX = _object(
+_LOCATION_FIX = _topic(
     "foxglove.LocationFix",
     "A navigation satellite fix",
     {
         "timestamp": _TIME,
         "frame_id": {"type": "string"},
-        "latitude": {"type": "number", "description": "[deg]"},
-        "longitude": {"type": "number", "description": "[deg]"},
-        "altitude": {"type": "number", "description": "[m]"},
+        "latitude": _value("number", "[deg]"),
+        "longitude": _value("number", "[deg]"),
+        "altitude": _value("number", "[m]"),
         "position_covariance": {"type": "array", "items": {"type": "number"}, "minItems": 9, "maxItems": 9},
-        "position_covariance_type": {"type": "integer", "description": "0 unknown"},
+        "position_covariance_type": _value("integer", "0 unknown"),
     },
 )
-_LOG = _object(
+_LOG = _topic(
     "foxglove.Log",
     "A message for people",
     {
         "timestamp": _TIME,
-        "level": {"type": "integer", "description": "1 debug, 2 info, 3 warning, 4 error, 5 fatal"},
+        "level": _value("integer", "1 debug, 2 info, 3 warning, 4 error, 5 fatal"),
         "message": {"type": "string"},
         "name": {"type": "string"},
         "file": {"type": "string"},
         "line": {"type": "integer"},
     },
 )
-_HEALTH = _object(
+_GEOJSON = _topic(
+    "foxglove.GeoJSON",
+    "GeoJSON data for annotating maps",
+    {"geojson": _value("string", "GeoJSON data encoded as a UTF-8 string")},
+)
+
+_HEALTH = _topic(
     "seatrial.Health",
     "The state of one source",
     {
         "source": {"type": "string"},
-        "state": {"type": "string", "description": "opening, open, silent, failed or ended"},
-        "frames": {"type": "integer", "description": "Received since the start"},
-        "rejected": {"type": "integer", "description": "Frames and values that came and were not believed"},
+        "state": _value("string", "opening, open, silent, failed or ended"),
+        "frames": _value("integer", "Received since the start"),
+        "rejected": _value("integer", "Frames and values that came and were not believed"),
         "reasons": {
             "type": "object",
             "properties": {},
             "additionalProperties": {"type": "integer"},
             "description": "How many of them, by reason",
         },
-        "dropped": {"type": "integer", "description": "Frames lost because the queue was full"},
-        "age_s": {"type": "number", "description": "Since the last frame [s]; left out if there was none"},
+        "dropped": _value("integer", "Frames lost because the queue was full"),
+        "age_s": _value("number", "Since the last frame [s]; left out if there was none"),
     },
 )
-_GEOJSON = _object(
-    "foxglove.GeoJSON",
-    "GeoJSON data for annotating maps",
-    {"geojson": {"type": "string", "description": "GeoJSON data encoded as a UTF-8 string"}},
+
+ARRAYS = {
+    "seconds": True, "north_m": True, "east_m": True, "heading_deg": True, "band_m": False, "latitude_deg": False,
+    "longitude_deg": False,
+}  # fmt: skip
+"""The arrays of a predicted track; those that need not be known may be empty."""
+
+_TRACK = _object(
+    "The predicted track, one element a second; arrays of what is not known are empty",
+    {
+        "seconds": _numbers("Since the start of the prediction [s]"),
+        "north_m": _numbers("Position north of the trial's origin [m]"),
+        "east_m": _numbers("Position east of the trial's origin [m]"),
+        "heading_deg": _numbers("Heading from true north, clockwise [deg]"),
+        "band_m": _numbers("Radius that holds the position in 95 of 100 cases [m]; empty without a calibrator"),
+        "latitude_deg": _numbers("Latitude, WGS 84 [deg]; empty where the trial's origin is not known"),
+        "longitude_deg": _numbers("Longitude, WGS 84 [deg]; empty where the trial's origin is not known"),
+    },
 )
+_ERROR = _object(
+    "How far off the prediction was whose horizon has just passed; left out if there is none that can be judged",
+    {
+        "start": _value("number", "The instant that it started from, UTC since 1970 [s]"),
+        "method": _text("Who spoke then"),
+        "thrusters_moved": _value(
+            "boolean", "Whether a thruster moved in its horizon, which it could not know: no part of the means"
+        ),
+        "mean_distance_m": _value(
+            "number", "Distance between predicted and measured position, mean over its seconds [m]"
+        ),
+        "end_distance_m": _value("number", "The same at the end of the horizon [m]"),
+        "along_m": _value("number", "Predicted too far ahead along the measured heading, at the end [m]"),
+        "across_m": _value("number", "Predicted too far to starboard of the measured heading, at the end [m]"),
+        "heading_deg": _value("number", "Difference of the headings, mean of its size over its seconds [deg]"),
+        "inside_band": _value("number", "Share of its seconds in which the position lay inside the band"),
+    },
+    unknown=("inside_band",),
+)
+_RUNNING = _object(
+    "Means over the predictions of the last minutes in whose horizon no thruster moved; left out if there is none",
+    {
+        "over_s": _value("number", "So far back [s]"),
+        "predictions": _value("number", "How many were judged"),
+        "left_out": _value("number", "How many more were not, as a thruster moved in their horizon"),
+        "mean_distance_m": _value("number", "Mean of mean_distance_m [m]"),
+        "end_distance_m": _value("number", "Mean of end_distance_m [m]"),
+        "along_m": _value("number", "Mean of along_m, with its sign [m]"),
+        "across_m": _value("number", "Mean of across_m, with its sign [m]"),
+        "heading_deg": _value("number", "Mean of heading_deg [deg]"),
+        "inside_band": _value("number", "Mean of inside_band; 0.95 is what the band promises"),
+    },
+    unknown=("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg", "inside_band"),
+)
+PREDICTION: Schema = {
+    "title": "seatrial.Prediction",
+    **_object(
+        "The track of the next seconds with thrusters and wind held, made while the trial is recorded",
+        {
+            "start": _value("number", "The instant that the prediction starts from, UTC since 1970 [s]"),
+            "made_at": _value("number", "When it was made, UTC since 1970 [s]"),
+            "latency_s": _value(
+                "number", "From the reception of the newest sample that went into it until it was made [s]"
+            ),
+            "horizon_s": _value("number", "How far it goes [s]"),
+            "method": _text("Who speaks: hybrid (the calibrator), reference or constant_velocity"),
+            "vessel": _text("The simulation model"),
+            "calibrator": _text("The calibrator's folder; empty without one"),
+            "outside_training_range": _value(
+                "boolean", "Whether the start lies beyond what the calibrator was trained on"
+            ),
+            "held_channels": {
+                "type": "array",
+                "items": {"type": "string", "maxLength": _MOST_LETTERS},
+                "maxItems": 13,
+                "description": "Channels whose newest sample is older than the start and was held to it",
+            },
+            "track": _TRACK,
+            "error": _ERROR,
+            "running": _RUNNING,
+        },
+        unknown=("error",),
+    ),
+}
+
 _WELL_KNOWN = {
     POSITION_TOPIC: _LOCATION_FIX,
     EVENT_TOPIC: _LOG,

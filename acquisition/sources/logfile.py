@@ -15,7 +15,7 @@ from acquisition.config.sections import FileSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.decoders.clock import is_possible
-from acquisition.decoders.tag_block import split_tag, unix_ns
+from acquisition.decoders.nmea0183 import split_tag, unix_ns
 from acquisition.sources.lines import LineAssembler
 
 _BLOCK_BYTES = 8192

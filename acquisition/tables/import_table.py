@@ -19,8 +19,7 @@ from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
-from acquisition.tables.column_map import load_column_map
-from acquisition.tables.mapped_table import apply_column_map
+from acquisition.tables.column_map import apply_column_map, load_column_map
 from acquisition.tables.table_files import RawTable, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from acquisition.cli import AsJson
-from acquisition.core.signals import stop_on_signals
+from acquisition.core.process import stop_on_signals
 
 if TYPE_CHECKING:
     from hybrid.twin.twin import Predictor

@@ -23,7 +23,7 @@ from acquisition.core.errors import SourceError
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial
 from acquisition.emulator.emulate import Playback, emulate
-from acquisition.emulator.null_modem import NullModem
+from acquisition.emulator.transmitters import NullModem
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from analysis.quality.check import DataQuality, check_recording

@@ -19,7 +19,7 @@ from acquisition.decoders import Decoder, make_decoders
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.dbc import DbcDecoder, missing_by_rule
-from acquisition.decoders.parameter_fields import ERROR_VALUE, NOT_AVAILABLE
+from acquisition.decoders.parameter_groups import ERROR_VALUE, NOT_AVAILABLE
 from tests.acquisition.can_frames import can_frame, values
 from tests.acquisition.conftest import DBC
 

@@ -16,9 +16,9 @@ from typer.testing import CliRunner
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.config.sections import RecordingSection
 from acquisition.logger import preflight as departure
-from acquisition.logger.live.check_table import preflight_table
+from acquisition.logger.display import preflight_table
 from acquisition.logger.preflight import PreflightReport, check_before_departure, check_folder
-from acquisition.recording.disk_room import free_bytes
+from acquisition.recording.storage import free_bytes
 from seatrial import app
 from tests.acquisition.conftest import config_text, free_port
 

@@ -14,6 +14,7 @@ from acquisition.config.sections import Mounting
 from acquisition.core.angles import difference
 from acquisition.core.frames import Group, Quality, Sample
 from acquisition.core.kinematics import (
+    TangentPlane,
     along,
     apparent_wind,
     to_body,
@@ -21,7 +22,6 @@ from acquisition.core.kinematics import (
     velocity_at_reference,
     wind_over_ground,
 )
-from acquisition.core.tangent_plane import TangentPlane
 from acquisition.core.trial import Trial
 from acquisition.logger.derive import Derivation
 

@@ -24,12 +24,12 @@ from acquisition.core.channels import NAMES
 from acquisition.core.frames import Frame, now_ns
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import READERS
-from acquisition.emulator.null_modem import NullModem
+from acquisition.emulator.transmitters import NullModem
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import health
 from acquisition.logger import maintenance as housekeeping
-from acquisition.logger.inbox import Inbox
 from acquisition.logger.pipeline import Recorder
+from acquisition.logger.receiver import Inbox
 from acquisition.recording.messages import frame_of
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import MessageStream, Recording, read_recording

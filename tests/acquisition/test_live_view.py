@@ -15,7 +15,7 @@ import pytest
 
 from acquisition.config.sections import LiveSection
 from acquisition.core.errors import ConfigurationError, SourceError
-from acquisition.logger.live.foxglove import LiveView
+from acquisition.logger.live_view import LiveView
 from acquisition.logger.requests import running_recorders, send_prediction
 from acquisition.recording.reader import read_recording
 from acquisition.recording.schemas import schema_of

@@ -19,7 +19,7 @@ from nmea2000 import pgns
 
 from acquisition.config.sections import CanFileSource
 from acquisition.decoders.nmea2000 import Nmea2000Decoder
-from acquisition.decoders.parameter_fields import FIELDS, SHORTEST_BYTES, Field, Message
+from acquisition.decoders.parameter_groups import FIELDS, SHORTEST_BYTES, Field, Message
 from acquisition.sources.can_file import CanFile
 from tests.acquisition.can_frames import can_frame, fast_parts, identifier_of, values
 

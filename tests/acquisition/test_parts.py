@@ -18,8 +18,8 @@ from acquisition.config.sections import RecordingSection
 from acquisition.core.errors import StorageError
 from acquisition.core.frames import Sample
 from acquisition.core.trial import Trial
-from acquisition.recording import disk_room, storage
 from acquisition.recording import parts as parts_module
+from acquisition.recording import storage
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import PATIENCE_S
@@ -258,7 +258,7 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = [10_000_000]
-    monkeypatch.setattr(disk_room, "free_bytes", lambda folder: (free[0], 100_000_000))
+    monkeypatch.setattr(storage, "free_bytes", lambda folder: (free[0], 100_000_000))
     recorded = Recorded(tmp_path, reserve_mb=4.0)
     recorded.write(100)
     recorded.parts.look_after(1e9)
@@ -279,7 +279,7 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
 
 
 def test_without_room_a_recording_does_not_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(disk_room, "free_bytes", lambda folder: (1_000_000, 100_000_000))
+    monkeypatch.setattr(storage, "free_bytes", lambda folder: (1_000_000, 100_000_000))
     with pytest.raises(StorageError, match=r"1\.0 MB free, less than the reserve of 5\.0 MB; make room"):
         Recorded(tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -18,11 +18,9 @@ from acquisition.core.errors import SourceError, StorageError
 from acquisition.core.frames import Frame, now_ns
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.health import SourceHealth
-from acquisition.logger.inbox import Inbox
-from acquisition.logger.maintenance import TICK_S, Maintenance
+from acquisition.logger.maintenance import TICK_S, Maintenance, Timescale
 from acquisition.logger.pipeline import Recorder, health_of
-from acquisition.logger.receiver import Receiver
-from acquisition.logger.timescale import Timescale
+from acquisition.logger.receiver import Inbox, Receiver
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, wait_for

@@ -19,16 +19,22 @@ from typer.testing import CliRunner
 from acquisition.config.configuration import load_config
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.health import Health
-from acquisition.logger.local_socket import MOST_BYTES, LocalServer, ask
-from acquisition.logger.marks import send_mark
 from acquisition.logger.predictions import Predictions, schema_violation
 from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
-from acquisition.logger.requests import RecorderState, RequestServer, running_recorders, send_prediction
-from acquisition.recording.info import describe
-from acquisition.recording.prediction_schema import PREDICTION
-from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.logger.requests import (
+    MOST_BYTES,
+    LocalServer,
+    RecorderState,
+    RequestServer,
+    ask,
+    running_recorders,
+    send_mark,
+    send_prediction,
+)
+from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.recover import recover
+from acquisition.recording.schemas import PREDICTION
 from seatrial import app
 from tests.acquisition.conftest import PATIENCE_S, SimulatedClock, config_text, free_port, wait_for
 
@@ -180,7 +186,7 @@ def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(
     ear: Ear, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As many as there may be at once, and more: a mark is heard while they are still waited for."""
-    monkeypatch.setattr("acquisition.logger.local_socket.PATIENCE_S", 10 * PATIENCE_S)
+    monkeypatch.setattr("acquisition.logger.requests.PATIENCE_S", 10 * PATIENCE_S)
     with ExitStack() as stack:
         for _ in range(40):
             client = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
@@ -192,7 +198,7 @@ def test_clients_that_stall_in_the_middle_of_a_word_hold_up_no_mark(
 
 
 def test_a_client_that_stalls_is_parted_with(ear: Ear, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("acquisition.logger.local_socket.PATIENCE_S", 0.6)
+    monkeypatch.setattr("acquisition.logger.requests.PATIENCE_S", 0.6)
     began_s = time.monotonic()
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.connect(str(ear.hearing.path))

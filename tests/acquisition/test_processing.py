@@ -16,8 +16,8 @@ from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.frames import Frame
 from acquisition.encoders import Moment, make_encoder
 from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.display import Picture
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
-from acquisition.logger.live.terminal import Picture
 from acquisition.logger.processing import FrameProcessor
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.writer import RecordingWriter

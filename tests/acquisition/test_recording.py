@@ -20,8 +20,7 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.frames import Frame, FrameFlag, Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.logger.health import SourceHealth
-from acquisition.recording.info import describe
-from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.schemas import schema_of
 from acquisition.recording.tables import write_table
 from acquisition.recording.writer import RecordingWriter

@@ -14,7 +14,7 @@ from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.emulator.emulate import Playback, emulate
-from acquisition.emulator.null_modem import NullModem
+from acquisition.emulator.transmitters import NullModem
 from acquisition.logger.record import record
 from acquisition.recording.reader import Recording, Series, read_recording
 from tests.acquisition.conftest import (

@@ -24,14 +24,13 @@ from acquisition.config.configuration import load_config
 from acquisition.config.sections import UdpSource
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
-from acquisition.emulator.null_modem import NullModem
+from acquisition.emulator.transmitters import NullModem
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import supervision
 from acquisition.logger.health import Health
-from acquisition.logger.marks import Mark, send_mark
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.preflight import check_before_departure
-from acquisition.logger.requests import RecorderState, RequestServer
+from acquisition.logger.requests import Mark, RecorderState, RequestServer, send_mark
 from acquisition.recording.reader import read_recording
 from acquisition.sources.network import TcpLines, UdpLines
 from seatrial import app

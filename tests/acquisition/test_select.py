@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from acquisition.config.sections import CanSource, Device, UdpSource
 from acquisition.core.frames import Sample
 from acquisition.logger.health import SILENT_NS
-from acquisition.logger.select import Selector
+from acquisition.logger.processing import Selector
 
 SECOND = 1_000_000_000
 HEADING = ("heading_deg",)

@@ -15,8 +15,8 @@ from scipy.io import savemat
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.recording.reader import read_recording
+from acquisition.tables.column_map import from_degrees_and_minutes, true_wind
 from acquisition.tables.import_table import import_table, quality_flags, read_table_file
-from acquisition.tables.mapped_table import from_degrees_and_minutes, true_wind
 
 TIMES = [f"2026-05-17T12:00:0{second}Z" for second in range(5)]
 EPOCH_S = pd.Timestamp(TIMES[0]).timestamp()

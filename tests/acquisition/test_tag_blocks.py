@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame
-from acquisition.decoders.nmea0183 import Nmea0183Decoder
-from acquisition.decoders.tag_block import TaggedSentence, split_tag
+from acquisition.decoders.nmea0183 import Nmea0183Decoder, TaggedSentence, split_tag
 from acquisition.sources.lines import LineAssembler
 from acquisition.sources.logfile import LogFile
 from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line, sound, tagged

@@ -14,8 +14,8 @@ from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.frames import Frame
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import maintenance as housekeeping
+from acquisition.logger.maintenance import Timescale, host_clock_state
 from acquisition.logger.pipeline import Recorder
-from acquisition.logger.timescale import Timescale, host_clock_state
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import config_text, wait_for

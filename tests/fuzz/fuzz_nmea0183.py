@@ -20,8 +20,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Thrusters
     from acquisition.core.frames import Frame
     from acquisition.core.trial import Trial
-    from acquisition.decoders.nmea0183 import Nmea0183Decoder
-    from acquisition.decoders.tag_block import checksum
+    from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
     from acquisition.logger.derive import Derivation
     from acquisition.sources.lines import LineAssembler
     from tests.fuzz.decoding import check_frame

@@ -22,7 +22,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.core.frames import Frame, FrameFlag
     from acquisition.core.trial import Trial
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
-    from acquisition.decoders.parameter_fields import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
+    from acquisition.decoders.parameter_groups import ADDRESS_CLAIM, FIELDS, SHORTEST_BYTES
     from acquisition.logger.derive import Derivation
     from tests.acquisition.can_frames import fast_parts, identifier_of
     from tests.fuzz.decoding import check_frame

@@ -13,8 +13,8 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import DataShortageError
 from acquisition.logger.predictions import schema_violation
 from acquisition.recording.batches import Samples
-from acquisition.recording.prediction_schema import PREDICTION
 from acquisition.recording.reader import Recording, Series, read_recording
+from acquisition.recording.schemas import PREDICTION
 from acquisition.recording.tail import Tail
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
@@ -180,7 +180,7 @@ def test_the_message_fits_the_schema_and_lies_where_the_ship_will_be(small: Trai
 def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: TrainedCalibrator) -> None:
     import json
 
-    from acquisition.core.tangent_plane import TangentPlane
+    from acquisition.core.kinematics import TangentPlane
 
     prediction = predict_now(recording_at_rest(75.0), SMALL_HORIZON_S, small.plant, small).prediction
     line, region = json.loads(track_geojson(prediction, ORIGIN))["features"]

@@ -20,9 +20,8 @@ import pytest
 from acquisition.config.configuration import load_config
 from acquisition.emulator.emulate import emulate
 from acquisition.logger.predictions import schema_violation
-from acquisition.recording.info import describe
-from acquisition.recording.prediction_schema import PREDICTION
-from acquisition.recording.reader import MessageStream, read_recording
+from acquisition.recording.reader import MessageStream, describe, read_recording
+from acquisition.recording.schemas import PREDICTION
 from analysis.tables.resample import resample_recording
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, wait_for
 from tests.hybrid.twin.steady_ship import write_steady

@@ -1,17 +1,26 @@
-"""The standard streams, made so that one that is closed or full takes nothing down with it."""
+"""The process itself: the signals that end a recording, and standard streams that take nothing down with them.
+
+Nothing heavy is imported here, so that it is ready first.
+"""
 
 from __future__ import annotations
 
 import io
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any, TextIO
 
 from acquisition.core.errors import StorageError
 
 _STDOUT = 1
 _NAMES = ("stdin", "stdout", "stderr")
+_active: list[threading.Event] = []
 
 
 def guard_standard_streams() -> None:
@@ -61,3 +70,31 @@ class _Output(io.FileIO):
                     "cannot be written", where="standard output", why=error.strerror or "", fix="send it elsewhere"
                 ) from error
             return len(data)
+
+
+@contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """An event that SIGINT, SIGTERM and the loss of the terminal set, so that all end a recording cleanly.
+
+    Under ``nohup``, which ignores the loss of the terminal, the recording goes on. Within another of its kind
+    the event is the same: a signal that came while the program was still being loaded is not forgotten.
+    """
+    if _active:
+        yield _active[0]
+        return
+    stop = threading.Event()
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    ends = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        ends.append(signal.SIGHUP)
+    previous = {number: signal.signal(number, handle) for number in ends}
+    _active.append(stop)
+    try:
+        yield stop
+    finally:
+        _active.clear()
+        for number, handler in previous.items():
+            signal.signal(number, handler)

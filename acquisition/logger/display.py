@@ -1,25 +1,36 @@
-"""The terminal's picture of a recording in progress: the 13 channels, the sources, the disk, the last events."""
+"""What the crew sees on a terminal: a recording in progress, its keys, its summary, the check before departure."""
 
 from __future__ import annotations
 
+import os
+import select
+import sys
+import termios
+import threading
 import time
+import tty
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rich.console import Console, ConsoleOptions, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.logger.health import ChannelHealth, Health
+from acquisition.logger.preflight import ChannelReport, PreflightReport
+from acquisition.logger.requests import Mark
 
 _UNIT_FROM_COLUMNS = 86  # the names end with the unit anyhow
 _STATE_STYLES = {"opening": "yellow", "open": "green", "silent": "yellow", "failed": "bold red", "ended": "dim"}
 _GRADE_STYLES = {"good": "green", "slow": "yellow", "silent": "bold red", "none": "yellow"}
 _LEVEL_STYLES = {"info": "dim", "warning": "yellow", "error": "bold red"}
 _LITTLE_TIME_S = 3600.0
+_POLL_S = 0.2
+COUNTED_KEYS = (" ", "m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,3 +188,71 @@ def summary(health: Health, paths: Sequence[Path]) -> str:
 def missing_channels(channels: dict[str, ChannelHealth], expected: frozenset[str]) -> list[str]:
     """Channels that a source was to provide and of which nothing came."""
     return [name for name in NAMES if name in expected and channels[name].count == 0]
+
+
+def preflight_table(found: PreflightReport) -> Group:
+    """The 13 channels and what is wrong with them; then what was told while listening, and the room on the disk."""
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
+    for title, justify in (("", "left"), ("channel", "left"), ("rate Hz", "right"), ("value", "right"),
+                           ("unit", "left"), ("source, or what is wrong", "left")):  # fmt: skip
+        table.add_column(title, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    for each in found.channels:
+        table.add_row(*_row(each))
+    lines = [Text(text, "yellow") for text in found.events]
+    if found.disk_problem:
+        lines.append(Text(f"✗ {found.disk_problem}", "bold red"))
+    elif found.free_bytes is not None:
+        lines.append(Text(f"{found.free_bytes / 1e9:.1f} GB free where the recording goes", "dim"))
+    return Group(table, *lines)
+
+
+def _row(channel: ChannelReport) -> tuple[str | Text, ...]:
+    good = not channel.problem
+    return (
+        Text("✓", "green") if good else Text("✗", "bold red"),
+        channel.name,
+        f"{channel.rate_hz:.1f}" if channel.value is not None else "–",
+        f"{channel.value:.3f}" if channel.value is not None else "–",
+        BY_NAME[channel.name].unit,
+        Text(channel.source, "dim") if good else Text(channel.problem, "red"),
+    )
+
+
+@contextmanager
+def mark_on_keys(mark: Mark, texts: Mapping[str, str]) -> Iterator[None]:
+    """Hear keys on standard input, if that is a terminal: those of ``texts`` set that mark, m a number."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    descriptor = sys.stdin.fileno()
+    before = termios.tcgetattr(descriptor)
+    stopping = threading.Event()
+    listener = threading.Thread(
+        target=_listen, args=(descriptor, mark, dict(texts), stopping), name="keys", daemon=True
+    )
+    tty.setcbreak(descriptor)  # Ctrl-C still ends the recording
+    listener.start()
+    try:
+        yield
+    finally:
+        stopping.set()
+        listener.join()
+        termios.tcsetattr(descriptor, termios.TCSADRAIN, before)
+
+
+def _listen(descriptor: int, mark: Mark, texts: dict[str, str], stopping: threading.Event) -> None:
+    count = 0
+    while not stopping.is_set():
+        readable, _, _ = select.select([descriptor], [], [], _POLL_S)
+        if not readable:
+            continue
+        try:
+            typed = os.read(descriptor, 16).decode("utf-8", "ignore")
+        except OSError:  # the terminal is gone; its signal ends the recording
+            return
+        for key in typed:
+            if key in texts:
+                mark(texts[key], time.monotonic_ns())
+            elif key in COUNTED_KEYS:
+                count += 1
+                mark(f"mark {count}", time.monotonic_ns())

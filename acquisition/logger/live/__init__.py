@@ -1,1 +1,0 @@
-"""What the crew sees while a recording runs."""
