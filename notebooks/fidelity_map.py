@@ -61,7 +61,7 @@ from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows
 from hybrid.prediction.scores import distances
-from hybrid.report.style import COLOUR, plain_numbers
+from hybrid.report.plots import COLOUR, plain_numbers
 from hybrid.report.words import listed
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.vessel.files import load_vessel

@@ -25,7 +25,7 @@ figures_folder = "figures"
 
 # %%
 from hybrid.diagnosis.serialisation import read_shown
-from hybrid.report.show import links, sections
+from hybrid.report.notebook import links, sections
 
 diagnosis, extras = read_shown(folder)
 show = sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)

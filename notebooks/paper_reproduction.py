@@ -22,11 +22,9 @@ folder = "reproduction"  # what `seatrial reproduce table3 -o` wrote
 figures_folder = "figures"
 
 # %%
-from hybrid.report.paper_sections import load_reproduced
-from hybrid.report.show import sections
+from hybrid.reproduction.page import results_sections
 
-made = load_reproduced(folder)
-show = sections("table3.html", figures_folder, table=made.table, folder=made.folder)
+show = results_sections(folder, figures_folder)
 
 # %% [markdown]
 # ## Against what was published

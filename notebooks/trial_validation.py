@@ -33,7 +33,7 @@ figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
 from hybrid.report.case import load_case
-from hybrid.report.show import links, sections
+from hybrid.report.notebook import links, sections
 from hybrid.report.trial_sections import write_interactive_pages
 
 case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)

@@ -19,8 +19,7 @@ from acquisition.core.channels import trial_names
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, storage_error
 from analysis.tables.files import make_folder
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import Calibrator
-from hybrid.calibrators.regions import Fallback, PredictedTracks, predict_with_fallback
+from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_with_fallback
 from hybrid.calibrators.sidecar import (
     FORMAT,
     SIDECAR,
@@ -36,6 +35,7 @@ from hybrid.calibrators.sidecar import (
     versions,
 )
 from hybrid.effects.catalogue import vessel_plant
+from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Source
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.vessel.files import load_vessel

@@ -1,4 +1,6 @@
-"""The interface of all calibrators: fit to windows, predict tracks with their uncertainty, be saved."""
+"""The interface of all calibrators: fit to windows, predict tracks with their uncertainty, be saved; and their
+predictions with the fallback outside their domain of applicability.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +9,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.calibrators.regions import conformal_radius
+from hybrid.prediction.baselines import Fallback, conformal_radius
 from hybrid.prediction.prediction_windows import PredictionWindows
 
 if TYPE_CHECKING:
@@ -114,3 +117,41 @@ class Calibrator(ABC):
     @abstractmethod
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
         """Take over what :meth:`state_dict` of a fitted calibrator returned, and return itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedTracks:
+    """Predictions of N windows with their 95 % regions.
+
+    ``tracks`` [N, H+1, 3], ``radius_m`` [N, H]; ``outside_domain`` [N] marks the windows outside the calibrator's
+    domain of applicability, and ``source`` [N] names who predicted: ``hybrid``, or one of :data:`BASELINES`.
+    """
+
+    tracks: Floats
+    radius_m: Floats
+    outside_domain: Bools
+    source: NDArray[np.str_]
+
+
+def predict_with_fallback(
+    calibrator: Calibrator,
+    plant: Plant,
+    radius_m: Floats,
+    fallback: Fallback,
+    windows: PredictionWindows,
+    reference: Floats,
+) -> PredictedTracks:
+    """The calibrator's tracks and regions, and the fallback's outside its domain or where it gives no number.
+
+    ``radius_m`` [H] is the calibrator's :meth:`~Calibrator.conformal_radius`,
+    ``reference`` [N, H+1, 3] the model's tracks.
+    """
+    tracks, uncertainty = calibrator.predict_with_uncertainty(windows, reference)
+    radii_m = uncertainty * radius_m
+    outside = calibrator.outside_domain(windows, reference) | ~np.isfinite(tracks).all(axis=(1, 2))
+    source = np.where(outside, "", "hybrid").astype("<U20")
+    if outside.any():
+        instead = fallback.predict(windows.subset(outside), reference[outside], plant)
+        tracks[outside], source[outside] = instead.tracks, instead.source
+        radii_m[outside] = instead.expected_error_m[:, None] * fallback.radius
+    return PredictedTracks(tracks, radii_m, outside, source)

@@ -11,7 +11,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.artefact import TrainedCalibrator
-from hybrid.calibrators.regions import Fallback
+from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Dataset, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
 from hybrid.prediction.scores import score

@@ -47,7 +47,7 @@ def evaluate(
 
     from analysis.tables.files import make_folder
     from hybrid.report.evaluation_page import write_evaluation
-    from hybrid.report.evaluation_tables import evaluation_tables
+    from hybrid.report.tables import evaluation_tables
     from hybrid.scripting import evaluate as run
     from hybrid.vessel.files import DEFAULT
 

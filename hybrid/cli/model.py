@@ -89,7 +89,7 @@ def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None
         return
     from rich.console import Console
 
-    from hybrid.report.terminal_tables import CATALOGUE_WIDTH, catalogue_tables
+    from hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
 
     console = Console()
     console.width = max(console.width, CATALOGUE_WIDTH)
@@ -169,7 +169,7 @@ def validate(
         return
     from rich.console import Console
 
-    from hybrid.report.terminal_tables import validation_table
+    from hybrid.report.tables import validation_table
 
     Console().print(validation_table(validation))
 
@@ -193,7 +193,7 @@ def predict(
         return
     from rich.console import Console
 
-    from hybrid.report.terminal_tables import prediction_table
+    from hybrid.report.tables import prediction_table
 
     Console().print(prediction_table(prediction))
 
@@ -208,7 +208,7 @@ def demo(
     from contextlib import ExitStack
 
     from acquisition.core.progress import bar
-    from hybrid.report.terminal_tables import validation_table
+    from hybrid.report.tables import validation_table
     from hybrid.workflows.demo import demonstrate
 
     with ExitStack() as stack:

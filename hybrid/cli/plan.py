@@ -55,7 +55,7 @@ def plan(
         return
     from rich.console import Console
 
-    from hybrid.report.plan_table import plan_tables
+    from hybrid.report.tables import plan_tables
 
     Console().print(plan_tables(planned))
 

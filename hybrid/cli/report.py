@@ -46,7 +46,7 @@ def report(
     from acquisition.core.progress import bar
     from hybrid.report.folder import Choices
     from hybrid.report.folder import report as run
-    from hybrid.report.show import FAILED
+    from hybrid.report.notebook import FAILED
 
     choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive)
     with bar("report") as progress:

@@ -34,10 +34,10 @@ def table3(
     """Compare all methods in the paper's three sea states."""
     from acquisition.core.progress import bar
     from analysis.tables.files import make_folder
-    from hybrid.reproduction.comparison import seas_of
+    from hybrid.reproduction.campaign import seas_of
+    from hybrid.reproduction.page import terminal_tables, write_table3
     from hybrid.reproduction.table3 import papers_jobs
     from hybrid.reproduction.table3 import table3 as table_of
-    from hybrid.reproduction.tables import terminal_tables, write_table3
 
     if output is not None:
         make_folder(output)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.regions import Fallback, conformal_radius, predict_with_fallback
+from hybrid.calibrators.calibrator import predict_with_fallback
 from hybrid.evaluation.splits import Draw, draws_of, leaked_share
-from hybrid.prediction.baselines import constant_velocity
+from hybrid.prediction.baselines import Fallback, conformal_radius, constant_velocity
 from hybrid.prediction.dataset import within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.prediction.scores import distances

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from hybrid.evaluation.breakdown import classes_of
+from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import Interval, LegBootstrap

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
 from hybrid.calibrators.artefact import TrainedCalibrator, predict_tracks, refuse_horizon
-from hybrid.calibrators.regions import PredictedTracks
+from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows

@@ -25,8 +25,7 @@ from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import apply_effects
 from hybrid.planning.information import Design, Information, design_of, separation
-from hybrid.planning.rehearse import behind, one_leg, rehearsed
-from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
+from hybrid.planning.repertoire import MINUTES, Candidate, behind, one_leg, rehearsed, repertoire, shafts_of
 from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.channels import RPM_PER_RPS
 from hybrid.vessel.effect import Values

@@ -1,14 +1,25 @@
-"""Predictions without anything learned: the present motion held, and the reference model.
+"""Predictions without anything learned, the 95 % regions about predictions, and the fallback made of the baselines.
 
-Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad].
+Every method maps the start of N windows to a track [N, H+1, 3]: north, east [m], heading [rad]. The baselines are
+the present motion held (constant velocity) and the reference model.
+
+A region is a circle about each predicted position. Its radius is a quantile of the errors on legs that took no part
+in the training (split conformal prediction, Lei et al. 2018), normalised by the relative uncertainty that a method
+gives each window. Outside its domain of applicability a calibrator is replaced by a weighted mean of the two
+baselines: each is weighted by the fourth power of the inverse of its expected error, which follows from its errors
+in the training and from a hindcast of the last seconds.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from hybrid.prediction.prediction_windows import PredictionWindows
+from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
+from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 
@@ -54,3 +65,112 @@ def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats)
     """The simulation model from states [N, 6] under controls [N, H, 5] and a wind [N, 2] that holds [N, H+1, 3]."""
     blowing = np.repeat(wind[:, None, :], control.shape[1], axis=1)
     return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
+
+
+COVERAGE = 0.95
+HINDCAST_S = 15
+BASELINES = ("reference", "constant_velocity")
+_LEAST_UNCERTAINTY_M = 0.5  # added to every expected error that a region's radius is proportional to
+_UNKNOWN_ERROR_M = 2.0  # of a hindcast for which nothing was recorded; the same whatever other windows there are
+_HINDCAST_POWER = 0.5  # a hindcast four times as wrong as in the training doubles the error that is expected
+_LEAST_ERROR_M = 0.001  # a mean error in the training is no less, even of the model that made the tracks
+_LEAST_RATIO = 0.01  # of a hindcast's error to that of the training, which is divided by
+_WEIGHT_POWER = 4.0  # nearly the better baseline alone, unless both expect about the same error
+
+
+def conformal_radius(predicted: Floats, measured: Floats, uncertainty: Floats | None = None) -> Floats:
+    """The radius [H] of the region that holds 95 % of the measured positions by second, in metres.
+
+    ``predicted`` and ``measured`` are tracks [N, H+1, 2 or 3]. With the relative ``uncertainty`` [N, H] of each
+    prediction the radius is that for an uncertainty of one. The quantile is that of split conformal prediction, the
+    ceil((n + 1) 0.95)-th of n errors, so it does not shrink with few windows; it never falls from one second to the
+    next. Seconds that were not measured or not predicted (NaN) do not count.
+    """
+    distance = distances(predicted, measured)
+    relative = distance if uncertainty is None else distance / uncertainty
+    count = np.isfinite(relative).sum(axis=0)
+    rank = np.minimum(np.ceil((count + 1) * COVERAGE), count).astype(np.int64) - 1
+    return np.maximum.accumulate(np.take_along_axis(np.sort(relative, axis=0), rank[None], axis=0)[0])
+
+
+@dataclass(frozen=True, slots=True)
+class FallbackPrediction:
+    """The baselines' weighted mean for N windows.
+
+    ``tracks`` [N, H+1, 3]; ``source`` [N] names the baseline with the larger weight, one of :data:`BASELINES`;
+    ``expected_error_m`` [N] is what the radius of the region is proportional to.
+    """
+
+    tracks: Floats
+    source: NDArray[np.str_]
+    expected_error_m: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Fallback:
+    """Weighted mean of the :data:`BASELINES`, fitted to the windows of a training.
+
+    ``training_error_m`` [2] and ``hindcast_error_m`` [2] are each baseline's mean error over the horizon and over
+    the :data:`HINDCAST_S` seconds before the start; ``radius`` [H] is that of the 95 % region per metre of expected
+    error.
+    """
+
+    training_error_m: Floats
+    hindcast_error_m: Floats
+    radius: Floats
+
+    @classmethod
+    def fit(cls, windows: PredictionWindows, reference: Floats, plant: Plant) -> Fallback:
+        """From windows and the ``reference`` model's tracks [N, H+1, 3] on them."""
+        tracks, hindcast_m = _baselines(windows, reference, plant)
+        training_m = [_mean_known(mean_distances(track, windows.track)) for track in tracks]
+        unscaled = cls(
+            np.array(training_m), np.array([_mean_known(each) for each in hindcast_m]), np.ones(windows.horizon_s)
+        )
+        found = unscaled._average(tracks, hindcast_m)
+        radius = conformal_radius(found.tracks, windows.track, found.expected_error_m[:, None])
+        return replace(unscaled, radius=radius)
+
+    def predict(self, windows: PredictionWindows, reference: Floats, plant: Plant) -> FallbackPrediction:
+        """The weighted mean for windows of which ``reference`` [N, H+1, 3] are the model's tracks."""
+        return self._average(*_baselines(windows, reference, plant))
+
+    def _average(self, tracks: Floats, hindcast_m: Floats) -> FallbackPrediction:
+        """The baselines' ``tracks`` [2, N, H+1, 3] weighted by the errors [2, N] of their hindcasts.
+
+        A baseline whose hindcast is not known has no weight beside one whose hindcast is; neither has one that left
+        its range.
+        """
+        known = np.isfinite(hindcast_m)
+        with np.errstate(invalid="ignore"):
+            ratio = (hindcast_m / self.hindcast_error_m[:, None] + _LEAST_RATIO) ** _HINDCAST_POWER
+        ratio = np.where(known, ratio, np.where(known.any(axis=0), np.inf, 1.0))
+        expected_m = self.training_error_m[:, None] * ratio
+        expected_m[~np.isfinite(tracks).all(axis=(2, 3))] = np.inf
+        weight = expected_m**-_WEIGHT_POWER / (expected_m**-_WEIGHT_POWER).sum(axis=0)
+        hindcast_m = np.maximum(np.where(known, hindcast_m, _UNKNOWN_ERROR_M), self.hindcast_error_m[:, None])
+        return FallbackPrediction(
+            tracks=average_tracks(weight, tracks),
+            source=np.array(BASELINES)[weight.argmax(axis=0)],
+            expected_error_m=_LEAST_UNCERTAINTY_M + (weight * hindcast_m).sum(axis=0),
+        )
+
+
+def average_tracks(weight: Floats, tracks: Floats) -> Floats:
+    """The mean [N, H+1, 3] of tracks [K, N, H+1, 3] with weights [K, N]; those of weight 0 may be NaN."""
+    counted = np.where(weight[..., None, None] > 0.0, tracks, 0.0)
+    return np.asarray(np.einsum("wn,wnhc->nhc", weight, counted))
+
+
+def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
+    """The tracks [2, N, H+1, 3] of the :data:`BASELINES`, and the errors [2, N] of their hindcasts in metres."""
+    before, control = hindcast_windows(windows, HINDCAST_S)
+    model = simulate_tracks(plant, before.start, control, before.wind)
+    hindcast_m = [mean_distances(each, before.track) for each in (model, constant_velocity(before))]
+    return np.stack([reference, constant_velocity(windows)]), np.stack(hindcast_m)
+
+
+def _mean_known(errors_m: Floats) -> float:
+    """The mean of the finite errors; :data:`_UNKNOWN_ERROR_M` without any, as where nothing was recorded before."""
+    known = errors_m[np.isfinite(errors_m)]
+    return max(float(known.mean()), _LEAST_ERROR_M) if known.size else _UNKNOWN_ERROR_M

@@ -29,9 +29,16 @@ from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, load_dataset
-from hybrid.report.errors import Calibration, Errors, calibration_of, errors_of
-from hybrid.report.motion import one_after_another, predicted_motion
-from hybrid.report.residuals import Residuals, residuals_of
+from hybrid.report.errors import (
+    Calibration,
+    Errors,
+    Residuals,
+    calibration_of,
+    errors_of,
+    one_after_another,
+    predicted_motion,
+    residuals_of,
+)
 from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant

@@ -7,7 +7,7 @@ from pathlib import Path
 from analysis.report.rendering import Page, render
 from hybrid.diagnosis.result import Diagnosis, Extras
 from hybrid.report.diagnosis_words import verdict_sentence
-from hybrid.report.show import templates
+from hybrid.report.notebook import templates
 
 PAGE_FILE = "report.html"
 

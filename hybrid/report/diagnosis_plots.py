@@ -18,7 +18,7 @@ from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import FAMILIES
 from hybrid.prediction.scores import Interval, distances
 from hybrid.report.diagnosis_phrases import parameter_title
-from hybrid.report.style import interval_bar, logarithmic, plain_numbers, start_frame
+from hybrid.report.plots import interval_bar, logarithmic, plain_numbers, start_frame
 from hybrid.report.words import plain
 
 FAMILY_COLOUR = dict(zip(FAMILIES, PALETTE, strict=True))

@@ -21,7 +21,7 @@ from analysis.tables.provenance import sha256_of
 from hybrid.diagnosis.serialisation import read_json
 from hybrid.report.case import load_case
 from hybrid.report.notebook import run_notebook
-from hybrid.report.paper_sections import is_reproduced
+from hybrid.reproduction.page import is_reproduced
 
 Kind = Literal["missing_effect", "paper_reproduction", "trial_validation", "batch"]
 

@@ -1,7 +1,9 @@
-"""A notebook run with parameters, and what came of it as one page of HTML that needs no network.
+"""A notebook run with parameters, what its cells call, and what came of it as one page of HTML that needs no
+network.
 
 Sources are Python files in jupytext's percent format, one cell of each tagged ``parameters``. Papermill runs them;
-what their cells show is set in the look of all pages. The executed notebook stays beside the page, to go on from.
+what their cells show, sections of a report, is set in the look of all pages. The executed notebook stays beside the
+page, to go on from.
 """
 
 from __future__ import annotations
@@ -12,21 +14,89 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Mapping
+import traceback
+from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import quote
 
+from jinja2 import Environment
 from markupsafe import Markup
 
 from acquisition.core import errors
 from acquisition.core.errors import ConfigurationError, SeatrialError
 from acquisition.core.progress import Progress
-from analysis.report.rendering import render
+from analysis.report.figures import write_figure
+from analysis.report.rendering import Page, environment, render
 from analysis.tables.files import atomic_file, make_folder
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode
     from papermill.exceptions import PapermillExecutionError
+
+
+FAILED = "This section failed, which is a fault of Seatrial"
+_LEVEL = 3  # of headings inside a section: the notebook's own are above
+
+
+def sections(template: str, folder: Path | str, /, **context: Any) -> Callable[..., Page]:
+    """A function that shows a template's blocks: ``show("gap", "map")``, with more ``context`` if need be.
+
+    Their figures go into ``folder`` as SVG and PDF, the numbers behind them as JSON. A section that these data do
+    not allow says why in its place; the others stand.
+    """
+
+    def show(*blocks: str, **more: Any) -> Page:
+        values = {"level": _LEVEL, **context, **more}
+        try:
+            shown = [render(template, block, templates(), **values) for block in blocks]
+        except SeatrialError as error:
+            return _note(f"This could not be made: {error}")
+        except Exception as error:  # one section that fails must not take the others with it
+            traceback.print_exc()  # into the executed notebook
+            return _note(f"{FAILED}: {type(error).__name__} {error}. The executed notebook has the trace.")
+        figures = {name: figure for section in shown for name, figure in section.figures.items()}
+        for name, figure in figures.items():
+            write_figure(figure, Path(folder), name)
+        return Page("".join(section.html for section in shown), figures)
+
+    return show
+
+
+def _note(text: str) -> Page:
+    return render("failure.html", templates=templates(), text=text)
+
+
+@cache
+def templates() -> Environment:
+    """The templates of this package, with what they call."""
+    from hybrid.diagnosis.serialisation import read_shown
+    from hybrid.report import (
+        diagnosis_map_plots,
+        diagnosis_plots,
+        diagnosis_words,
+        evaluation_page,
+        trial_plots,
+        trial_sections,
+    )
+    from hybrid.report.diagnosis_phrases import chance, percent
+
+    made = environment(Path(__file__).parent / "templates")
+    made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row}
+    made.globals |= {
+        "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
+        "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
+        "read_shown": read_shown,
+    }  # fmt: skip
+    return made
+
+
+def links(pages: Mapping[str, str | None]) -> Page:
+    """Links to pages beside this one, by what they are; those that are None are left out, empty ones are no
+    links."""
+    known = {what: quote(where) for what, where in pages.items() if where is not None}
+    return render("links.html", templates=templates(), links=known)
 
 
 SOURCES = Path(__file__).resolve().parents[2] / "notebooks"

@@ -11,8 +11,8 @@ import numpy as np
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
-from hybrid.report.plan_table import heading_of, limit_text, ordinary_text
-from hybrid.report.show import templates
+from hybrid.report.notebook import templates
+from hybrid.report.tables import heading_of, limit_text, ordinary_text
 from hybrid.report.words import plain
 
 if TYPE_CHECKING:

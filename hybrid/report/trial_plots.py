@@ -1,24 +1,148 @@
-"""The figures of a trial's report: each function fills a figure with one part of a case."""
+"""The figures of a trial's report: each function fills a figure, or axes, with one part of a case."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
-from acquisition.core.arrays import Ints
-from analysis.report.plots import series
+from acquisition.core.arrays import Floats, Ints
+from analysis.report.plots import FAINT, INK, PALETTE, series
 from analysis.report.trial_figures import known_groups
 from hybrid.calibrators.adaptive.parameters import Parameters
+from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.prediction.scores import distances
-from hybrid.report import map_plots, plots
+from hybrid.report import plots
 from hybrid.report.case import Case
-from hybrid.report.errors import QUANTITIES, Calibration
-from hybrid.report.map_plots import residual_maps, training_range
-from hybrid.report.motion import one_after_another
-from hybrid.report.words import plain
+from hybrid.report.errors import (
+    ACCELERATIONS,
+    PLANES,
+    QUANTITIES,
+    Calibration,
+    Cells,
+    Residuals,
+    cells_of,
+    one_after_another,
+)
+from hybrid.report.words import plain, quantity_title
 
 __all__ = ["residual_maps", "training_range"]  # for the template
+
+TITLES = {
+    "surge_mps": "surge [m/s]",
+    "sway_mps": "sway [m/s]",
+    "yaw_rate_dps": "yaw rate [deg/s]",
+    "azimuth_deg": "azimuths, mean [deg]",
+    "relative_wind_deg": "wind from, off the bow [deg]",
+}
+LACKS = ("surge lacks\n[m/s\u00b2]", "sway lacks\n[m/s\u00b2]", "yaw lacks\n[deg/s\u00b2]")
+_LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
+_NOTHING = "#DFE4E8"  # of a cell of too few seconds
+_FEW_MANY = LinearSegmentedColormap.from_list("few_many", ["#F3F6F8", PALETTE[5], PALETTE[0]])
+
+
+def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
+    """The acceleration that the model lacks over pairs of quantities, and below how many seconds each cell rests
+    on.
+
+    One colour scale a row; cells of too few seconds are grey.
+    """
+    cells = [cells_of(residuals, *plane) for plane in PLANES]
+    grid = figure.subplots(len(ACCELERATIONS) + 1, len(PLANES), squeeze=False, sharex="col", sharey="col")
+    artists: list[Artist] = []
+    for row, words in enumerate(LACKS):
+        values = np.concatenate([each.mean[row].ravel() for each in cells])
+        values = np.abs(values[np.isfinite(values)])
+        extent = float(np.quantile(values, 0.98)) if values.size else 1.0
+        for axes, each in zip(grid[row], cells, strict=True):
+            artists.append(_mesh(axes, each, each.mean[row], cmap=_LESS_MORE, vmin=-extent, vmax=extent))
+        figure.colorbar(artists[-1], ax=list(grid[row]), pad=0.01, label=words)  # type: ignore[arg-type]
+    most = max(float(each.seconds.max(initial=1.0)) for each in cells)
+    for axes, each, (x, _) in zip(grid[-1], cells, PLANES, strict=True):
+        counted = np.where(each.seconds > 0, each.seconds, np.nan)
+        artists.append(_mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0))))
+        axes.set_xlabel(TITLES[x])
+    figure.colorbar(artists[-1], ax=list(grid[-1]), pad=0.01, label="in a cell [s]")  # type: ignore[arg-type]
+    for row in grid:
+        for axes, (_, y) in zip(row, PLANES, strict=True):
+            axes.set_ylabel(TITLES[y], fontsize=8)
+    return artists
+
+
+def _mesh(axes: Axes, cells: Cells, values: Floats, **look: object) -> Artist:
+    axes.grid(visible=False)
+    axes.set_facecolor(_NOTHING)
+    return axes.pcolormesh(cells.x_edges, cells.y_edges, np.ma.masked_invalid(values), **look)  # type: ignore[arg-type]
+
+
+def training_range(axes: Axes, ground: DomainOfApplicability) -> list[Artist]:
+    """Each quantity of a trial against the range of the training, which is the grey bar from 0 to 1.
+
+    The thick line holds the middle 90 % of the trial, the thin one all; dashes are what still counts as inside. A
+    quantity that the training did not vary is drawn where it was, at one half.
+    """
+    width = np.where(ground.high > ground.low, ground.high - ground.low, 1.0)
+    shift = np.where(ground.high > ground.low, 0.0, 0.5)
+    values = ground.values.reshape(-1, len(ground.names))
+    low, lower, upper, high = (
+        (np.quantile(values, share, axis=0) - ground.low) / width + shift for share in (0.0, 0.05, 0.95, 1.0)
+    )
+    rows = np.arange(len(ground.names))
+    margin = ground.margin / width
+    beyond = [bool(column.any()) for column in ground.outside.T]
+    colours = [PALETTE[4] if each else PALETTE[0] for each in beyond]
+    artists: list[Artist] = [
+        *axes.barh(rows, 1.0, color="#E3E8EC", height=0.7, label="range of the training"),
+        axes.vlines(-margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--"),
+        axes.vlines(1.0 + margin, rows - 0.35, rows + 0.35, color=FAINT, linestyle="--"),
+        axes.hlines(rows, low, high, color=colours, linewidth=1.2),
+        axes.hlines(rows, lower, upper, color=colours, linewidth=4.5),
+    ]
+    labels = [f"{quantity_title(name)}  {a:.3g} to {b:.3g}"
+              for name, a, b in zip(ground.names, ground.low, ground.high, strict=True)]  # fmt: skip
+    axes.set_yticks(rows, labels)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    reach = max(1.6, float(np.nanmax(np.abs(np.concatenate([low, high])))) * 1.05)
+    axes.set_xlim(max(-reach, -4.0), min(1.0 + reach, 5.0))
+    axes.set_xlabel("0: least, 1: most that was trained on [1]")
+    axes.grid(visible=False, axis="y")
+    return artists
+
+
+def parameter_bars(axes: Axes, shown: Parameters, most: int = 20) -> list[Artist]:
+    """The best known parameters as factors of the model's numbers, with 95 % intervals; absent ones lie on the
+    line."""
+    factors = [each for each in shown.identified if each.neutral == 1.0][:most]
+    rows = np.arange(len(factors))
+    value, low, high = (np.array([getattr(each, name) for each in factors]) for name in ("value", "low", "high"))
+    colours = [PALETTE[4] if each.at_bound else PALETTE[0] for each in factors]
+    artists: list[Artist] = [axes.axvline(1.0, color=INK, linewidth=0.8)]
+    artists.append(axes.hlines(rows, low, high, color=colours, linewidth=1.6))
+    artists.append(axes.scatter(value, rows, color=colours, s=18, zorder=3))
+    axes.set_yticks(rows, [each.name for each in factors])
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlabel("times the model's number [1]")
+    return artists
+
+
+def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> list[Artist]:
+    """How estimates hang together: one and minus one cannot be told apart, zero know nothing of each other."""
+    image = axes.imshow(matrix, cmap=_LESS_MORE, vmin=-1.0, vmax=1.0)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.grid(visible=False)
+    if axes.figure is not None:
+        axes.figure.colorbar(image, ax=axes, label="correlation [1]", shrink=0.8)
+    if len(names) <= 8:
+        for row, values in enumerate(matrix):
+            for column, each in enumerate(values):
+                axes.text(column, row, f"{each:.2f}".replace("-", "\u2212"), ha="center", va="center", fontsize=8)
+    return [image]
+
 
 _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
 _COMMANDS = (("port_rpm", "starboard_rpm", "tunnel_rpm"), ("port_angle_deg", "starboard_angle_deg"),
@@ -121,6 +245,6 @@ def region_calibration(figure: Figure, calibration: Calibration) -> None:
 def parameters(figure: Figure, learned: Parameters) -> None:
     """The best known parameters, and how their estimates are correlated."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25))
-    map_plots.parameter_bars(left, learned)
+    parameter_bars(left, learned)
     known = learned.identified[:20]
-    map_plots.correlations(right, [each.name for each in known], learned.correlation[: len(known), : len(known)])
+    correlations(right, [each.name for each in known], learned.correlation[: len(known), : len(known)])

@@ -13,8 +13,7 @@ from analysis.products import Products
 from analysis.report.run_sheet import events_of, run_sheet
 from hybrid.prediction.scores import FEW_LEGS
 from hybrid.report.case import Case
-from hybrid.report.errors import QUANTITIES, Calibration, error_rows
-from hybrid.report.residuals import ENOUGH_S
+from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, error_rows
 from hybrid.report.words import listed, plain, quantity_title
 
 if TYPE_CHECKING:

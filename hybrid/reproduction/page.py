@@ -1,18 +1,106 @@
-"""``table3.html``: the reproduction on one page, with its figures and with what falls short."""
+"""Table III in a terminal, as CSV and JSON, and as ``table3.html``, with its figures and with what falls short."""
 
 from __future__ import annotations
 
+import csv
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from analysis.report.rendering import render
-from hybrid.report.evaluation_tables import spread
-from hybrid.report.show import templates
+from rich.table import Table
+
+from acquisition.core.errors import InputError
+from analysis.report.rendering import Page, render
+from analysis.tables.files import atomic_file
+from hybrid.prediction.scores import Interval
+from hybrid.report.notebook import sections, templates
+from hybrid.report.tables import spread
 from hybrid.report.words import plain, unbroken
 from hybrid.reproduction.figures import FIGURES, Shown
-from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3
-from hybrid.reproduction.tables import QUANTITY, counts_of, share
+from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
 
 __all__ = ["FIGURES", "counts_of"]  # for the template
+
+_COLUMNS = ("north\nm", "east\nm", "distance m", "less\nerror", "gap\nclosed", "in\n95 %", "random\nm",
+            "less\nerror")  # fmt: skip
+TABLE = "table3.json"
+QUANTITY = {"reduction_x": "north", "reduction_y": "east", "reduction": "distance"}
+
+
+def terminal_tables(table: Table3) -> Iterator[Table]:
+    """A table of methods for each sea state, then the published reductions beside ours."""
+    for sea_state in dict.fromkeys(row.sea_state for row in table.rows):
+        yield methods_table(sea_state, [row for row in table.rows if row.sea_state == sea_state])
+    yield cells_table(table)
+
+
+def methods_table(sea_state: str, rows: list[Row]) -> Table:
+    """One row a method: sequences never seen, and in the last columns the paper's random split."""
+    unseen = {row.method: row for row in rows if row.split == "sequence"}
+    mixed = {row.method: row for row in rows if row.split == "random"}
+    some = next(iter(unseen.values()))
+    table = _table(f"{sea_state}: {counts_of(some)}", *_COLUMNS)
+    for method, row in unseen.items():
+        leak = mixed[method]
+        table.add_row(
+            method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
+            f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95),
+            f"{leak.mean_distance_m.value:.2f}", f"{leak.reduction.value:.0%}",
+            style="bold" if method == "hybrid" else "",
+        )  # fmt: skip
+    for each in PUBLISHED:
+        if each.sea_state == sea_state:
+            figures = (f"{each.mae_x_m:.2f}", f"{each.mae_y_m:.2f}", f"{each.mean_distance_m:.2f}")
+            table.add_row(f"published {each.method}", *figures, f"{each.reduction:.1%}", style="dim")
+    return table
+
+
+def cells_table(table: Table3) -> Table:
+    """The published reductions, ours with their intervals, and whether ours are above."""
+    above = sum(cell.above for cell in table.cells)
+    title = f"reductions on sequences never seen: {above} of {len(table.cells)} above the published"
+    shown = _table(title, "published", "hybrid", "95 %", "above", "floor", "perfect\nstart", "waves\nonly")
+    for cell in table.cells:
+        shown.add_row(
+            f"{cell.sea_state} {QUANTITY[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
+            f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", "yes" if cell.above else "no",
+            f"{cell.floor:.1%}", f"{cell.perfect_start:.1%}", f"{cell.waves_only:.1%}",
+        )  # fmt: skip
+    return shown
+
+
+def counts_of(row: Row) -> str:
+    """How many sequences of how many seeds a row is of, for people."""
+    return f"{row.sequences} sequences never seen, {row.seeds} seed{'' if row.seeds == 1 else 's'}"
+
+
+def share(interval: Interval) -> str:
+    """A share in whole percent; nothing where it is not known."""
+    return "" if math.isnan(interval.value) else f"{interval.value:.0%}"
+
+
+def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
+    """Write ``table3.json`` and ``table3.csv``, which has the rows. Raises :class:`StorageError`."""
+    plain = table.as_dict()
+    as_json, as_csv = folder / TABLE, folder / "table3.csv"
+    with atomic_file(as_json) as partial:
+        partial.write_text(json.dumps(plain, indent=2) + "\n", encoding="utf-8")
+    with atomic_file(as_csv) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, fieldnames=list(plain["rows"][0]))
+        writer.writeheader()
+        writer.writerows(plain["rows"])
+    return as_json, as_csv
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, header_style="dim", padding=(0, 1, 0, 0))
+    table.add_column("", no_wrap=True)
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
+
 
 GAP_WANTED = 0.95
 HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
@@ -23,7 +111,7 @@ def write_page(table: Table3, folder: Path, shown: Shown | None = None) -> Path:
     """Write ``table3.html``, with figures if there is something to be ``shown``. Raises :class:`StorageError`."""
     page = render(
         "table3.html", templates=templates(), title="The paper's Table III, reproduced", table=table, shown=shown,
-        subtitle="Mean errors of predictions on sequences never seen",
+        subtitle="Mean errors of predictions on sequences never seen", table3=sys.modules[__name__],
     )  # fmt: skip
     return page.write(folder / "table3.html")
 
@@ -88,3 +176,26 @@ def cell_rows(table: Table3) -> list[list[str]]:
          f"{cell.waves_only:.1%}", "yes" if cell.above else "no"]
         for cell in table.cells
     ]  # fmt: skip
+
+
+def is_reproduced(folder: Path) -> bool:
+    """Whether a folder holds any results of the reproduction."""
+    return (folder / TABLE).is_file() or any((folder / f"{name}.png").is_file() for name in FIGURES)
+
+
+def results_sections(folder: Path | str, figures_folder: Path | str) -> Callable[..., Page]:
+    """The function that shows sections of the report on a folder that ``seatrial reproduce`` wrote.
+
+    Raises :class:`InputError` where it holds nothing of the reproduction, or a table that cannot be read.
+    """
+    folder = Path(folder)
+    if not is_reproduced(folder):
+        raise InputError("holds neither Table III nor its figures", where=str(folder),
+                         fix="run `seatrial reproduce table3 -o` that folder")  # fmt: skip
+    path = folder / TABLE
+    try:
+        table = read_table3(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError("is not what this version writes", where=str(path), why=f"{type(error).__name__} {error}",
+                         fix="run `seatrial reproduce table3` again") from error  # fmt: skip
+    return sections("table3.html", figures_folder, table3=sys.modules[__name__], table=table, folder=folder)

@@ -18,8 +18,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
-from hybrid.reproduction.campaign import SEA_STATES
-from hybrid.reproduction.comparison import SPLITS, Errors, Job
+from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job
 
 SEEDS = 5
 ORDER = (

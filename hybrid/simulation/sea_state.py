@@ -1,12 +1,32 @@
-"""Sea states: wind, waves and current of a simulated trial, read from ``trials/sea_states.toml``."""
+"""Sea states of simulated trials: wind, waves and current, read from ``trials/sea_states.toml``, and as time
+series.
+
+Wind and the waves' slow force are exact discrete Ornstein-Uhlenbeck processes. Such a process has the Dryden
+spectrum of a longitudinal gust, 2 s^2 T / pi / (1 + (T w)^2), with T the length scale over the mean wind. Two of
+them in quadrature have an exponentially distributed squared envelope, as waves in groups do, and the drift force
+follows the squared envelope.
+
+The first-order wave motion of the ship is added to what the sensors measure: a long-crested sea with a JONSWAP
+spectrum. The responses are simple on purpose and have no resonance: in surge, sway and yaw the ship follows the
+water's orbital motion, averaged along her length and draught. With the wave's phase a = k x - w t + e at amidships,
+wave number k, b the angle from the bow to where the waves go and q = k L cos(b) / 2:
+
+- displacement in the waves' direction: -A sin(a) sin(q)/q (1 - exp(-k T)) / (k T)
+- yaw: -A cos(a) sin(b) (6/L) (sin(q)/q^2 - cos(q)/q) (1 - exp(-k T)) / (k T)
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from scipy.signal import lfilter
+
 from acquisition.config.toml_file import load_toml
+from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from hybrid.vessel.plant import Plant
 
 SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
 
@@ -64,3 +84,128 @@ def sea_state_named(name: str) -> SeaState:
     if name not in known:
         raise ConfigurationError(f"no sea state {name!r}", fix=f"use one of {', '.join(known)}")
     return known[name]
+
+
+def ornstein_uhlenbeck(generator: np.random.Generator, steps: int, dt_s: float, time_constant_s: float) -> Floats:
+    """A stationary process of zero mean and unit variance with that correlation time: [steps]."""
+    kept = np.exp(-dt_s / time_constant_s)
+    shocks = generator.standard_normal(steps)
+    shocks[1:] *= np.sqrt(1.0 - kept**2)
+    return np.asarray(lfilter([1.0], [1.0, -kept], shocks), dtype=np.float64)
+
+
+def wind_series(generator: np.random.Generator, sea: SeaState, steps: int, dt_s: float) -> Floats:
+    """Direction the wind comes from [rad] and its speed [m/s] with gusts along and across it: [steps, 2]."""
+    if sea.wind_mps == 0.0:
+        return np.tile([np.deg2rad(sea.direction_from_deg), 0.0], (steps, 1))
+    correlation_s = sea.gust_length_m / sea.wind_mps
+    along, across = (
+        sea.gust_intensity * sea.wind_mps * ornstein_uhlenbeck(generator, steps, dt_s, correlation_s)
+        for _ in range(2)
+    )
+    direction = np.deg2rad(sea.direction_from_deg) + np.arctan2(across, sea.wind_mps + along)
+    return np.column_stack([direction, np.hypot(sea.wind_mps + along, across)])
+
+
+def drift_series(generator: np.random.Generator, sea: SeaState, steps: int, dt_s: float) -> Floats:
+    """The wave drift force over its mean, never negative and one on average: [steps]."""
+    if sea.wave_height_m == 0.0:
+        return np.ones(steps)
+    cosine, sine = (ornstein_uhlenbeck(generator, steps, dt_s, sea.group_s) for _ in range(2))
+    return np.asarray(0.5 * (cosine**2 + sine**2))
+
+
+GRAVITY_MPS2 = 9.81
+PEAKEDNESS = 3.3
+COMPONENTS = 50
+_HALF_STEP_S = 0.002
+_ROWS = 4096  # worked through at a time, to keep memory small
+
+
+def jonswap(frequency_radps: Floats, wave_height_m: float, peak_period_s: float) -> Floats:
+    """The JONSWAP spectrum [m2 s/rad] at evenly spaced frequencies, of area (wave height / 4)^2 over them.
+
+    Hasselmann et al., Measurements of wind-wave growth (1973), with the mean peakedness of 3.3.
+    """
+    peak = 2.0 * np.pi / peak_period_s
+    width = np.where(frequency_radps <= peak, 0.07, 0.09)
+    raised = PEAKEDNESS ** np.exp(-0.5 * ((frequency_radps / peak - 1.0) / width) ** 2)
+    shape = frequency_radps**-5.0 * np.exp(-1.25 * (peak / frequency_radps) ** 4) * raised
+    area = shape.sum() * (frequency_radps[1] - frequency_radps[0])
+    return np.asarray(shape * (wave_height_m / 4.0) ** 2 / area)
+
+
+def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, states: Floats, dt_s: float) -> Floats:
+    """Displacement north and east [m] and yaw [rad] by waves at each of ``states``, and their rates: [rows, 6].
+
+    ``states`` [rows, 6] are without waves. The rates are differences over 4 ms, the ship going on as she goes:
+    over the steps of a simulation they would come out too small by some percent.
+    """
+    phases = generator.uniform(0.0, 2.0 * np.pi, COMPONENTS)
+    jitter = generator.uniform(-0.5, 0.5, COMPONENTS)
+    if sea.wave_height_m == 0.0:
+        return np.zeros((len(states), 6))
+    peak = 2.0 * np.pi / sea.wave_period_s
+    even = np.linspace(0.6 * peak, 2.6 * peak, COMPONENTS)
+    spacing = even[1] - even[0]
+    amplitude = np.sqrt(2.0 * jonswap(even, sea.wave_height_m, sea.wave_period_s) * spacing)
+    frequency = even + jitter * spacing  # uneven, so that the sea does not repeat itself
+    times = np.arange(len(states), dtype=np.float64) * dt_s
+    pose, velocity = states[:, :3], _earth_velocity(states)
+    result = np.empty((len(states), 6))
+    for first in range(0, len(states), _ROWS):
+        rows = slice(first, first + _ROWS)
+        before, after = (
+            _motion(times[rows] + h, pose[rows] + h * velocity[rows], sea, plant, amplitude, frequency, phases)
+            for h in (-_HALF_STEP_S, _HALF_STEP_S)
+        )
+        result[rows] = np.hstack([0.5 * (before + after), (after - before) / (2.0 * _HALF_STEP_S)])
+    return result
+
+
+def _earth_velocity(states: Floats) -> Floats:
+    """Rates of north, east [m/s] and heading [rad/s] of states [rows, 6]: [rows, 3]."""
+    cosine, sine = np.cos(states[:, 2]), np.sin(states[:, 2])
+    north = states[:, 3] * cosine - states[:, 4] * sine
+    east = states[:, 3] * sine + states[:, 4] * cosine
+    return np.column_stack([north, east, states[:, 5]])
+
+
+def with_waves(states: Floats, motion: Floats) -> Floats:
+    """States [rows, 6] with a wave motion and its rates [rows, 6] in position, heading and all speeds."""
+    moved = states.copy()
+    moved[:, :3] += motion[:, :3]
+    north, east, turning = (_earth_velocity(states) + motion[:, 3:]).T
+    cosine, sine = np.cos(moved[:, 2]), np.sin(moved[:, 2])
+    moved[:, 3] = north * cosine + east * sine
+    moved[:, 4] = east * cosine - north * sine
+    moved[:, 5] = turning
+    return moved
+
+
+def _motion(
+    times_s: Floats,
+    pose: Floats,
+    sea: SeaState,
+    plant: Plant,
+    amplitude: Floats,
+    frequency: Floats,
+    phases: Floats,
+) -> Floats:
+    number = frequency**2 / GRAVITY_MPS2
+    to_rad, length = np.deg2rad(sea.direction_to_deg), plant.length_overall_m
+    along = pose[:, 0] * np.cos(to_rad) + pose[:, 1] * np.sin(to_rad)
+    b = to_rad - pose[:, 2]
+    phase = np.outer(along, number) - np.outer(times_s, frequency) + phases
+    q = 0.5 * length * np.outer(np.cos(b), number)
+    depth = (1.0 - np.exp(-number * plant.draught_m)) / (number * plant.draught_m)
+    shift = -(np.sin(phase) * np.sinc(q / np.pi)) @ (amplitude * depth)
+    turn = -(np.cos(phase) * _turning(q)) @ (amplitude * depth) * np.sin(b) * 6.0 / length
+    return np.column_stack([shift * np.cos(to_rad), shift * np.sin(to_rad), turn])
+
+
+def _turning(q: Floats) -> Floats:
+    """sin(q)/q^2 - cos(q)/q, which is q/3 near zero."""
+    small = np.abs(q) < 1e-3
+    safe = np.where(small, 1.0, q)
+    return np.where(small, q / 3.0, np.sin(safe) / safe**2 - np.cos(safe) / safe)

@@ -1,4 +1,4 @@
-"""A simulated trial: a ship with hidden effects in a sea state, as her sensors record it.
+"""A simulated trial: a ship with hidden effects in a sea state, as her sensors record it, with white noise.
 
 Everything random hangs on one seed and on streams of its own: waves, gusts, drift and sensors, so that a
 change to one leaves the others as they were.
@@ -16,18 +16,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import as_text
+from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, storage_error
 from acquisition.core.trial import software_version
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, main_shafts, manoeuvre_named
-from hybrid.simulation.sea_state import SeaState, sea_state_named
-from hybrid.simulation.sensors import Noise, noisy
-from hybrid.simulation.waves import wave_motion, with_waves
-from hybrid.simulation.weather import drift_series, wind_series
-from hybrid.vessel.actuators import angle_columns
+from hybrid.simulation.sea_state import (
+    SeaState,
+    drift_series,
+    sea_state_named,
+    wave_motion,
+    wind_series,
+    with_waves,
+)
+from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.channels import as_table
 from hybrid.vessel.extra_forces import combined
 from hybrid.vessel.feedback import acting_controls
@@ -36,6 +40,51 @@ from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant, pack
 from hybrid.vessel.sensors import measured
 from hybrid.vessel.simulate import Runs, range_error, simulate
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of the sensors' white noise, in the units of the channels."""
+
+    position_m: float = 0.05
+    heading_deg: float = 0.1
+    speed_mps: float = 0.03
+    yaw_rate_dps: float = 0.05
+    wind_direction_deg: float = 3.0
+    wind_speed_mps: float = 0.2
+    shaft_rpm: float = 0.3
+    azimuth_deg: float = 0.2
+
+    def scaled(self, factor: float) -> Noise:
+        """This noise times ``factor``; zero gives perfect sensors."""
+        return Noise(*(factor * getattr(self, name) for name in self.__slots__))
+
+
+def noisy(
+    generator: np.random.Generator,
+    noise: Noise,
+    states: Floats,
+    controls: Floats,
+    wind: Floats,
+    actuators: Actuators,
+) -> tuple[Floats, Floats, Floats]:
+    """States [rows, 6], controls [rows, controls] and wind [rows, 2] with noise; a calm stays above zero."""
+    rows = len(states)
+    turn = np.pi / 180.0
+    motion = (
+        [noise.position_m] * 2 + [noise.heading_deg * turn] + [noise.speed_mps] * 2 + [noise.yaw_rate_dps * turn]
+    )
+    units, angles = control_units(actuators), angle_columns(actuators)
+    command = noise.shaft_rpm * units
+    command[angles] = noise.azimuth_deg * units[angles]
+    air = [noise.wind_direction_deg * turn, noise.wind_speed_mps]
+    drawn = [
+        values + generator.standard_normal((rows, len(sigmas))) * sigmas
+        for values, sigmas in ((states, motion), (controls, command), (wind, air))
+    ]
+    drawn[2][:, 1] = np.abs(drawn[2][:, 1])
+    return drawn[0], drawn[1], drawn[2]
+
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 SLOWEST_LOOP_HZ = 10.0

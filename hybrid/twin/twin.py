@@ -23,8 +23,15 @@ from acquisition.recording.reader import Recording, Series
 from analysis.tables.table import actuators_in_recording
 from analysis.tables.time_index import NANO
 from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.twin.forecast import Forecast, RecentSamples, missing_channels, newest_second_ns, predict_now
-from hybrid.twin.message import message_body, track_geojson
+from hybrid.twin.forecast import (
+    Forecast,
+    RecentSamples,
+    message_body,
+    missing_channels,
+    newest_second_ns,
+    predict_now,
+    track_geojson,
+)
 from hybrid.twin.running_error import RunningError, TrackError
 from hybrid.vessel.plant import Plant
 

@@ -12,8 +12,7 @@ import pytest
 from acquisition.core.angles import difference
 from acquisition.core.errors import InputError
 from analysis.estimation.smoother import Smoothed, smooth
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 FINE_HZ = 40.0

@@ -26,8 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.adaptive import fit
 from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
-from hybrid.calibrators.networks import PaperCalibrator, make_network
-from hybrid.calibrators.training import Perceptron, Rows, Stopping, fit_network
+from hybrid.calibrators.networks import PaperCalibrator, Perceptron, Rows, Stopping, fit_network, make_network
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances

@@ -25,8 +25,7 @@ from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from analysis.quality.check import check_recording
 from analysis.quality.findings import Finding
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault, Spoilt
 

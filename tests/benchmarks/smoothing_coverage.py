@@ -18,8 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from analysis.estimation.smoother import smooth
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
 DURATION_S, MARGIN_S, FINE_HZ = 600.0, 5.0, 40.0

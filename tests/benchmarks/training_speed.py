@@ -23,8 +23,7 @@ from acquisition.core.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Scaling, make_network
-from hybrid.calibrators.training import Rows, Stopping, fit_network
+from hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Rows, Scaling, Stopping, fit_network, make_network
 from hybrid.effects import vessel_plant
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of

@@ -21,20 +21,21 @@ from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.adaptive.adaptation import (
     FORCE_DECAY,
     NOISE_LEVELS,
+    WAVE_DAMPING,
     adapt_plant,
+    kalman_gains,
     names_of,
     observations_of,
     observer_gains,
     positive_of,
     run_observer,
     signed_of,
+    wave_step,
 )
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds
 from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.adaptive.gains import WAVE_DAMPING, kalman_gains, wave_step
 from hybrid.calibrators.artefact import TrainedCalibrator, load, save
-from hybrid.calibrators.regions import Fallback
-from hybrid.prediction.baselines import reference
+from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant, flat, pack, places_of

@@ -28,8 +28,8 @@ from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.artefact import TrainedCalibrator, load, plant_for, save
 from hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
-from hybrid.calibrators.regions import Fallback
 from hybrid.calibrators.sidecar import FORMAT, SIDECAR
+from hybrid.prediction.baselines import Fallback
 from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant, bare_plant

@@ -14,8 +14,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
 from hybrid.effects import CATALOGUE
 from hybrid.simulation.manoeuvres import manoeuvre_named
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import controls_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measured

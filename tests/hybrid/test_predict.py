@@ -17,7 +17,7 @@ from analysis.tables.table import read_table
 from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.calibrators.predict import parse_time, predict, window_at
 from hybrid.prediction.baselines import reference
-from hybrid.report.terminal_tables import prediction_table
+from hybrid.report.tables import prediction_table
 from hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S
 

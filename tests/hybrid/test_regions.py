@@ -13,9 +13,21 @@ from scipy.stats import binom
 
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Bools, Floats
-from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples, Progress
-from hybrid.calibrators.regions import BASELINES, HINDCAST_S, Fallback, conformal_radius, predict_with_fallback
-from hybrid.prediction.baselines import constant_velocity, reference
+from hybrid.calibrators.calibrator import (
+    Calibrator,
+    DomainOfApplicability,
+    Examples,
+    Progress,
+    predict_with_fallback,
+)
+from hybrid.prediction.baselines import (
+    BASELINES,
+    HINDCAST_S,
+    Fallback,
+    conformal_radius,
+    constant_velocity,
+    reference,
+)
 from hybrid.prediction.prediction_windows import (
     PAST_S,
     PredictionWindows,

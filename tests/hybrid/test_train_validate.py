@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from acquisition.core.errors import DataShortageError, InputError
 from hybrid.calibrators.artefact import TrainedCalibrator
-from hybrid.calibrators.regions import conformal_radius
 from hybrid.calibrators.train import train
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
+from hybrid.prediction.baselines import conformal_radius
 from hybrid.prediction.dataset import Source, load_dataset, within_model_range
 from hybrid.prediction.scores import distances
 from hybrid.vessel.files import load_vessel

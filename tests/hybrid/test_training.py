@@ -10,8 +10,15 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.calibrators.networks import DEVICE_VARIABLE, PaperCalibrator, make_network, training_device
-from hybrid.calibrators.training import Perceptron, Stopping, fit_network
+from hybrid.calibrators.networks import (
+    DEVICE_VARIABLE,
+    PaperCalibrator,
+    Perceptron,
+    Stopping,
+    fit_network,
+    make_network,
+    training_device,
+)
 from hybrid.prediction.scores import score
 from tests.hybrid.windows_by_hand import random_windows
 

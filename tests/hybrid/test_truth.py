@@ -16,11 +16,16 @@ from acquisition.core.channels import BY_NAME, CHANNELS, NAMES
 from acquisition.core.errors import ConfigurationError, ModelRangeError
 from hybrid.cli import model as cli
 from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
-from hybrid.simulation.sea_state import SeaState, sea_state_named, sea_states
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
-from hybrid.simulation.waves import jonswap, wave_motion
-from hybrid.simulation.weather import drift_series, wind_series
+from hybrid.simulation.sea_state import (
+    SeaState,
+    drift_series,
+    jonswap,
+    sea_state_named,
+    sea_states,
+    wave_motion,
+    wind_series,
+)
+from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch

@@ -16,8 +16,13 @@ from acquisition.core.progress import Progress, part_of
 from hybrid.calibrators.adaptive.adaptation import Observations, names_of, observations_of, run_observer
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
-from hybrid.calibrators.regions import HINDCAST_S, average_tracks, conformal_radius
-from hybrid.prediction.baselines import present_motion_held, simulate_tracks
+from hybrid.prediction.baselines import (
+    HINDCAST_S,
+    average_tracks,
+    conformal_radius,
+    present_motion_held,
+    simulate_tracks,
+)
 from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows, hindcast_windows
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.actuators import KINDS, angle_columns, control_labels

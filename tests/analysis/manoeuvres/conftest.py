@@ -9,8 +9,7 @@ from functools import cache
 import pandas as pd
 import pytest
 
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import as_table
 
 

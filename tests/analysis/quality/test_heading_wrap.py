@@ -17,8 +17,7 @@ from acquisition.tables.import_table import import_table
 from analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
 from analysis.tables.table import read_table
 from analysis.tables.time_index import NANO, times_ns
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 from tests.analysis.test_real_recordings import MAPS, TRIALS

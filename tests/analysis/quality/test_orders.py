@@ -12,8 +12,7 @@ from acquisition.core.channels import COMMAND
 from acquisition.core.frames import Quality
 from analysis.quality.commands import ORDER_INTERPOLATED, check_orders, hold_orders
 from analysis.quality.samples import samples_of
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
 

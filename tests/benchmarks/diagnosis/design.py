@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from hybrid.simulation.sea_state import SeaState
-from hybrid.simulation.sensors import Noise
-from hybrid.simulation.trial import simulate_trial
+from hybrid.simulation.trial import Noise, simulate_trial
 from tests.benchmarks.other_ship.programmes import Order, steer
 from tests.benchmarks.other_ship.sea import SEAS
 from tests.benchmarks.other_ship.trial import make_trial

@@ -15,7 +15,7 @@ from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from hybrid.diagnosis.noise import Noise, NoiseEstimate
 from hybrid.effects import CATALOGUE, apply_effects
-from hybrid.planning.rehearse import behind
+from hybrid.planning.repertoire import behind
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.channels import STATE_UNITS
 from hybrid.vessel.plant import Plant

@@ -21,8 +21,8 @@ from hybrid.evaluation.summary import Evaluation, evaluation_of
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances, score
-from hybrid.report.evaluation_plots import breakdown
-from hybrid.report.evaluation_tables import evaluation_tables
+from hybrid.report.evaluation_page import breakdown
+from hybrid.report.tables import evaluation_tables
 from hybrid.vessel.plant import Plant
 from seatrial import app
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs

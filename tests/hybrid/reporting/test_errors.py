@@ -10,8 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.report.errors import calibration_of, error_rows, errors_of
-from hybrid.report.motion import COLUMNS, one_after_another, predicted_motion, speeds_of
+from hybrid.report.errors import (
+    COLUMNS,
+    calibration_of,
+    error_rows,
+    errors_of,
+    one_after_another,
+    predicted_motion,
+    speeds_of,
+)
 
 
 def horizons_of(

@@ -122,7 +122,7 @@ print(x, "<b>")
 @pytest.mark.pages
 def test_what_a_notebook_prints_is_text_and_what_it_shows_is_markup(tmp_path: Path) -> None:
     source = tmp_path / "small.py"
-    source.write_text(SMALL.format(last="from hybrid.report.show import Page\nPage('<i>kept</i>')"))
+    source.write_text(SMALL.format(last="from hybrid.report.notebook import Page\nPage('<i>kept</i>')"))
     notebook = executed_notebook(source, {"x": 7}, tmp_path / "small.ipynb")
     body = body_of(notebook)
     assert "7 &lt;b&gt;" in body

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from analysis.estimation.smoother import smooth
 from analysis.tables.resample import resample
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.report.residuals import (
+from hybrid.report.errors import (
     LEAST_S,
     PLANES,
     Residuals,

@@ -19,7 +19,7 @@ from acquisition.recording.tables import write_table
 from analysis.report.rendering import Page, render
 from analysis.tables.table import table_of
 from hybrid.report.case import Case, load_case
-from hybrid.report.show import FAILED, links, sections, templates
+from hybrid.report.notebook import FAILED, links, sections, templates
 from hybrid.report.words import plain
 
 PICTURE = re.compile(r'<img alt="([^"]*)" src="data:image/png;base64,([^"]+)">')

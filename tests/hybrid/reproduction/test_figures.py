@@ -16,9 +16,9 @@ from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import distances
-from hybrid.report.style import start_frame
-from hybrid.reproduction import comparison, figures, page, plots
-from hybrid.reproduction.comparison import Job, seas_of
+from hybrid.report.plots import start_frame
+from hybrid.reproduction import campaign, figures, page
+from hybrid.reproduction.campaign import Job, seas_of
 from hybrid.reproduction.figures import FIGURES, Shown, shown_of, write_drawn
 from hybrid.reproduction.page import shortfalls, write_page
 from hybrid.reproduction.table3 import Table3, cells_of, rows_of
@@ -38,7 +38,7 @@ def quick(method: str, seed: int, plant: Plant) -> Calibrator:
 def shown() -> Iterator[Shown]:
     """One small campaign in a gentle sea."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(comparison, "make_calibrator", quick)
+        patch.setattr(campaign, "make_calibrator", quick)
         patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
         yield shown_of(seas_of([Job("gentle", 2, sequences=12)], workers=1))
 
@@ -46,7 +46,7 @@ def shown() -> Iterator[Shown]:
 @pytest.fixture(scope="module")
 def table(shown: Shown) -> Table3:
     errors = shown.seas[0].errors
-    rows = [row for split in comparison.SPLITS for row in rows_of([each for each in errors if each.split == split])]
+    rows = [row for split in campaign.SPLITS for row in rows_of([each for each in errors if each.split == split])]
     return Table3(tuple(rows), tuple(cells_of(rows)))
 
 
@@ -103,9 +103,9 @@ def test_figures_are_written_as_pictures_for_print_and_as_numbers(
 
 
 def test_boxes_lie_where_the_errors_are() -> None:
-    errors_m = {("reference", split): np.full(9, 2.0) for split in plots.SPLIT_LOOK}
+    errors_m = {("reference", split): np.full(9, 2.0) for split in figures.SPLIT_LOOK}
     axes = Figure().subplots()
-    plots.error_spread(axes, errors_m, ("reference",))
+    figures.error_spread(axes, errors_m, ("reference",))
     medians = [line.get_ydata() for line in axes.lines if len(np.unique(np.asarray(line.get_ydata()))) == 1]
     assert all(np.allclose(np.asarray(each), 2.0) for each in medians)
 

@@ -23,8 +23,9 @@ from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.calibrator import Calibrator
 from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import score
-from hybrid.reproduction import comparison
-from hybrid.reproduction.comparison import Errors, Job, _examples, parts_of, seas_of
+from hybrid.reproduction import campaign
+from hybrid.reproduction.campaign import Errors, Job, _examples, parts_of, seas_of
+from hybrid.reproduction.page import terminal_tables, write_table3
 from hybrid.reproduction.table3 import (
     ORDER,
     PUBLISHED,
@@ -36,7 +37,6 @@ from hybrid.reproduction.table3 import (
     rows_of,
     table3,
 )
-from hybrid.reproduction.tables import terminal_tables, write_table3
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 
@@ -61,7 +61,7 @@ def small() -> Callable[[list[Job]], Table3]:
 
     def compare_methods(jobs: list[Job]) -> Table3:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(comparison, "make_calibrator", quick)
+            patch.setattr(campaign, "make_calibrator", quick)
             patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
             return table_of(jobs, workers=1)
 
@@ -266,7 +266,7 @@ def test_files_hold_the_table(table: Table3, tmp_path: Path) -> None:
 
 def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
-    monkeypatch.setattr("hybrid.reproduction.comparison.seas_of", lambda *_: ())
+    monkeypatch.setattr("hybrid.reproduction.campaign.seas_of", lambda *_: ())
     monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
     monkeypatch.setattr("hybrid.reproduction.figures.shown_of", lambda *_: None)  # the page without figures
     monkeypatch.setattr("hybrid.reproduction.figures.write_drawn", lambda *_: [])

@@ -20,8 +20,14 @@ from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
 from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.calibrators.predict import predict
-from hybrid.twin.forecast import RecentSamples, newest_second_ns, predict_now
-from hybrid.twin.message import message_body, positions, track_geojson
+from hybrid.twin.forecast import (
+    RecentSamples,
+    message_body,
+    newest_second_ns,
+    positions,
+    predict_now,
+    track_geojson,
+)
 from hybrid.twin.running_error import MeanErrors
 from hybrid.twin.twin import recording_at_rest
 from hybrid.vessel.plant import Plant

@@ -14,7 +14,7 @@ from analysis.quality.findings import CheckResult, Finding
 from analysis.quality.motion.checks import check_motion, delays_of
 from analysis.quality.motion.series import MOTION
 from analysis.tables.table import read_table
-from hybrid.simulation.sensors import Noise as SensorNoise
+from hybrid.simulation.trial import Noise as SensorNoise
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality.motion.kinematic_trials import Faults, Noise, sailed
 

@@ -29,7 +29,7 @@ from hybrid.planning.information import (
     separation,
     told_apart,
 )
-from hybrid.planning.rehearse import rehearsed
+from hybrid.planning.repertoire import rehearsed
 from hybrid.simulation.manoeuvres import zigzag
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import simulate_trial

@@ -23,8 +23,7 @@ from hybrid.planning.next_manoeuvre import (
     usual_rpm,
     wind_in,
 )
-from hybrid.planning.rehearse import behind, rehearsed
-from hybrid.planning.repertoire import repertoire, shafts_of
+from hybrid.planning.repertoire import behind, rehearsed, repertoire, shafts_of
 from hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
 from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.effect import Values

@@ -17,11 +17,10 @@ from hybrid.cli.plan import mount
 from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE
 from hybrid.planning import plan as planning
-from hybrid.planning.compose import Aims, composed, cost
 from hybrid.planning.information import Design
-from hybrid.planning.plan import Plan, noise_in, plan, programme_of
+from hybrid.planning.plan import Aims, Plan, composed, cost, noise_in, plan, programme_of
 from hybrid.report.plan_page import page_of
-from hybrid.report.plan_table import plan_tables
+from hybrid.report.tables import plan_tables
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.vessel.parameters import Vessel
 

@@ -1,0 +1,298 @@
+"""Results as tables for a terminal of 80 columns: a validation, a prediction, an evaluation, a plan;
+and the catalogue of effects, which is wider.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from hybrid.effects.catalogue import VERSION, Catalogue
+from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
+from hybrid.planning.plan import Plan, Programme
+from hybrid.prediction.scores import FEW_LEGS, Interval
+from hybrid.vessel.effect import FAMILIES, Effect, Parameter
+
+if TYPE_CHECKING:
+    from hybrid.calibrators.predict import Prediction
+    from hybrid.evaluation.validate import Validation
+
+
+_UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
+_COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
+
+
+def validation_table(validation: Validation) -> Table:
+    """One row a method, the best mean distance in bold."""
+    horizon_s = validation.windows.horizon_s
+    table = Table(title=f"{len(validation.windows)} held windows of {horizon_s} s", title_justify="left",
+                  box=None, header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
+    table.add_column("method")
+    for title in _COLUMNS:
+        table.add_column(title, justify="right")
+    best = min(each.mean_distance_m for each in validation.scores.values())
+    for name, each in validation.scores.items():
+        numbers = (each.mean_distance_m, each.end_distance_m, each.mae_north_m, each.mae_east_m)
+        cells = [f"{number:.3f}" for number in numbers] + [f"{each.heading_error_deg:.2f}"]
+        table.add_row(name, *cells, style="bold" if each.mean_distance_m == best else "")
+    return table
+
+
+def _caption(validation: Validation) -> str:
+    parts = []
+    if validation.reduction is not None and validation.coverage_95 is not None:
+        less = f"{validation.reduction:.1%} less than the reference's"
+        more = f"{1 - validation.reduction:.1f} times the reference's"
+        parts.append(f"hybrid's mean distance is {less if validation.reduction >= 0 else more}")
+        parts.append(f"the 95 % band holds {validation.coverage_95:.1%} of the positions")
+    if validation.outside_domain is not None and validation.outside_domain.any():
+        parts.append(
+            f"{validation.outside_domain.sum()} windows start beyond what the calibrator was trained on: there the "
+            "better of reference and constant velocity speaks in its place, or both"
+        )
+    if validation.outside:
+        parts.append(f"{validation.outside} windows left out: the reference leaves its range in them")
+    return "; ".join(parts)
+
+
+def prediction_table(prediction: Prediction) -> Table:
+    """One row every few seconds."""
+    rows = prediction.as_dict()["track"]
+    step = max(1, (len(rows) - 1) // 10)
+    table = Table(title=f"{prediction.method} from {prediction.at.isoformat()}", title_justify="left", box=None,
+                  header_style="dim", caption=_UNTRAINED if prediction.outside_domain else None)  # fmt: skip
+    for title in (
+        "second",
+        "north m",
+        "east m",
+        "heading deg",
+        "95 % band m",
+        "measured north m",
+        "measured east m",
+    ):
+        table.add_column(title, justify="right")
+    for row in rows:
+        if row["second"] % step and row["second"] != len(rows) - 1:
+            continue
+        numbers = [row.get(key) for key in ("north_m", "east_m", "heading_deg", "band_m",
+                                            "measured_north_m", "measured_east_m")]  # fmt: skip
+        table.add_row(str(row["second"]), *("–" if each is None else f"{each:.2f}" for each in numbers))
+    return table
+
+
+MEANING = {
+    "leg": "whole legs never seen",
+    "time": "the last 30 % of the time",
+    "recording": "recordings never seen",
+    "random": "windows at random, of legs trained on: flatters",
+}
+
+_FEW = 0.005  # a share that is shown as 0 %
+_COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")
+
+
+def evaluation_tables(evaluation: Evaluation) -> Iterator[Table]:
+    """A table of methods a split, the best in bold, then one of its breakdown."""
+    for split in evaluation.splits.values():
+        yield methods_table(evaluation.horizon_s, split)
+        if split.shown:
+            yield breakdown_table(split)
+    if evaluation.leak:
+        yield _leak_table(evaluation)
+
+
+def methods_table(horizon_s: int, split: SplitSummary) -> Table:
+    """One row a method: mean distance, distance at the end, heading error, ratio to the best baseline, coverage.
+
+    The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
+    """
+    table = _table(f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s",
+                   caption_of(split), *_COLUMNS)  # fmt: skip
+    for name, each in split.whole.methods.items():
+        cells = (
+            spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}", f"{each.heading_error_deg.value:.1f}",
+            spread(each.ratio), f"{each.coverage_95.value:.1%}",
+        )  # fmt: skip
+        table.add_row(name, *cells, style="bold" if name == split.whole.best else "")
+    return table
+
+
+def breakdown_table(split: SplitSummary) -> Table:
+    """One row a class, the mean distance of every method, the best in bold."""
+    methods = [name.replace("_", "\n") for name in split.whole.methods]
+    table = _table(f"{split.kind}: mean distance m by class, with windows/legs", None, "", *methods)
+    for classes in split.shown.values():
+        for name, summary in classes.items():
+            figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
+            figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
+            table.add_row(name, f"{summary.windows}/{summary.legs}", *figures.values())
+    return table
+
+
+def caption_of(split: SplitSummary) -> str:
+    """What to know of a split's figures."""
+    fitted = sorted({min(split.fitted), max(split.fitted)})
+    draws = "1 draw" if len(split.fitted) == 1 else f"{len(split.fitted)} draws"
+    parts = [f"{draws}, {' to '.join(map(str, fitted))} windows to learn from",
+             f"best baseline: {split.whole.best_baseline.replace('_', ' ')}"]  # fmt: skip
+    if split.leaked:
+        parts.append(f"{split.leaked:.0%} of the seconds judged were learned from")
+    beyond = [
+        f"{name} {each.outside_domain:.0%}"
+        for name, each in split.whole.methods.items()
+        if each.outside_domain >= _FEW
+    ]
+    if beyond:
+        parts.append(f"windows that start beyond what was trained on: {', '.join(beyond)}")
+    if split.whole.legs < FEW_LEGS:
+        parts.append("so few legs that the intervals are too narrow")
+    return "; ".join(parts)
+
+
+def spread(interval: Interval) -> str:
+    """A figure with its interval.
+
+    >>> spread(Interval(1.0, 0.5, 2.0))
+    '1.00 (0.50-2.00)'
+    """
+    bounds = "" if interval.low != interval.low else f" ({interval.low:.2f}-{interval.high:.2f})"
+    return f"{interval.value:.2f}{bounds}"
+
+
+def _leak_table(evaluation: Evaluation) -> Table:
+    table = _table("error on unseen legs over random's", None, "times")
+    for name, factor in evaluation.leak.items():
+        table.add_row(name, spread(factor))
+    return table
+
+
+def _table(title: str, caption: str | None, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", box=None, header_style="dim", caption=caption,
+                  caption_justify="left")  # fmt: skip
+    table.add_column("", overflow="fold")
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
+
+
+_MOST_PAIRS = 12
+
+
+def plan_tables(plan: Plan) -> RenderableType:
+    """Both programmes, the size from which each effect is seen, and what could not be told apart."""
+    return Group(
+        _parts("Your programme", plan.asked),
+        _parts("A better one", plan.better),
+        Text(f"\n{heading_of(plan)}\n"),
+        _limits(plan),
+        _alike("Your programme", plan.asked),
+        _alike("The better one", plan.better),
+    )
+
+
+def heading_of(plan: Plan) -> str:
+    """What the limits are limits of."""
+    return (
+        f"Seen in nine of ten trials from this departure on ({plan.vessel}, {plan.sea.name or 'own'} sea, the "
+        f"model granted {100.0 * plan.tolerance:g} % of the force range):"
+    )
+
+
+def limit_text(effect: Effect, limit: float) -> str:
+    """A limit with three figures at most; a dash where no possible size is seen."""
+    if not isfinite(limit) or limit <= 0.0:
+        return "-"
+    text = f"{limit:.0f}" if limit >= 100.0 else f"{limit:.2g}" if limit < 10.0 else f"{limit:.3g}"
+    return f"<{text}" if effect.chart == "inverse_square" else text
+
+
+def ordinary_text(effect: Effect) -> str:
+    """Its ordinary departure from neutral."""
+    first = effect.parameters[0]
+    size = first.typical if effect.chart == "inverse_square" else abs(first.typical - first.neutral)
+    return limit_text(effect, size).removeprefix("<")
+
+
+def _parts(title: str, programme: Programme) -> RenderableType:
+    table = Table(box=None, show_header=False)
+    table.add_column(justify="right", no_wrap=True)
+    table.add_column()
+    for part in programme.parts:
+        table.add_row(f"{part.minutes:.3g} min", part.what)
+    return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
+
+
+def _limits(plan: Plan) -> Table:
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    table.add_column("effect", no_wrap=True)
+    for title in ("yours", "better", "ordinary"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("", no_wrap=True)
+    for name, effect in plan.catalogue.items():
+        first = effect.parameters[0]
+        unit = "" if first.unit == "1" else first.unit
+        limits = [limit_text(effect, each.limits[name]) for each in (plan.asked, plan.better)]
+        table.add_row(name, *limits, ordinary_text(effect), unit)
+    return table
+
+
+def _alike(title: str, programme: Programme) -> Text:
+    pairs = programme.alike()
+    if not pairs:
+        return Text(f"\n{title} tells all effects of ordinary size apart.")
+    listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]
+    more = [f"  and {len(pairs) - _MOST_PAIRS} pairs more"] if len(pairs) > _MOST_PAIRS else []
+    return Text("\n".join([f"\n{title} does not tell apart, at ordinary size:", *listed, *more]))
+
+
+CATALOGUE_WIDTH = 112
+"""The fewest columns in which the tables of effects can be read."""
+
+
+def catalogue_tables(catalogue: Catalogue) -> RenderableType:
+    """Every effect by family: kind, what it does, its parameters and their sizes, rivals, source."""
+    own = dict.fromkeys(effect.family for effect in catalogue.values() if effect.family not in FAMILIES)
+    tables = [_family_table(name, catalogue) for name in (*FAMILIES, *own)]
+    heading = Text(
+        f"{len(catalogue)} effects, catalogue version {VERSION}. Ordinary: the size to expect where it is there; "
+        "smallest: of interest,\nin brackets the error that every such sensor or drive has anyway."
+    )
+    return Group(heading, *(Padding(table, (1, 0, 0, 0)) for table in tables if table.row_count))
+
+
+def _family_table(name: str, catalogue: Catalogue) -> Table:
+    table = Table(title=name, title_justify="left", title_style="bold", box=None, header_style="dim", leading=1)
+    table.add_column("effect", no_wrap=True)
+    table.add_column("what it does", ratio=1)
+    for title in ("parameter", "neutral, bounds", "ordinary", "smallest"):
+        table.add_column(title, no_wrap=True)
+    for effect in catalogue.values():
+        if effect.family == name:
+            columns = zip(*(_sizes(each) for each in effect.parameters), strict=True)
+            table.add_row(_effect_name(effect), _effect_text(effect), *("\n".join(column) for column in columns))
+    return table
+
+
+def _effect_name(effect: Effect) -> Text:
+    return Text.assemble(effect.name, "\n", (effect.kind, "dim"))
+
+
+def _effect_text(effect: Effect) -> Text:
+    text = Text(effect.what)
+    if effect.confused_with:
+        text.append(f"\nlike: {', '.join(effect.confused_with)}", style="dim")
+    return text.append(f"\nsource: {effect.source}", style="dim")
+
+
+def _sizes(each: Parameter) -> tuple[str, str, str, str]:
+    """Name and unit; neutral and bounds; ordinary size; smallest size of interest, tolerance beside it."""
+    unit = "" if each.unit == "1" else f" [{each.unit}]"
+    smallest = f"{each.smallest:g}" + (f" ({each.tolerance:g})" if each.tolerance else "")
+    bounds = f"{each.neutral:g}, {each.low:g} to {each.high:g}"
+    return each.name + unit, bounds, f"{each.typical:g}", smallest
