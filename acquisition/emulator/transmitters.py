@@ -103,7 +103,7 @@ class _CanTransmitter(_AlwaysReady):
 
 class _SerialTransmitter(_AlwaysReady):
     def __init__(self, config: SerialSource) -> None:
-        from acquisition.sources.serial_line import open_port
+        from acquisition.sources.streams import open_port
 
         self._name = config.name
         self._port = open_port(config)

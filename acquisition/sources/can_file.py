@@ -18,8 +18,8 @@ from typing import BinaryIO, Protocol
 import can
 
 from acquisition.config.sections import CanFileSource
-from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, iso, now_ns
+from acquisition.sources import LogReader
 from acquisition.sources.can_text import LineReader, LogEntry
 
 _MOST_FRAMES_AT_ONCE = 300
@@ -42,15 +42,11 @@ class _Log(Protocol):
     def __iter__(self) -> Iterator[LogEntry]: ...
 
 
-class CanFile:
-    """One log, read once; ``unreadable`` counts its lines (of BLF: objects) that held no frame."""
-
-    lost = 0
+class CanFile(LogReader):
+    """One log; ``unreadable`` counts its lines (of BLF: objects) that held no frame."""
 
     def __init__(self, config: CanFileSource) -> None:
-        self.name = config.name
-        self._path = config.path
-        self._file: BinaryIO | None = None
+        super().__init__(config)
         self._log: _Log | None = None
         self._frames: Iterator[LogEntry] = iter(())
         self._opened_ns = self._last_ns = self._count = 0
@@ -71,35 +67,17 @@ class CanFile:
             where += f", the last of {_told_time(self._newest_ns)}"
         return f"the log is damaged ({self._log.damage}); {where}"
 
-    def open(self) -> None:
-        try:
-            self._file = self._path.open("rb")
-            self._log = _log(self._file, self._path)
-        except (OSError, ValueError) as error:
-            self.close()
-            raise SourceError(
-                f"file {self._path} cannot be opened",
-                where=f"source {self.name!r}",
-                why=(error.strerror if isinstance(error, OSError) else None) or str(error),
-                fix="correct `path`",
-            ) from error
+    def _begin(self, file: BinaryIO) -> None:
+        self._log = _log(file, self._path)
         self._frames = iter(self._log)
         self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._file is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
-        try:
-            frames = [self._frame(logged) for logged in islice(self._frames, _MOST_FRAMES_AT_ONCE)]
-        except OSError as error:
-            raise SourceError("file failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
-        return frames or None
+    def _next(self, file: BinaryIO) -> list[Frame] | None:
+        return [self._frame(logged) for logged in islice(self._frames, _MOST_FRAMES_AT_ONCE)] or None
 
     def close(self) -> None:
         self._frames = iter(())
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        super().close()
 
     def _frame(self, logged: LogEntry) -> Frame:
         self._count, self._newest_ns, self.timed = self._count + 1, logged.time_ns, logged.time_ns is not None

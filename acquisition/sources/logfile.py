@@ -12,11 +12,11 @@ import re
 from typing import BinaryIO
 
 from acquisition.config.sections import FileSource
-from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.nmea0183 import split_tag, unix_ns
-from acquisition.sources.lines import LineAssembler
+from acquisition.sources import LogReader
+from acquisition.sources.streams import LineAssembler
 
 _BLOCK_BYTES = 8192
 _EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
@@ -25,45 +25,20 @@ _STAMP = re.compile(
 )
 
 
-class LogFile:
-    """One file, read once; it ends, which the pipeline understands."""
-
-    lost = 0
+class LogFile(LogReader):
+    """One file of sentences."""
 
     def __init__(self, config: FileSource) -> None:
-        self.name = config.name
-        self._config = config
-        self._file: BinaryIO | None = None
+        super().__init__(config)
         self._lines = LineAssembler(config.name)
         self._time = LogTime()
 
-    def open(self) -> None:
-        try:
-            self._file = self._config.path.open("rb")
-        except OSError as error:
-            raise SourceError(
-                f"file {self._config.path} cannot be opened",
-                where=f"source {self.name!r}",
-                why=str(error.strerror),
-                fix="correct `path`",
-            ) from error
-
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._file is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
-        try:
-            block = self._file.read(_BLOCK_BYTES)
-        except OSError as error:
-            raise SourceError("file failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
+    def _next(self, file: BinaryIO) -> list[Frame] | None:
+        block = file.read(_BLOCK_BYTES)
         frames = self._lines.push(block) if block else self._lines.end()
         if not block and not frames:
             return None
         return self._time.stamped([frame for frame in frames if not frame.payload.startswith(b"#")])
-
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
 
 class LogTime:

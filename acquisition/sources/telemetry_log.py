@@ -9,11 +9,10 @@ from __future__ import annotations
 import re
 from typing import BinaryIO
 
-from acquisition.config.sections import MavlinkFileSource
-from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.mavlink_packets import LONGEST_BYTES, extent, is_signed, is_sound
+from acquisition.sources import LogReader
 
 _TIME_BYTES = 8
 _MICRO_NS = 1000
@@ -64,50 +63,22 @@ def next_entry(data: bytes, at: int, settled: int) -> int | None:
     return None
 
 
-class TelemetryLog:
-    """One log, read once, as fast as it is taken; every frame has the log's time and no other."""
+class TelemetryLog(LogReader):
+    """One log; every frame has the log's time and no other."""
 
-    lost = 0
-
-    def __init__(self, config: MavlinkFileSource) -> None:
-        self.name = config.name
-        self._config = config
-        self._file: BinaryIO | None = None
-
-    def open(self) -> None:
-        path = self._config.path
-        try:
-            self._file = path.open("rb")
-            beginning = self._file.read(_LONGEST_DAMAGE_BYTES)
-            self._file.seek(0)
-            changed_ns = path.stat().st_mtime_ns
-        except OSError as error:
-            self.close()
-            raise SourceError(
-                f"file {path} cannot be opened",
-                where=f"source {self.name!r}",
-                why=str(error.strerror),
-                fix="correct `path`",
-            ) from error
+    def _begin(self, file: BinaryIO) -> None:
+        beginning = file.read(_LONGEST_DAMAGE_BYTES)
+        file.seek(0)
         first = next_entry(beginning, 0, len(beginning))
-        self._time_ns = (time_at(beginning, first) if first is not None else None) or changed_ns
+        time_ns = None if first is None else time_at(beginning, first)
+        self._time_ns = time_ns or self._path.stat().st_mtime_ns
         self._monotonic_ns, self._data = 0, b""
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._file is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
-        try:
-            block = self._file.read(_BLOCK_BYTES)
-        except OSError as error:
-            raise SourceError("file failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
+    def _next(self, file: BinaryIO) -> list[Frame] | None:
+        block = file.read(_BLOCK_BYTES)
         self._data += block
         frames = self._frames(ended=not block)
         return frames if frames or block else None
-
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
     def _frames(self, *, ended: bool) -> list[Frame]:
         """The frames in the bytes at hand; what may yet turn out to be an entry is left for the next time."""

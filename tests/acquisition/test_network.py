@@ -10,8 +10,8 @@ import pytest
 from acquisition.config.sections import LiveSection, MavlinkSource, MavlinkTcpSource, TcpSource, UdpSource
 from acquisition.core.errors import SourceError
 from acquisition.encoders.nmea0183 import sentence
-from acquisition.sources import network
-from acquisition.sources.network import UdpLines
+from acquisition.sources import streams
+from acquisition.sources.streams import UdpPort
 from tests.acquisition.conftest import free_port
 
 
@@ -23,9 +23,9 @@ def test_nothing_listens_beyond_this_computer_unless_asked() -> None:
 
 def test_what_the_system_drops_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """All that was sent was either read or counted, once a datagram has come through that tells the count."""
-    monkeypatch.setattr(network, "_BUFFER_BYTES", 4096)
+    monkeypatch.setattr(streams, "_BUFFER_BYTES", 4096)
     port = free_port()
-    source = UdpLines(UdpSource(name="line", type="udp", port=port, channels=()))
+    source = UdpPort(UdpSource(name="line", type="udp", port=port, channels=()))
     source.open()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for number in range(1000):
@@ -47,7 +47,7 @@ def test_a_multicast_group_is_joined_and_shared() -> None:
     """As IEC 61162-450 sends; the group's other listeners are not in our way, nor we in theirs."""
     port = free_port()
     sections = [UdpSource(name=name, type="udp", address=GROUP, port=port, channels=()) for name in ("one", "two")]
-    with closing(UdpLines(sections[0])) as first, closing(UdpLines(sections[1])) as second:
+    with closing(UdpPort(sections[0])) as first, closing(UdpPort(sections[1])) as second:
         first.open()
         second.open()
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
@@ -63,7 +63,7 @@ def test_a_multicast_group_is_joined_and_shared() -> None:
 
 def test_a_group_that_no_interface_can_join_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(socket, "if_nameindex", lambda: [(999_999, "gone")])
-    source = UdpLines(UdpSource(name="line", type="udp", address=GROUP, port=free_port(), channels=()))
+    source = UdpPort(UdpSource(name="line", type="udp", address=GROUP, port=free_port(), channels=()))
     with pytest.raises(SourceError, match=GROUP):
         source.open()
 
@@ -71,15 +71,15 @@ def test_a_group_that_no_interface_can_join_is_an_error(monkeypatch: pytest.Monk
 def test_one_address_of_this_computer_is_for_one_program() -> None:
     """Two recorders on one port would each get half of what comes."""
     section = UdpSource(name="line", type="udp", port=free_port(), channels=())
-    with closing(UdpLines(section)) as first:
+    with closing(UdpPort(section)) as first:
         first.open()
         with pytest.raises(SourceError, match=str(section.port)):
-            UdpLines(section).open()
+            UdpPort(section).open()
 
 
 def test_datagrams_of_several_lines_and_of_half_a_line() -> None:
     port = free_port()
-    source = UdpLines(UdpSource(name="line", type="udp", port=port, channels=()))
+    source = UdpPort(UdpSource(name="line", type="udp", port=port, channels=()))
     source.open()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         for payload in (b"$A\r\n$B\r\n$C", b"$D", b"", b"\r\n", b"$E\r\n"):

@@ -32,7 +32,7 @@ from acquisition.logger.predictions import Predictions
 from acquisition.logger.preflight import check_before_departure
 from acquisition.logger.requests import Mark, RecorderState, RequestServer, send_mark
 from acquisition.recording.reader import read_recording
-from acquisition.sources.network import TcpLines, UdpLines
+from acquisition.sources.streams import TcpConnection, UdpPort
 from seatrial import app
 from tests.acquisition.conftest import PATIENCE_S, config_text, free_port, recorded_count, wait_for
 
@@ -217,7 +217,7 @@ def test_an_address_that_does_not_resolve_is_what_to_correct(tmp_path: Path, sec
     text = config_text(f'{section}\nport = 9\naddress = "no.such.host.invalid"\n', ("heading_deg",))
     (tmp_path / "trial.toml").write_text(text)
     (config,) = load_config(tmp_path / "trial.toml").sources
-    source = UdpLines(config) if isinstance(config, UdpSource) else TcpLines(config)  # type: ignore[arg-type]
+    source = UdpPort(config) if isinstance(config, UdpSource) else TcpConnection(config)  # type: ignore[arg-type]
     with pytest.raises(SourceError, match=r"; correct `address`$"):
         source.open()
 

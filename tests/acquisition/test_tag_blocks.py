@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from acquisition.config.sections import FileSource
 from acquisition.core.frames import Frame
 from acquisition.decoders.nmea0183 import Nmea0183Decoder, TaggedSentence, split_tag
-from acquisition.sources.lines import LineAssembler
 from acquisition.sources.logfile import LogFile
+from acquisition.sources.streams import LineAssembler
 from tests.acquisition.test_nmea0183 import NOON_NS, SECOND, gga, heading, line, sound, tagged
 
 

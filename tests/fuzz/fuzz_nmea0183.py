@@ -22,7 +22,7 @@ with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.core.trial import Trial
     from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
     from acquisition.logger.derive import Derivation
-    from acquisition.sources.lines import LineAssembler
+    from acquisition.sources.streams import LineAssembler
     from tests.fuzz.decoding import check_frame
 
 SECOND = 1_000_000_000

@@ -1,0 +1,266 @@
+"""Serial lines, TCP connections and UDP ports: NMEA 0183 line by line, or MAVLink as its bytes come."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import socket
+import struct
+import sys
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from acquisition.config.sections import (
+    MavlinkLinks,
+    MavlinkSerialSource,
+    MavlinkSource,
+    MavlinkTcpSource,
+    SerialSource,
+    TcpSource,
+    UdpSource,
+)
+from acquisition.core.errors import SourceError
+from acquisition.core.frames import Frame, now_ns
+
+if TYPE_CHECKING:
+    import serial
+
+_LONGEST_LINE_BYTES = 1024  # the standard allows 82, and a TAG block; a line without an end must not eat the memory
+_LINE_END = re.compile(rb"[\r\n]")  # some devices send only one of the two
+_DATAGRAM_BYTES = 65_535
+_MOST_DATAGRAMS = 100
+_SO_RXQ_OVFL = 40  # Linux tells with each datagram how many it has dropped so far; Python has no name for it
+_BUFFER_BYTES = 4 * 1024 * 1024
+_CONNECT_TIMEOUT_S = 3.0
+
+StreamSource = SerialSource | UdpSource | TcpSource | MavlinkSource | MavlinkTcpSource | MavlinkSerialSource
+
+
+class LineAssembler:
+    """Cuts a stream of bytes into lines of NMEA 0183, one frame a line, stamped when the line was complete.
+
+    What stands before a sentence, a TAG block or a datagram's prefix, stays with it.
+    """
+
+    def __init__(self, origin: str) -> None:
+        self._origin = origin
+        self._pending = b""
+
+    def push(self, received: bytes) -> list[Frame]:
+        """The lines that ``received`` completes; empty lines are passed over."""
+        received_ns, monotonic_ns = now_ns()
+        *complete, self._pending = _LINE_END.split(self._pending + received)
+        if len(self._pending) > _LONGEST_LINE_BYTES:
+            complete.append(self._pending)
+            self._pending = b""
+        lines = (line.strip(b"\0 \t") for line in complete)
+        return [Frame(self._origin, "nmea0183", line, received_ns, monotonic_ns) for line in lines if line]
+
+    def cut(self) -> None:
+        """The stream was cut and begins anew: a line that was under way stays as far as it came, by itself."""
+        if self._pending:
+            self._pending += b"\n"
+
+    def end(self) -> list[Frame]:
+        """The last line, where the stream ended without a line end (a datagram, a file)."""
+        return self.push(b"\n") if self._pending else []
+
+
+class _Stream(ABC):
+    """One line or connection; heirs say how it is opened and read. MAVLink is cut into packets by its decoder."""
+
+    def __init__(self, config: StreamSource) -> None:
+        self.name = config.name
+        self.lost = 0
+        self._config: Any = config
+        self._link: Any = None
+        self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name)
+
+    @abstractmethod
+    def _connect(self) -> Any:
+        """Open the line: what can be read and closed. Raises :class:`SourceError`."""
+
+    @abstractmethod
+    def _receive(self, timeout_s: float) -> bytes:
+        """What has come, or nothing after the timeout. Raises what the line raises."""
+
+    def open(self) -> None:
+        self._link = self._connect()
+        if self._lines is not None:
+            self._lines.cut()
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        if self._link is None:
+            raise SourceError("is not open", where=f"source {self.name!r}")
+        received = self._receive(timeout_s)
+        if not received:
+            return []
+        if self._lines is None:
+            return [Frame(self.name, "mavlink", received, *now_ns())]
+        return self._lines.push(received)
+
+    def close(self) -> None:
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+
+def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
+    """Open the serial port of a configuration section, 8N1. Raises :class:`SourceError`."""
+    import serial
+
+    try:
+        return serial.Serial(config.device, config.baud_rate, timeout=0, exclusive=True)
+    except (ValueError, OSError) as error:  # pyserial's own errors are OSErrors
+        raise SourceError(
+            f"serial line {config.device} cannot be opened",
+            where=f"source {config.name!r}",
+            why=str(error),
+            fix="connect it, end the program that uses it, or correct `device`",
+        ) from error
+
+
+class SerialPort(_Stream):
+    """One serial port: a line of NMEA 0183, a telemetry radio, or the autopilot's own port."""
+
+    def _connect(self) -> serial.Serial:
+        return open_port(self._config)
+
+    def _receive(self, timeout_s: float) -> bytes:
+        try:
+            if self._link.timeout != timeout_s:  # setting it asks the system for the line's settings each time
+                self._link.timeout = timeout_s
+            first = bytes(self._link.read(1))
+            return first + bytes(self._link.read(self._link.in_waiting)) if first else b""
+        except (OSError, TypeError) as error:  # pyserial raises TypeError on unplug
+            raise SourceError("serial line failed", where=f"source {self.name!r}", why=str(error)) from error
+
+
+class TcpConnection(_Stream):
+    """One connection to a server: a multiplexer, a gateway, a router, or a simulated autopilot."""
+
+    def _connect(self) -> socket.socket:
+        address = (self._config.address, self._config.port)
+        try:
+            return socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
+        except OSError as error:
+            unresolved = isinstance(error, socket.gaierror)
+            raise SourceError(
+                f"TCP {address[0]}:{address[1]} does not answer",
+                where=f"source {self.name!r}",
+                why=str(error.strerror) if unresolved else str(error),
+                fix="correct `address`" if unresolved else "start the gateway, or correct `address` and `port`",
+            ) from error
+
+    def _receive(self, timeout_s: float) -> bytes:
+        try:
+            self._link.settimeout(timeout_s)
+            received = bytes(self._link.recv(_DATAGRAM_BYTES))
+        except (TimeoutError, BlockingIOError):
+            return b""
+        except OSError as error:
+            raise SourceError("connection failed", where=f"source {self.name!r}", why=str(error)) from error
+        if not received:
+            raise SourceError("the other end closed the connection", where=f"source {self.name!r}")
+        return received
+
+
+class UdpPort(_Stream):
+    """A UDP port that others send to, a datagram one or more sentences, or some MAVLink.
+
+    ``lost`` counts the datagrams that the system had no room for.
+    """
+
+    def _connect(self) -> socket.socket:
+        self._dropped = 0  # by this socket, as the system counts
+        return _bind_udp(self._config)
+
+    def read(self, timeout_s: float) -> list[Frame] | None:
+        if self._link is None:
+            raise SourceError("is not open", where=f"source {self.name!r}")
+        frames: list[Frame] = []
+        try:
+            self._link.settimeout(timeout_s)
+            for _ in range(_MOST_DATAGRAMS):
+                frames += self._frames(self._receive(timeout_s))
+                self._link.settimeout(0.0)
+        except (TimeoutError, BlockingIOError):
+            pass
+        except OSError as error:
+            raise SourceError("network failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
+        return frames
+
+    def _receive(self, timeout_s: float) -> bytes:
+        data, more, *_ = self._link.recvmsg(_DATAGRAM_BYTES, 64)
+        for level, kind, count in more:
+            if (level, kind) == (socket.SOL_SOCKET, _SO_RXQ_OVFL):
+                dropped = int.from_bytes(count[:4], sys.byteorder)
+                self.lost += (dropped - self._dropped) % 2**32
+                self._dropped = dropped
+        return bytes(data)
+
+    def _frames(self, datagram: bytes) -> list[Frame]:
+        """The frames of a datagram, which never continues the one before it."""
+        if self._lines is not None:
+            return self._lines.push(datagram) + self._lines.end()
+        return [Frame(self.name, "mavlink", datagram, *now_ns())] if datagram else []
+
+
+def _bind_udp(config: UdpSource | MavlinkSource) -> socket.socket:
+    """A UDP socket bound to the section's address, with as large a buffer as the system allows.
+
+    A multicast group, such as those of IEC 61162-450, is joined, and other programs may listen to it too.
+    """
+    opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
+        with suppress(OSError):
+            opened.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+        shared = _is_multicast(config.address)
+        if shared:
+            opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        opened.bind((config.address, config.port))  # to a group's own address: nothing else comes
+        if shared:
+            _join(opened, config.address)
+    except OSError as error:
+        opened.close()
+        unresolved = isinstance(error, socket.gaierror)
+        raise SourceError(
+            f"UDP {config.address}:{config.port} cannot be listened on",
+            where=f"source {config.name!r}",
+            why=str(error.strerror),
+            fix="correct `address`"
+            if unresolved
+            else "end the program that uses it, or correct `address` and `port`",
+        ) from error
+    return opened
+
+
+def _is_multicast(address: str) -> bool:
+    """Whether it is the address of an IPv4 group.
+
+    >>> _is_multicast("239.192.0.1"), _is_multicast("127.0.0.1"), _is_multicast("localhost")
+    (True, False, False)
+    """
+    with suppress(ValueError):
+        return ipaddress.IPv4Address(address).is_multicast
+    return False
+
+
+def _join(opened: socket.socket, address: str) -> None:
+    """Join a group on every interface, as the one with the instruments need not be the one that is routed to.
+
+    Raises :class:`OSError` if not one of them can join.
+    """
+    failure: OSError | None = None
+    joined = 0
+    for index, _ in socket.if_nameindex():
+        membership = struct.pack("4s4si", socket.inet_aton(address), socket.inet_aton("0.0.0.0"), index)
+        try:
+            opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
+            joined += 1
+        except OSError as error:  # one that knows no multicast, or is down
+            failure = error
+    if failure is not None and not joined:
+        raise failure
