@@ -1,8 +1,9 @@
-"""The array types that signatures speak of: one name an element type; shapes stand in the docstrings."""
+"""The array types that signatures speak of, one name an element type, and the samples of one channel as arrays."""
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,3 +12,42 @@ Floats: TypeAlias = NDArray[np.float64]
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 Complexes: TypeAlias = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """The samples of one channel in the order of reception: times [ns UTC], values and flags, all of shape [n].
+
+    ``sources`` lists the distinct sources; ``source_index`` says for each sample which of them it was.
+    """
+
+    measured_ns: Ints
+    received_ns: Ints
+    value: Floats
+    quality: NDArray[np.uint8]
+    sources: tuple[str, ...]
+    source_index: NDArray[np.int32]
+
+    def subset(self, which: NDArray[Any]) -> Series:
+        """The samples at ``which``, a mask [n] or indices."""
+        return Series(
+            self.measured_ns[which],
+            self.received_ns[which],
+            self.value[which],
+            self.quality[which],
+            self.sources,
+            self.source_index[which],
+        )
+
+    def append(self, later: Series) -> Series:
+        """These samples and later ones."""
+        sources = tuple(dict.fromkeys((*self.sources, *later.sources)))
+        numbers = np.array([sources.index(each) for each in later.sources], np.int32)
+        return Series(
+            np.concatenate([self.measured_ns, later.measured_ns]),
+            np.concatenate([self.received_ns, later.received_ns]),
+            np.concatenate([self.value, later.value]),
+            np.concatenate([self.quality, later.quality]),
+            sources,
+            np.concatenate([self.source_index, numbers[later.source_index]]),
+        )

@@ -8,11 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 from acquisition.logger.maintenance import NEW_PART_NS
 from acquisition.logger.requests import RecorderState, running_recorders
-from acquisition.recording.batches import Samples
 from acquisition.recording.tail import Tail
 
 _QUIET_S = 1.0  # after so long without anything new the recorder is asked what it writes
@@ -31,7 +31,7 @@ class NewSamples:
     that part of them may have been there before, as the recorder had to give a file up.
     """
 
-    samples: list[dict[str, Samples]] = field(default_factory=list)
+    samples: list[dict[str, Series]] = field(default_factory=list)
     anew: bool = False
     again: bool = False
 
@@ -101,7 +101,7 @@ class Follower:
         if self._tail is not None:
             self._tail.close()
 
-    def _read(self) -> list[dict[str, Samples]]:
+    def _read(self) -> list[dict[str, Series]]:
         if self._tail is None:
             return []
         try:

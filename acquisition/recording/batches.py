@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord, Message
 from numpy.typing import NDArray
 
+from acquisition.core.arrays import Series
 from acquisition.recording.records import HEAD, RecordError, parse
 
 _HEAD = np.dtype(
@@ -123,8 +124,8 @@ def _messages_at(plain: bytes, places: list[int]) -> Batch:
 
 
 @dataclass(frozen=True, slots=True)
-class Samples:
-    """The samples of one topic: times [ns], values, flags, and the index of each one's source in ``sources``.
+class SeriesBuilder:
+    """A :class:`Series` that grows: times [ns], values, flags, and the index of each one's source in ``sources``.
 
     29 bytes a sample: a day of 13 channels at 20 Hz has more than twenty million.
     """
@@ -136,8 +137,19 @@ class Samples:
     source: array[int] = field(default_factory=lambda: array("i"))
     sources: dict[str, int] = field(default_factory=dict)
 
+    def series(self) -> Series:
+        """The samples so far, without a copy; nothing can be added to them any more."""
+        return Series(
+            np.frombuffer(self.measured_ns, np.int64),
+            np.frombuffer(self.received_ns, np.int64),
+            np.frombuffer(self.value, np.float64),
+            np.frombuffer(self.quality, np.uint8),
+            tuple(self.sources),
+            np.frombuffer(self.source, np.int32),
+        )
 
-def add_samples(by_topic: dict[str, Samples], batch: Batch, topics: Mapping[int, str]) -> None:
+
+def add_samples(by_topic: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, str]) -> None:
     """Put a batch of samples where they belong, all of them or none; ``topics`` are those of the channel numbers.
 
     Raises KeyError, TypeError, ValueError or OverflowError if one of them is no sample of ours.
@@ -149,7 +161,7 @@ def add_samples(by_topic: dict[str, Samples], batch: Batch, topics: Mapping[int,
     measured_ns, received_ns = batch.publish_ns.astype(np.int64), batch.log_ns.astype(np.int64)
     first = names[0] if names.count(names[0]) == len(names) else None
     for topic, places in _places(batch.channel, topics).items():
-        samples = by_topic.get(topic) or by_topic.setdefault(topic, Samples())
+        samples = by_topic.get(topic) or by_topic.setdefault(topic, SeriesBuilder())
         samples.measured_ns.frombytes(measured_ns[places].tobytes())
         samples.received_ns.frombytes(received_ns[places].tobytes())
         samples.value.frombytes(value[places].tobytes())

@@ -16,12 +16,12 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 import orjson
 from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Metadata, Statistics
-from numpy.typing import NDArray
 
+from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.frames import iso
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, Samples, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.records import RecordError
 from acquisition.recording.scan import MCAP_MAGIC, Damage, scan
 from acquisition.recording.schemas import (
@@ -33,21 +33,6 @@ from acquisition.recording.schemas import (
 )
 
 REMEDY = "save what is intact with `seatrial recover`"
-
-
-@dataclass(frozen=True, slots=True)
-class Series:
-    """The samples of one channel in the order of reception, times in ns UTC.
-
-    ``sources`` lists the distinct sources; ``source_index`` says for each sample which of them it was.
-    """
-
-    measured_ns: NDArray[np.int64]
-    received_ns: NDArray[np.int64]
-    value: NDArray[np.float64]
-    quality: NDArray[np.uint8]
-    sources: tuple[str, ...]
-    source_index: NDArray[np.int32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,17 +168,6 @@ def open_recording(path: Path, *, whatever_it_is: bool = False) -> BinaryIO:
     return stream
 
 
-def _series(samples: Samples) -> Series:
-    return Series(
-        np.frombuffer(samples.measured_ns, np.int64),
-        np.frombuffer(samples.received_ns, np.int64),
-        np.frombuffer(samples.value, np.float64),
-        np.frombuffer(samples.quality, np.uint8),
-        tuple(samples.sources),
-        np.frombuffer(samples.source, np.int32),
-    )
-
-
 def _foreign(path: Path, topic: str, error: Exception, what: str) -> InputError:
     return InputError(
         f"topic {topic} holds a message that is no {what} of ours",
@@ -227,7 +201,7 @@ def _numbers(batch: Batch, topics: Mapping[int, str]) -> dict[str, list[int]]:
     return numbers
 
 
-def _add_samples(samples: dict[str, Samples], batch: Batch, topics: Mapping[int, str], path: Path) -> None:
+def _add_samples(samples: dict[str, SeriesBuilder], batch: Batch, topics: Mapping[int, str], path: Path) -> None:
     """As :func:`add_samples`; if it fails, topic by topic, to say which holds what is no sample."""
     with suppress(KeyError, TypeError, ValueError, OverflowError):
         return add_samples(samples, batch, topics)
@@ -245,11 +219,10 @@ def read_recording(path: Path | str) -> Recording:
     Raises :class:`InputError` when the file is missing, empty, not MCAP, or damaged in the middle.
     """
     stream = MessageStream(Path(path))
-    samples: dict[str, Samples] = {}
+    samples: dict[str, SeriesBuilder] = {}
     raw: Counter[str] = Counter()
     events: list[tuple[int, str]] = []
     health: dict[str, dict[str, Any]] = {}
-    start_ns, end_ns, messages = 2**63 - 1, 0, 0
     start_ns, end_ns, messages, predictions = 2**63 - 1, 0, 0, 0
     for batch in stream.batches():
         messages += len(batch)
@@ -271,7 +244,7 @@ def read_recording(path: Path | str) -> Recording:
     return Recording(
         path=stream.path,
         trial=stream.trial,
-        series={topic.removeprefix(CHANNEL_PREFIX): _series(each) for topic, each in samples.items()},
+        series={topic.removeprefix(CHANNEL_PREFIX): each.series() for topic, each in samples.items()},
         raw=dict(raw),
         events=events,
         messages=messages,

@@ -16,9 +16,10 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Footer, McapRecord, Metadata
 
+from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Batch, Samples, add_samples, batches
+from acquisition.recording.batches import Batch, SeriesBuilder, add_samples, batches
 from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, is_known, parse
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.schemas import CHANNEL_PREFIX
@@ -73,16 +74,16 @@ class Tail:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def read(self) -> dict[str, Samples]:
+    def read(self) -> dict[str, Series]:
         """The samples that have come since the last time, by channel, each in the order of reception.
 
         Raises :class:`InputError` where the file holds what is no record.
         """
-        samples: dict[str, Samples] = {}
         size = os.fstat(self._descriptor).st_size
         self.cut = self.cut or size < self._offset != len(MCAP_MAGIC)  # until there the file has only begun
         if self.cut:
-            return samples
+            return {}
+        samples: dict[str, SeriesBuilder] = {}
         places = self._places(size)
         for place in self._wanted(places):
             if not self._take(place, samples, is_last=place is places[-1]):
@@ -90,7 +91,7 @@ class Tail:
             self._offset = place.end
         else:
             self._offset = places[-1].end if places else self._offset
-        return {topic.removeprefix(CHANNEL_PREFIX): each for topic, each in samples.items()}
+        return {topic.removeprefix(CHANNEL_PREFIX): each.series() for topic, each in samples.items()}
 
     def _places(self, size: int) -> list[_Place]:
         """All whole records from where the last reading ended."""
@@ -120,7 +121,7 @@ class Tail:
             if place.opcode not in _OF_NO_USE and not (place.opcode == Opcode.CHUNK and place.until_ns < oldest_ns):
                 yield place
 
-    def _take(self, place: _Place, samples: dict[str, Samples], *, is_last: bool) -> bool:
+    def _take(self, place: _Place, samples: dict[str, SeriesBuilder], *, is_last: bool) -> bool:
         """Take in a record; False if it cannot be read and may be whole the next time."""
         content = os.pread(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
         try:
@@ -134,7 +135,7 @@ class Tail:
             self.damaged += 1
         return True
 
-    def _note(self, record: Batch | McapRecord | None, samples: dict[str, Samples]) -> None:
+    def _note(self, record: Batch | McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
             numbers = [each for each in np.unique(record.channel).tolist() if self._is_sample(each)]
             if numbers:

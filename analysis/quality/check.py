@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.angles import in_turn
-from acquisition.core.arrays import Bools, Ints
+from acquisition.core.arrays import Bools, Ints, Series
 from acquisition.core.channels import channel_names
 from acquisition.core.frames import Quality
-from acquisition.recording.reader import Recording, Series
+from acquisition.recording.reader import Recording
 from analysis.quality.channel_checks import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.commands import check_orders, check_thruster_feedback
 from analysis.quality.findings import (
@@ -32,7 +32,7 @@ from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.motion.checks import check_motion
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import column_samples, rows_of, series_samples, times_of
-from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps, select_samples
+from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import check_wind
 from analysis.tables.table import actuators_in_recording, table_actuators, table_of
 from analysis.tables.time_index import index_of, main_stretch, times_ns, utc_index
@@ -114,7 +114,7 @@ def _check(
     if inside.all():
         return _check_stretch(samples, whole, joined, series)
     some, some_whole = _within(samples, first, last), _within(whole, first, last)
-    parts = {name: select_samples(each, (each.measured_ns >= first) & (each.measured_ns <= last))
+    parts = {name: each.subset((each.measured_ns >= first) & (each.measured_ns <= last))
              for name, each in series.items()}  # fmt: skip
     found = time_outlier_finding(samples, first, last)
     quality = _check_stretch(some, some_whole, joined[inside], parts, (found,))

@@ -14,11 +14,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.angles import unwrap, wrap_180
-from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from acquisition.recording.reader import Series
 from analysis.tables.time_index import NANO, index_of, seconds_of, times_ns
 
 ASSUMED = ("assumed",)

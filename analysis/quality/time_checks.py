@@ -12,11 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.core.angles import unwrap
-from acquisition.core.arrays import Floats, Ints
-from acquisition.recording.reader import Series
+from acquisition.core.arrays import Floats, Ints, Series
 from analysis.kinematics import to_earth
 from analysis.quality.samples import white_noise
 from analysis.tables.time_index import NANO, times_ns
@@ -181,7 +179,7 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
     for each in series.values():
         if np.any(each.measured_ns != each.received_ns):
             for number, name in enumerate(each.sources):
-                sources.setdefault(name, []).append(select_samples(each, each.source_index == number))
+                sources.setdefault(name, []).append(each.subset(each.source_index == number))
     found = []
     for name, parts in sources.items():
         received = np.concatenate([part.received_ns for part in parts])
@@ -189,12 +187,6 @@ def reception_jumps(series: Mapping[str, Series]) -> list[tuple[str, ClockJump]]
         order = np.argsort(received, kind="stable")
         found += [(name, jump) for jump in _offset_steps(measured[order], received[order])]
     return found
-
-
-def select_samples(series: Series, chosen: NDArray[np.bool_]) -> Series:
-    """The chosen samples [n] of a series."""
-    return Series(series.measured_ns[chosen], series.received_ns[chosen], series.value[chosen],
-                  series.quality[chosen], series.sources, series.source_index[chosen])  # fmt: skip
 
 
 def _offset_steps(measured: Ints, received: Ints, half: int = 20) -> list[ClockJump]:

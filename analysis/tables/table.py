@@ -13,11 +13,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators, as_text, channel_by_rule, control_names
-from acquisition.core.arrays import Floats, Ints
+from acquisition.core.arrays import Floats, Ints, Series
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
-from acquisition.recording.reader import Recording, Series, read_recording
+from acquisition.recording.reader import Recording, read_recording
 from analysis.tables.provenance import HISTORY_KEY, add_step
 from analysis.tables.time_index import NANO, index_of, times_ns
 

@@ -18,16 +18,14 @@ import numpy as np
 import orjson
 import pandas as pd
 import pymap3d
-from numpy.typing import NDArray
 
 from acquisition.core.angles import wrap_360
-from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.arrays import Floats, Series
 from acquisition.core.channels import POSE, VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
-from acquisition.recording.batches import Samples
-from acquisition.recording.reader import Recording, Series
+from acquisition.recording.reader import Recording
 from analysis.tables.resample import own_gap_s, resample_recording
 from analysis.tables.table import actuators_in_recording
 from analysis.tables.time_index import NANO
@@ -115,14 +113,7 @@ def _longer(series: Series, until_ns: int) -> Series:
     """A series with its newest believed value once more, as if measured at ``until_ns``."""
     believed = np.flatnonzero(series.quality < Quality.BAD)
     last = believed[np.argmax(series.measured_ns[believed])]
-    return Series(
-        np.append(series.measured_ns, until_ns),
-        np.append(series.received_ns, series.received_ns[last]),
-        np.append(series.value, series.value[last]),
-        np.append(series.quality, series.quality[last]),
-        series.sources,
-        np.append(series.source_index, series.source_index[last]),
-    )
+    return series.append(replace(series.subset(np.array([last])), measured_ns=np.array([until_ns])))
 
 
 def _span_ns(series: Series | None) -> tuple[int, int] | None:
@@ -139,49 +130,12 @@ def _longest_hold_ns(series: Series) -> float:
     return own_gap_s(float(np.median(apart)) if apart.size else 0.0) * NANO
 
 
-@dataclass(frozen=True, slots=True)
-class _ChannelSamples:
-    """Samples of one channel: times of measurement and of reception [ns], values and flags, all [n]."""
-
-    measured_ns: Ints
-    received_ns: Ints
-    value: Floats
-    quality: NDArray[np.uint8]
-
-    @classmethod
-    def of_samples(cls, samples: Samples) -> _ChannelSamples:
-        """A copy of what was read."""
-        return cls(
-            np.array(samples.measured_ns, np.int64),
-            np.array(samples.received_ns, np.int64),
-            np.array(samples.value, np.float64),
-            np.array(samples.quality, np.uint8),
-        )
-
-    def subset(self, which: Bools) -> _ChannelSamples:
-        """Some of the samples."""
-        if which.all():
-            return self
-        return _ChannelSamples(
-            self.measured_ns[which], self.received_ns[which], self.value[which], self.quality[which]
-        )
-
-    def append(self, other: _ChannelSamples) -> _ChannelSamples:
-        """These samples and later ones."""
-        return _ChannelSamples(
-            np.concatenate([self.measured_ns, other.measured_ns]),
-            np.concatenate([self.received_ns, other.received_ns]),
-            np.concatenate([self.value, other.value]),
-            np.concatenate([self.quality, other.quality]),
-        )
-
-
 class RecentSamples:
     """The samples received in the last ``keep_s`` seconds before the newest one, by channel."""
 
     def __init__(self, keep_s: float) -> None:
         self._keep_ns = round(keep_s * 1e9)
-        self._samples: dict[str, _ChannelSamples] = {}
+        self._samples: dict[str, Series] = {}
         self.newest_received_ns = 0
 
     def clear(self) -> None:
@@ -189,10 +143,10 @@ class RecentSamples:
         self._samples.clear()
         self.newest_received_ns = 0
 
-    def add(self, samples: Mapping[str, Samples], *, again: bool = False) -> None:
+    def add(self, samples: Mapping[str, Series], *, again: bool = False) -> None:
         """Append samples by channel; with ``again`` those that are here already are passed over."""
         for name, each in samples.items():
-            added, known = _ChannelSamples.of_samples(each), self._samples.get(name)
+            added, known = each, self._samples.get(name)
             if again and known is not None and known.received_ns.size:
                 added = added.subset(added.received_ns > known.received_ns.max())
             if added.received_ns.size:
@@ -204,13 +158,10 @@ class RecentSamples:
     def recording(self, trial: Trial, path: Path) -> Recording:
         """All of it as a recording that has just been read; it does not say which source a sample came from."""
         series = {
-            name: Series(
-                each.measured_ns, each.received_ns, each.value, each.quality, _SOURCE,
-                np.zeros(each.value.size, np.int32),
-            )
+            name: replace(each, sources=_SOURCE, source_index=np.zeros(each.value.size, np.int32))
             for name, each in self._samples.items()
             if each.value.size
-        }  # fmt: skip
+        }
         return Recording(path, trial, series, {}, [], 0, False, 0, self.newest_received_ns)
 
 

@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from acquisition.core.actuators import DEFAULT, Actuators, as_text
+from acquisition.core.arrays import Series
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import SeatrialError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.logger.follow import Follower
 from acquisition.logger.requests import send_prediction
-from acquisition.recording.reader import Recording, Series
+from acquisition.recording.reader import Recording
 from analysis.tables.table import actuators_in_recording
 from analysis.tables.time_index import NANO
 from hybrid.prediction.prediction_windows import PAST_S

@@ -12,11 +12,12 @@ import pytest
 
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.angles import difference
+from acquisition.core.arrays import Series
 from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
 from acquisition.emulator.emulate import Playback, emulate
 from acquisition.emulator.transmitters import NullModem
 from acquisition.logger.record import record
-from acquisition.recording.reader import Recording, Series, read_recording
+from acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import (
     DBC,
     PATIENCE_S,

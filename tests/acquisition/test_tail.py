@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from acquisition.config.sections import RecordingSection
+from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Sample
 from acquisition.core.trial import Trial
@@ -16,7 +17,6 @@ from acquisition.logger.follow import Follower, choose_recorder, no_recorder_tex
 from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
-from acquisition.recording.batches import Samples
 from acquisition.recording.parts import RecordingParts
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tail import Tail
@@ -34,17 +34,16 @@ def sample(number: int) -> Sample:
     return Sample(name, float(number % 360), "x", time_ns, number, time_ns - 1_000 * (number % 7))
 
 
-def add(rows: Rows, samples: dict[str, Samples]) -> None:
+def add(rows: Rows, samples: dict[str, Series]) -> None:
     for name, each in samples.items():
-        rows[name] += zip(each.measured_ns, each.received_ns, each.value, each.quality, strict=True)
+        columns = each.measured_ns, each.received_ns, each.value, each.quality
+        rows[name] += zip(*(column.tolist() for column in columns), strict=True)
 
 
 def rows_in(paths: list[Path]) -> Rows:
     rows: Rows = defaultdict(list)
     for path in paths:
-        for name, each in read_recording(path).series.items():
-            columns = each.measured_ns, each.received_ns, each.value, each.quality
-            rows[name] += zip(*(column.tolist() for column in columns), strict=True)
+        add(rows, read_recording(path).series)
     return rows
 
 

@@ -11,10 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.arrays import Series
 from acquisition.core.channels import BY_NAME, is_setting
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording, Series
+from acquisition.recording.reader import Recording
 from analysis.tables.provenance import history_of
 from analysis.tables.resample import resample, resample_recording
 from analysis.tables.table import remove_delays, select, table_of

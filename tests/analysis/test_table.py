@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.arrays import Series
 from acquisition.core.channels import BY_NAME, NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording, Series
+from acquisition.recording.reader import Recording
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
 from analysis.tables.export import export_table

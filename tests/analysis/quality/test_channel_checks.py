@@ -182,7 +182,7 @@ def test_next_to_nothing_is_no_trouble(check: Callable[[pd.Series[Any]], Any], c
 
 
 def test_values_that_a_decoder_doubted_are_no_samples(tmp_path: object) -> None:
-    from acquisition.recording.reader import Series
+    from acquisition.core.arrays import Series
 
     times = np.arange(3, dtype=np.int64)
     quality = np.array([1, 4, 3], dtype=np.uint8)

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.arrays import Series
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
-from acquisition.recording.reader import Recording, Series, read_recording
+from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from analysis.quality.channel_checks import grade_of
 from analysis.quality.check import DataQuality, check_recording, check_table, rows_of

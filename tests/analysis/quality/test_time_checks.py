@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.recording.reader import Series
+from acquisition.core.arrays import Series
 from analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
 from analysis.tables.time_index import NANO, index_of, times_ns
 from hybrid.simulation.trial import simulate_trial

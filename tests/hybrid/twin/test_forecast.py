@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from acquisition.core.arrays import Series
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import DataShortageError
 from acquisition.logger.predictions import schema_violation
-from acquisition.recording.batches import Samples
-from acquisition.recording.reader import Recording, Series, read_recording
+from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.schemas import PREDICTION
 from acquisition.recording.tail import Tail
 from analysis.tables.resample import resample
@@ -62,7 +62,7 @@ def test_it_is_the_prediction_of_the_recording_that_ends_there(
         end_ns = int(voyage.series["heading_deg"].measured_ns[0]) + second * NANO + 430_000_000
         before = until(voyage, end_ns)
         recent = RecentSamples(75.0)
-        recent.add(pieces(before))
+        recent.add(before.series)
         forecast = predict_now(recent.recording(voyage.trial, Path()), SMALL_HORIZON_S, small.plant, trained)
         table = resample(table_of(before))
         at = pd.Timestamp(end_ns // NANO * NANO, tz="UTC")
@@ -74,17 +74,6 @@ def test_it_is_the_prediction_of_the_recording_that_ends_there(
         if with_calibrator:
             assert forecast.prediction.band_m is not None
             np.testing.assert_allclose(forecast.prediction.band_m, expected.band_m, atol=1e-6)
-
-
-def pieces(recording: Recording) -> dict[str, Samples]:
-    samples = {}
-    for name, each in recording.series.items():
-        samples[name] = Samples()
-        samples[name].measured_ns.extend(each.measured_ns.tolist())
-        samples[name].received_ns.extend(each.received_ns.tolist())
-        samples[name].value.extend(each.value.tolist())
-        samples[name].quality.extend(each.quality.tolist())
-    return samples
 
 
 def test_what_is_read_from_the_file_is_what_predict_reads(tmp_path: Path, plant: Plant) -> None:
@@ -145,9 +134,9 @@ def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
     """A recorder that gives a file up says part of it again in the next."""
     recent, once = RecentSamples(1e6), RecentSamples(1e6)
     begin = int(voyage.series["north_m"].measured_ns[0])
-    samples = pieces(until(voyage, begin + 30 * NANO))
+    samples = until(voyage, begin + 30 * NANO).series
     once.add(samples)
-    recent.add(pieces(until(voyage, begin + 20 * NANO)))
+    recent.add(until(voyage, begin + 20 * NANO).series)
     recent.add(samples, again=True)
     for name, each in once.recording(voyage.trial, Path()).series.items():
         np.testing.assert_array_equal(
@@ -157,7 +146,7 @@ def test_what_was_read_twice_is_kept_once(voyage: Recording) -> None:
 
 def test_only_the_last_seconds_are_kept(voyage: Recording) -> None:
     recent = RecentSamples(75.0)
-    recent.add(pieces(voyage))
+    recent.add(voyage.series)
     for name, each in recent.recording(voyage.trial, Path()).series.items():
         newest = int(voyage.series[name].received_ns.max())
         assert recent.newest_received_ns - each.received_ns.min() == pytest.approx(75e9, abs=0.2e9), name
