@@ -11,7 +11,7 @@ import pandas as pd
 
 from acquisition.core.errors import SeatrialError
 from acquisition.recording.reader import Recording, read_recording
-from analysis.estimation.smoother import Smoothed, smooth
+from analysis.estimation.smoother import SmoothedMotion, smooth
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, RepairResult, repair
@@ -98,7 +98,7 @@ def analyse(path: Path, options: Options, name: str = "") -> Products:
     return products
 
 
-def _with_motion(one_hz: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
+def _with_motion(one_hz: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     """The motion and its rates of change from the smoother, the standard deviation of each beside it."""
     states, sigmas = (each.reindex(one_hz.index) for each in (motion.states, motion.standard_deviations()))
     both = {str(name): states[name] for name in states}

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hybrid.planning.plan import Plan
     from hybrid.vessel.parameters import Vessel
     from hybrid.vessel.plant import Plant
-    from hybrid.workflows.diagnose import Diagnosed
+    from hybrid.workflows.diagnose import DiagnosisRun
 
 Paths = str | Path | Sequence[str | Path]
 HORIZON_S = 15
@@ -303,7 +303,7 @@ def diagnose(
     part: str = "0..100",
     repair: bool = False,
     rebuild_positions: bool = False,
-) -> Diagnosed:
+) -> DiagnosisRun:
     """What the model of ``vessel`` lacks, by recordings: the effects named, their sizes, the gap before and after.
 
     ``tolerance_percent`` of the force range is how far off the model may be anyway; ``effect_files`` add effects to

@@ -76,7 +76,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True)
-class Filtered:
+class FilteredStates:
     """The state after the values of each step, mean [steps, states] and covariance, and how these were received.
 
     ``innovation`` and ``deviation``, its standard deviation, [steps, channels] are NaN where there was no value.
@@ -106,7 +106,7 @@ class Track:
     mean: Floats
     costate: Floats
     information: Floats
-    filtered: Filtered
+    filtered: FilteredStates
     model: Model
 
     @property
@@ -122,7 +122,7 @@ class Track:
         """
         before = np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, None)
         after = np.minimum(before + 1, self.time_s.size - 1)
-        mean, covariance = predicted(
+        mean, covariance = predict_states(
             self.filtered.mean[before], self.filtered.covariance[before], time_s - self.time_s[before], self.model
         )
         inside = after > before
@@ -132,7 +132,7 @@ class Track:
         return mean, covariance - onward.transpose(0, 2, 1) @ self.information[after] @ onward
 
 
-def predicted(mean: Floats, covariance: Floats, dt_s: Floats, model: Model) -> tuple[Floats, Floats]:
+def predict_states(mean: Floats, covariance: Floats, dt_s: Floats, model: Model) -> tuple[Floats, Floats]:
     """States [k, states] and covariances after each of ``dt_s`` [k] without measurements."""
     forward, added, which = model.over(dt_s)
     forward = forward[which]
@@ -156,7 +156,7 @@ def smooth_steps(steps: Steps, start: Start, model: Model, gate: Gate, engine: E
     )
     refused = innovation**2 > gate.limit * variance
     _, mean, covariance = kept
-    filtered = Filtered(mean, covariance, innovation, np.sqrt(variance), refused)
+    filtered = FilteredStates(mean, covariance, innovation, np.sqrt(variance), refused)
     return Track(steps.time_s, *smoothed, filtered, model)
 
 
@@ -231,7 +231,7 @@ def filter_and_smooth(steps: Steps, start: Start, model: Model, gate: Gate) -> T
     mean, covariance, _, _ = kalman.rts_smoother(means, covariances, forward, added)
     costate = np.linalg.solve(prior, (prior_mean - mean)[..., None])[..., 0]
     half = np.linalg.solve(prior, prior - covariance).transpose(0, 2, 1)
-    filtered = Filtered(means, covariances, innovation, deviation, refused)
+    filtered = FilteredStates(means, covariances, innovation, deviation, refused)
     return Track(steps.time_s, mean, costate, np.asarray(np.linalg.solve(prior, half)), filtered, model)
 
 

@@ -23,7 +23,7 @@ _EASIER = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Scoring:
+class ScoringSettings:
     """How the likelihood is climbed: parameters are logarithms of levels, or angles.
 
     ``limit`` is up to where an innovation's square over its variance counts; ``most_steps`` of at most
@@ -58,7 +58,12 @@ def robust_cost(innovation: Floats, variance: Floats, limit: float) -> float:
 
 
 def most_likely(
-    innovations: Innovations, start: Floats, low: Floats, high: Floats, how: Scoring, prior: Prior | None = None
+    innovations: Innovations,
+    start: Floats,
+    low: Floats,
+    high: Floats,
+    how: ScoringSettings,
+    prior: Prior | None = None,
 ) -> tuple[Floats, float]:
     """The parameters [p] between ``low`` and ``high`` that are uphill from ``start``, and their cost.
 

@@ -33,7 +33,7 @@ _FIRST_VARIANCE = np.array([1.0, 0.01, 1e-4, 1e4, 100.0, 1.0, 1e4, 100.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
-class Binned:
+class MotionSamples:
     """The samples of all motion channels combined step by step, in SI.
 
     ``time_s`` [steps] since ``epoch_ns``; ``value``, ``count`` and the samples' mean time and mean squared time
@@ -48,10 +48,10 @@ class Binned:
     offset_s2: Floats
     step_of: Ints
 
-    def part(self, first: int, last: int) -> Binned:
+    def part(self, first: int, last: int) -> MotionSamples:
         """The steps ``first`` to ``last``, the last one excluded."""
         some = slice(first, last)
-        return Binned(
+        return MotionSamples(
             self.epoch_ns, self.time_s[some], self.value[some], self.count[some],
             self.offset_s[some], self.offset_s2[some], self.step_of,
         )  # fmt: skip
@@ -77,7 +77,7 @@ def internal_step_s(time_ns: Ints, values: Floats, fastest_hz: float = FASTEST_H
     return max(min(intervals, default=1.0), 1.0 / fastest_hz)
 
 
-def binned(table: pd.DataFrame, fastest_hz: float = FASTEST_HZ) -> Binned:
+def combine_samples(table: pd.DataFrame, fastest_hz: float = FASTEST_HZ) -> MotionSamples:
     """The samples of a table in any order, combined into internal steps of at most ``fastest_hz``."""
     time_ns, values = times_ns(table), motion_values(table)
     there = np.isfinite(values)
@@ -101,7 +101,7 @@ def binned(table: pd.DataFrame, fastest_hz: float = FASTEST_HZ) -> Binned:
         value[:, channel] = first + _mean(step, apart, kept.size)
         offset[:, channel] = _mean(step, apart_s, kept.size)
         offset2[:, channel] = _mean(step, apart_s**2, kept.size)
-    return Binned(epoch_ns, time_s, value, count, offset, offset2, step_of)
+    return MotionSamples(epoch_ns, time_s, value, count, offset, offset2, step_of)
 
 
 def _mean(step: Ints, values: Floats, steps: int) -> Floats:
@@ -111,7 +111,7 @@ def _mean(step: Ints, values: Floats, steps: int) -> Floats:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def heading_steps(data: Binned, heading_rad: float, yaw_rate_radps: float) -> Steps:
+def heading_steps(data: MotionSamples, heading_rad: float, yaw_rate_radps: float) -> Steps:
     """Heading and yaw rate alone, on three states; the standard deviations are of one sample."""
     value = data.value[:, :2]
     row, jumps = np.zeros((data.time_s.size, 2, 9)), np.zeros((2, 9), dtype=bool)
@@ -121,7 +121,7 @@ def heading_steps(data: Binned, heading_rad: float, yaw_rate_radps: float) -> St
     return Steps(data.time_s, value, row, _variance(noise, data.count[:, :2]), np.array([2 * np.pi, 0.0]), jumps)
 
 
-def motion_steps(data: Binned, heading_rad: Floats, noise: Floats) -> Steps:
+def motion_steps(data: MotionSamples, heading_rad: Floats, noise: Floats) -> Steps:
     """All channels on nine states, linearised about ``heading_rad`` [steps], which sets the headings' turns.
 
     ``noise`` [channels] is the standard deviation of one sample of each.
@@ -157,7 +157,7 @@ def horizontal_steps(steps: Steps, heading: Floats) -> Steps:
     return Steps(steps.time_s, value, row, steps.variance[:, some], steps.turn[some], steps.jumps[some])
 
 
-def first_state(data: Binned) -> Start:
+def first_state(data: MotionSamples) -> Start:
     """What is known before the first sample: the first heading and position, and little else."""
     mean = np.zeros(9)
     for channel, state in ((HEADING, PSI), (NORTH, N), (EAST, E)):
@@ -166,12 +166,12 @@ def first_state(data: Binned) -> Start:
     return Start(mean, np.diag(_FIRST_VARIANCE))
 
 
-def _quadratic(data: Binned, channel: int) -> Floats:
+def _quadratic(data: MotionSamples, channel: int) -> Floats:
     offset, offset2 = np.nan_to_num(data.offset_s[:, channel]), np.nan_to_num(data.offset_s2[:, channel])
     return np.stack([np.ones_like(offset), offset, offset2 / 2.0], axis=1)
 
 
-def _slope(data: Binned, channel: int) -> Floats:
+def _slope(data: MotionSamples, channel: int) -> Floats:
     offset = np.nan_to_num(data.offset_s[:, channel])
     return np.stack([np.zeros_like(offset), np.ones_like(offset), offset], axis=1)
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from analysis.estimation.kalman import Gate, Start, Steps, innovations_of, smooth_steps
-from analysis.estimation.likelihood import Scoring, most_likely, robust_cost
+from analysis.estimation.likelihood import ScoringSettings, most_likely, robust_cost
 from analysis.estimation.motion_model import (
     EAST,
     HEADING,
@@ -26,7 +26,7 @@ from analysis.estimation.motion_model import (
     SURGE,
     SWAY,
     YAW_RATE,
-    Binned,
+    MotionSamples,
     first_state,
     heading_steps,
     horizontal_steps,
@@ -128,7 +128,7 @@ class NoiseLevels:
         return asdict(self)
 
 
-def estimate_levels(data: Binned, gate: Gate | None = None) -> NoiseLevels:
+def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevels:
     """The levels of maximum likelihood of combined samples; a channel that is absent keeps a least level.
 
     Waves are looked for in the horizontal motion. Where there are any, the heading swings in them at much the
@@ -169,7 +169,7 @@ def _levels(horizontal: Floats, yaw: Floats) -> NoiseLevels:
     )  # fmt: skip
 
 
-def _stretches(data: Binned) -> list[Binned]:
+def _stretches(data: MotionSamples) -> list[MotionSamples]:
     """All of a short recording, else stretches spread evenly over it."""
     steps = data.time_s.size
     if steps <= STRETCHES * STEPS_OF_STRETCH:
@@ -178,7 +178,7 @@ def _stretches(data: Binned) -> list[Binned]:
     return [data.part(start, start + STEPS_OF_STRETCH) for start in first]
 
 
-def _first_levels(data: Binned) -> Floats:
+def _first_levels(data: MotionSamples) -> Floats:
     """A first idea of each channel's noise [channels], from second differences."""
     levels = []
     for channel in range(data.value.shape[1]):
@@ -202,7 +202,7 @@ def noise_of(values: Floats, apart: int = 1) -> float:
     return float(noise)
 
 
-def _given_heading(part: Binned, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Start, Floats]:
+def _given_heading(part: MotionSamples, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, Start, Floats]:
     """The horizontal steps of a part with unit noise, their start, and the variance that the heading adds."""
     model = yaw.heading_model
     steps = heading_steps(part, yaw.heading_rad, yaw.yaw_rate_radps).for_model(model)
@@ -215,7 +215,7 @@ def _given_heading(part: Binned, yaw: NoiseLevels, gate: Gate) -> tuple[Steps, S
 
 def _calm(search: Search) -> tuple[Floats, float]:
     """The logarithms of two levels and the jerk, and their cost: motion without waves."""
-    return descended(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
+    return descend(search, [np.array([*search.first_logs, np.log(jerk)]) for jerk in _JERKS], search.bounds)
 
 
 def _with_waves(
@@ -229,7 +229,7 @@ def _with_waves(
         for noise in (plain[:2], search.first_logs)
         for calmer, speed, frequency in product((0.03, 0.3), speeds, frequencies)
     ]
-    wavy, wavy_cost = descended(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
+    wavy, wavy_cost = descend(search, guesses, [*search.bounds, *((low, high) for low, high in bounds)])
     a_sea = bool((wavy[4:] > bounds[1:, 0] + _AT_BOUND).all())  # a line without width is the ship's own doing
     return wavy if a_sea and wavy_cost < cost - 3.0 * np.log(max(search.count, 2)) else plain
 
@@ -239,7 +239,7 @@ def _with_direction(search: Search, wavy: Floats) -> Floats:
     guesses = [np.array([*wavy, np.log(0.6), angle]) for angle in np.pi / 4 * np.arange(4)]
     low, high = np.array([*search.bounds, *search.wave_bounds, (np.log(0.03), np.log(3.0)), (-10.0, 10.0)]).T
     start = min(guesses, key=search.cost)
-    found, cost = search.climbed(start, low, high)
+    found, cost = search.climb(start, low, high)
     return found if cost < search.cost(wavy) - 2.0 * np.log(max(search.count, 2)) else wavy
 
 
@@ -266,9 +266,9 @@ class Search:
         """Minus twice the log likelihood; each innovation's square counts up to the gate."""
         return robust_cost(*self.innovations(logs), self.gate.limit)
 
-    def climbed(self, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
+    def climb(self, logs: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
         """The most likely logarithms uphill from here, and their cost."""
-        return most_likely(self.innovations, logs, low, high, Scoring(limit=self.gate.limit))
+        return most_likely(self.innovations, logs, low, high, ScoringSettings(limit=self.gate.limit))
 
     def innovations(self, logs: Floats) -> tuple[Floats, Floats]:
         """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
@@ -358,12 +358,12 @@ def across_of(logs: Floats) -> tuple[float, float]:
     return (float(np.exp(logs[_WAVY])), float(logs[_WAVY + 1])) if logs.size > _WAVY else (1.0, 0.0)
 
 
-def descended(
+def descend(
     search: Search, guesses: Sequence[Floats], bounds: Sequence[tuple[float, float]]
 ) -> tuple[Floats, float]:
     """The lowest cost that is found downhill from the best of the guesses, and where."""
     low, high = np.array(bounds).T
     ends = [
-        search.climbed(np.clip(each, low, high), low, high) for each in sorted(guesses, key=search.cost)[:_STARTS]
+        search.climb(np.clip(each, low, high), low, high) for each in sorted(guesses, key=search.cost)[:_STARTS]
     ]
     return min(ends, key=lambda end: end[1])

@@ -33,10 +33,10 @@ from analysis.estimation.kalman import Engine, Gate, Track, smooth_steps
 from analysis.estimation.motion_model import (
     BODY,
     CHANNELS,
-    Binned,
+    MotionSamples,
     apart_from,
-    binned,
     body_states,
+    combine_samples,
     first_state,
     heading_steps,
     in_gaps,
@@ -150,7 +150,7 @@ _IN_DEGREES = np.array([name in ("heading_deg", "yaw_rate_dps", "yaw_dps2") for 
 
 
 @dataclass(frozen=True, slots=True)
-class Smoothed:
+class SmoothedMotion:
     """The motion on whole multiples of 1 / rate in UTC.
 
     ``states`` [rows] has the columns :data:`.motion_model.BODY`: pose and velocity in the units of the
@@ -196,7 +196,7 @@ def smooth(
     levels: NoiseLevels | None = None,
     gate: Gate | None = None,
     engine: Engine = "auto",
-) -> Smoothed:
+) -> SmoothedMotion:
     """Smooth the raw samples of a table and give the motion ``rate_hz`` times a second.
 
     Rows may be unsorted and hold NaN where a channel has no sample. Rows further inside a gap in which neither
@@ -209,7 +209,7 @@ def smooth(
     require(table, POSE)
     _refuse_endless(table)
     rules = gate or Gate()
-    data = binned(table)
+    data = combine_samples(table)
     noise = levels or estimate_levels(data, rules)
     grid_ns = _grid(data, rate_hz)
     grid_s = (grid_ns - data.epoch_ns) / NANO
@@ -225,7 +225,7 @@ def smooth(
     hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
     for each in (motion, slow):
         each.mean[hidden], each.covariance[hidden] = np.nan, np.nan
-    return Smoothed(
+    return SmoothedMotion(
         _as_table(motion.mean, grid_ns, rate_hz, table),
         motion.covariance,
         _as_table(slow.mean, grid_ns, rate_hz, table),
@@ -265,13 +265,13 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
     return add_step(states, "smooth", rate_hz=float(rate_hz))
 
 
-def _grid(data: Binned, rate_hz: float) -> Ints:
+def _grid(data: MotionSamples, rate_hz: float) -> Ints:
     """Whole multiples of 1 / rate from the first to the last step [ns]."""
     first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
     return grid(first_ns, last_ns, rate_fraction(rate_hz))
 
 
-def _smoothed_block(data: Binned, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
+def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:
     """Two passes: the heading by itself, then everything about it."""
     begin, model = first_state(data), noise.heading_model
     alone = heading_steps(data, noise.heading_rad, noise.yaw_rate_radps).for_model(model)
@@ -320,7 +320,7 @@ class _Innovations:
     mean: Floats
 
     @classmethod
-    def empty(cls, data: Binned) -> _Innovations:
+    def empty(cls, data: MotionSamples) -> _Innovations:
         shape = data.value.shape
         return cls(
             np.full(shape, np.nan),
@@ -339,7 +339,7 @@ class _Innovations:
 
 
 def _rejected(
-    table: pd.DataFrame, data: Binned, noise: NoiseLevels, gate: Gate, innovations: _Innovations
+    table: pd.DataFrame, data: MotionSamples, noise: NoiseLevels, gate: Gate, innovations: _Innovations
 ) -> pd.DataFrame:
     """Which samples were refused: those of a refused step that lie off themselves, or all where none does."""
     flags = np.zeros((len(table), len(CHANNELS)), dtype=bool)
@@ -356,7 +356,7 @@ def _rejected(
     return pd.DataFrame(flags, index=table.index, columns=list(CHANNELS))
 
 
-def summary_of(smoothed: Smoothed) -> dict[str, Any]:
+def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
     """The figures of a result for a person or a program: rows, levels, refusals, consistency."""
     return {
         "rows": len(smoothed.states),
@@ -367,7 +367,7 @@ def summary_of(smoothed: Smoothed) -> dict[str, Any]:
     }
 
 
-def write_smoothed(smoothed: Smoothed, path: Path | str) -> None:
+def write_smoothed(smoothed: SmoothedMotion, path: Path | str) -> None:
     """Write a result as Parquet: states, the standard deviation of each in its unit as
     ``<name>_sigma``, the 21 elements of the covariance of pose and velocity in SI, and the slow states.
 

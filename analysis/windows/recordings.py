@@ -24,7 +24,7 @@ from acquisition.core.actuators import from_text
 from acquisition.core.channels import BY_NAME, POSE, VELOCITY
 from acquisition.core.errors import InputError
 from acquisition.recording.reader import read_recording
-from analysis.estimation.smoother import COVARIANCE_NAMES, Smoothed, smooth
+from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
 from analysis.tables.provenance import provenance_of, refuse_duplicates
@@ -104,7 +104,7 @@ class WindowOptions:
     rebuild_positions: bool = False
 
 
-def add_start_states(windows: HeldWindows, motion: Mapping[str, Smoothed]) -> HeldWindows:
+def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion]) -> HeldWindows:
     """The windows with ``starts``, from the smoothed motion of each of their trials at whole seconds.
 
     One row a window in the order of their numbers; NaN where the motion has no estimate.
@@ -116,7 +116,7 @@ def add_start_states(windows: HeldWindows, motion: Mapping[str, Smoothed]) -> He
     return replace(windows, starts=starts)
 
 
-def _starts(first: pd.DataFrame, motion: Smoothed) -> pd.DataFrame:
+def _starts(first: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     at = pd.DatetimeIndex(first["start"])
     columns = (
         motion.states[list(STATES)],

@@ -24,6 +24,7 @@ from scipy.stats import chi2, t
 
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.progress import Progress
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from hybrid.diagnosis.evidence import (
     Evidence,
     Fit,
@@ -35,7 +36,6 @@ from hybrid.diagnosis.evidence import (
     restored_data,
     restored_gram,
 )
-from hybrid.diagnosis.noise import FORCE_UNITS
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from hybrid.diagnosis.select_effects import (
     LOOKS,
@@ -432,7 +432,7 @@ def accept(selection: Selection, progress: Progress = lambda share: None) -> Acc
     accepted = accept_names(selection, progress)
     if accepted.names:
         equations = accepted.evidence.equations
-        again = normal_equations(equations.linearisation, equations.noise, interactions=accepted.names)
+        again = normal_equations(equations, equations.noise, interactions=accepted.names)
         accepted = replace(accepted, evidence=evidence_of(again, by_leg=True))
     return replace(accepted, lack_of_fit=_lack_of_fit_that_matters(accepted))
 

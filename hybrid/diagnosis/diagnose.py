@@ -10,9 +10,8 @@ from threadpoolctl import threadpool_limits
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import accept
-from hybrid.diagnosis.estimate_noise import estimate_noise
+from hybrid.diagnosis.estimate_noise import choose_input_hold, estimate_noise
 from hybrid.diagnosis.evidence import weigh_evidence
-from hybrid.diagnosis.input_hold import choose_input_hold
 from hybrid.diagnosis.linearise import linearise, model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import select_effects

@@ -1,21 +1,106 @@
-"""The ship and what disturbs her as one linear system, second by second, compiled: for the Kalman kernel.
+"""The ship and what disturbs her: one linear system, its Kalman filter and its smoother.
 
 States: the ship's six deviations from the motion that the model is linear about; a slow force in each body axis, an
 Ornstein-Uhlenbeck process; the swing in waves, three damped oscillators (north, east, yaw) with their speeds. They
 swing at the frequency at which the ship meets the waves, and in yaw by how much these come from the side. Last come
 slow errors of the sensors, an Ornstein-Uhlenbeck process each. Swing and slow errors are left out where there are
-none.
+none. :class:`Noise` has the levels of it all; the system is compiled, for :mod:`analysis.estimation.kalman_kernel`.
+
+The filter starts each block from a state about which nothing is known, so that every block has a free one. Its
+innovations over their standard deviations are the whitened errors. It is linear: what an effect would do to the
+errors is the filter's answer to the effect's signature, column by column, and a fit of effects to all the data is
+an ordinary least-squares problem from there on. The smoother goes back over each block. Its motion is where the
+equations are made linear anew; its force is a picture of what the model lacks, for people.
 """
 
 from __future__ import annotations
 
-from math import cos, sin
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import cos, inf, sin, sqrt
+from pathlib import Path
 
 import numpy as np
+from numba import get_num_threads, njit
+from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
-from analysis.compiling import compiled
+from analysis.compiling import FAST, compiled, source_stamp
+from analysis.estimation import kalman_kernel, process_models
+from analysis.estimation.kalman_kernel import WIDTH, filter_pass, smoother_pass
 from analysis.estimation.process_models import decay, oscillator
+from hybrid.diagnosis.linearise import Linearisation, LinearModel, Signature
+
+FORCE_UNITS = np.array([1e3, 1e3, 1e4])
+"""The filter reckons forces in kN and moments in 10 kN m, so that its numbers are of one size."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations, SI.
+
+    Of a second's mean of each sensor; of the force that changes from second to second (``gust``) and of one that
+    lasts ``slow_s`` (``slow``), along, across [N] and in yaw [N m]; of the swing in waves, north, east [m] (and the
+    correlation of the two) and in yaw [rad], with the frequency that a
+    buoy would see, its damping, and where the waves go: the ship meets them at another frequency, and swings in yaw
+    when they come from the side. ``drift`` is what the sensors err slowly, by position [m], heading [rad], surge,
+    sway [m/s] and yaw rate [rad/s]: an error that lasts ``drift_s``, where a second's noise is forgotten at once.
+    """
+
+    position_m: float = 0.03
+    heading_rad: float = 0.001
+    surge_mps: float = 0.02
+    sway_mps: float = 0.02
+    yaw_rate_radps: float = 0.0005
+    gust: tuple[float, float, float] = (300.0, 300.0, 3000.0)
+    slow: tuple[float, float, float] = (300.0, 300.0, 3000.0)
+    slow_s: float = 20.0
+    waves: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    wave_correlation: float = 0.0
+    wave_frequency_radps: float = 1.2
+    wave_damping: float = 0.2
+    wave_towards_rad: float = 0.0
+    drift: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    drift_s: float = 10.0
+
+    @property
+    def has_waves(self) -> bool:
+        """Whether there is a swing in waves at all."""
+        return any(each > 0.0 for each in self.waves)
+
+    @property
+    def has_drift(self) -> bool:
+        """Whether any sensor errs slowly."""
+        return any(each > 0.0 for each in self.drift)
+
+    def as_array(self) -> Floats:
+        """For the filter: sensors 6, gusts 3, slow forces 3, their time; of the waves correlation, 3 levels,
+        frequency, damping, direction; slow errors of the sensors 6, their time."""
+        sensors = [self.position_m] * 2 + [self.heading_rad, self.surge_mps, self.sway_mps, self.yaw_rate_radps]
+        gust, slow = (np.array(each) / FORCE_UNITS for each in (self.gust, self.slow))
+        swing = [
+            self.wave_correlation,
+            *self.waves,
+            self.wave_frequency_radps,
+            self.wave_damping,
+            self.wave_towards_rad,
+        ]
+        drift = [self.drift[0], *self.drift, self.drift_s]
+        return np.array([*sensors, *gust, *slow, self.slow_s, *swing, *drift])
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseEstimate:
+    """The second stage's result: the equations about a better motion, and what nobody can predict in them.
+
+    ``linearisation`` is about the motion that the model with its disturbances makes out [T, 6]; ``noise`` are the
+    likeliest standard deviations (SI) of sensors, gusts, slow forces and waves.
+    """
+
+    linearisation: Linearisation
+    noise: Noise
+
 
 CALM, SWING, DRIFT = 9, 6, 6
 """The number of states without waves and slow errors of sensors, and how many more each of these are."""
@@ -27,7 +112,7 @@ _SLOWEST_RADPS = 0.3
 _GRAVITY_MPS2 = 9.81
 
 
-left, oscillating = compiled(decay), compiled(oscillator)
+_decay, _oscillator = compiled(decay), compiled(oscillator)
 
 
 @compiled
@@ -100,12 +185,12 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
                 Q[i, j] += B[i, d] * B[j, d] * noise[6 + d] ** 2
         for d in range(3):
             F[i, 6 + d] = B[i, d]
-    kept = left(1.0, noise[12])
+    kept = _decay(1.0, noise[12])
     for d in range(3):
         F[6 + d, 6 + d] = kept
         Q[6 + d, 6 + d] = (1.0 - kept * kept) * noise[9 + d] ** 2
     if has_drift(noise):
-        first, kept = F.shape[0] - DRIFT, left(1.0, noise[26])
+        first, kept = F.shape[0] - DRIFT, _decay(1.0, noise[26])
         for channel in range(6):
             F[first + channel, first + channel] = kept
             Q[first + channel, first + channel] = (1.0 - kept * kept) * noise[20 + channel] ** 2
@@ -117,7 +202,7 @@ def transition(A: Floats, B: Floats, noise: Floats, origin: Floats, F: Floats, Q
 def _swing(noise: Floats, origin: Floats, F: Floats, Q: Floats) -> None:
     """A damped oscillator over a second, exactly, stationary."""
     w = _met_frequency(noise, origin)
-    a00, a01, a10, a11 = oscillating(1.0, w, noise[18])
+    a00, a01, a10, a11 = _oscillator(1.0, w, noise[18])
     q00 = 1.0 - a00 * a00 - a01 * a01 * w * w
     q11 = w * w - a10 * a10 - a11 * a11 * w * w
     q01 = -(a00 * a10 + a01 * a11 * w * w)
@@ -162,3 +247,148 @@ def fill_block(A, B, H, origin, noise, F, Q, rows, P) -> None:  # type: ignore[n
     for k in range(A.shape[0]):
         measurement_rows(H[k], origin[k], noise, rows[k])
         transition(A[k], B[k], noise, origin[k], F[k], Q[k])
+
+
+STAMP = source_stamp(Path(__file__), *(Path(module.__file__ or "") for module in (kalman_kernel, process_models)))
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """What the filter is asked for, column by column.
+
+    ``drive`` [T, 6, C] enters the next state and ``readings`` [T, 6, C] the measurement; column 0 is the data. A
+    force feature in ``features`` [T, M] makes three columns more, one a body axis, in that order of axes.
+    """
+
+    drive: Floats
+    readings: Floats
+    features: Floats
+
+    @property
+    def count(self) -> int:
+        """How many columns come out."""
+        return int(self.drive.shape[2] + 3 * self.features.shape[1])
+
+
+def columns_of(linear: LinearModel, effects: Sequence[Signature], features: Floats | None = None) -> Columns:
+    """The data and the signatures of effects and force features; an effect predicted is an effect taken off."""
+    drive = np.stack([linear.defect, *(-each.D for each in effects)], axis=2)
+    seen = np.stack([linear.observed, *(each.E for each in effects)], axis=2)
+    none = np.zeros((len(linear.defect), 0))
+    return Columns(drive, seen, none if features is None else features)
+
+
+def whiten(linear: LinearModel, columns: Columns, noise: Noise, edges: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Whitened columns [T, 6, C] and the variances of the innovations [T, 6], 1 where nothing was measured.
+
+    ``edges`` [blocks + 1] are the rows at which blocks begin, and the end.
+    """
+    z = np.zeros((len(linear.A), 6, columns.count))
+    variance = np.ones((len(linear.A), 6))
+    arrays = _system(linear, noise), columns.drive, columns.readings, columns.features
+    on_all_cores(lambda part: _whiten(*arrays, part, z, variance), edges)
+    return z, variance
+
+
+def smooth_state(
+    linear: LinearModel, data: Columns, noise: Noise, edges: NDArray[np.int64]
+) -> tuple[Floats, Floats]:
+    """The ship's deviation from the motion made linear about [T, 6] and the slow force [T, 3], then its variances.
+
+    Returns means [T, 9] and variances [T, 9]; forces in N, N and N m. ``data`` is one column.
+    """
+    mean, variance = np.zeros((len(linear.A), 9)), np.zeros((len(linear.A), 9))
+    arrays = _system(linear, noise), data.drive, data.readings
+    on_all_cores(lambda part: _smooth(*arrays, part, mean, variance), edges)
+    unit = np.concatenate([np.ones(6), FORCE_UNITS])
+    return mean * unit, variance * unit**2
+
+
+def _system(linear: LinearModel, noise: Noise) -> tuple[Floats, ...]:
+    """What the compiled loops know of the ship and of what disturbs her."""
+    return linear.A, linear.B * FORCE_UNITS, linear.H, linear.origin, noise.as_array()
+
+
+def on_all_cores(work: Callable[[NDArray[np.int64]], None], edges: NDArray[np.int64]) -> None:
+    """Call compiled ``work`` with the edges of a share of the blocks on each core: it leaves Python alone."""
+    shares = np.array_split(np.arange(len(edges) - 1), min(get_num_threads(), len(edges) - 1))
+    parts = [edges[share[0] : share[-1] + 2] for share in shares]
+    if len(parts) == 1:
+        work(parts[0])
+        return
+    with ThreadPoolExecutor(len(parts)) as pool:
+        for done in pool.map(work, parts):
+            assert done is None
+
+
+@compiled
+def _room(noise, edges):  # type: ignore[no-untyped-def]
+    """Room for the system of the longest block, the variances of its samples, and which transition leads where."""
+    n, longest = states_of(noise), 0
+    for block in range(edges.size - 1):
+        longest = max(longest, edges[block + 1] - edges[block])
+    R = np.empty((longest, 6))
+    R[:] = noise[:6] ** 2
+    F, Q = np.zeros((longest, n, WIDTH)), np.zeros((longest, n, WIDTH))
+    return F, Q, np.zeros((longest, 6, n)), R, np.zeros((n, WIDTH)), np.arange(longest) - 1
+
+
+@compiled
+def _no_gate():  # type: ignore[no-untyped-def]
+    """The gate of a filter that refuses nothing."""
+    return inf, 0.0, 0, np.zeros(0), np.zeros((0, 0), dtype=np.bool_)
+
+
+def _make_whiten(stamp: int) -> Callable[..., None]:
+    @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+    def whiten(system, drive, seen, features, edges, z, variance):  # type: ignore[no-untyped-def]
+        A, B, H, origin, noise = system
+        F, Q, rows, R, P, interval = _room(noise, edges)
+        plain, none = drive.shape[2], np.zeros((0, 0, 0))
+        kept, gain = (none, np.zeros((0, 0)), none), np.zeros((rows.shape[0], 6, 3))
+        for block in range(edges.size - 1 if stamp != 0 else 0):
+            a, b = edges[block], edges[block + 1]
+            T = b - a
+            fill_block(A[a:b], B[a:b], H[a:b], origin[a:b], noise, F, Q, rows, P)
+            for k in range(T):  # a feature's force is what the data would show: it is taken off
+                for i in range(6):
+                    for d in range(3):
+                        gain[k, i, d] = -B[a + k, i, d]
+                    for j in range(plain):
+                        z[a + k, i, j] = seen[a + k, i, j]
+            inputs, m = (drive[a:b], gain, features[a:b]), np.zeros((rows.shape[2], z.shape[2]))
+            filter_pass(
+                F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z[a:b], variance[a:b], kept
+            )
+            for k in range(a, b):
+                for channel in range(6):
+                    missing = np.isnan(seen[k, channel, 0])
+                    factor = 1.0 / sqrt(variance[k, channel])
+                    for j in range(z.shape[2]):
+                        z[k, channel, j] = 0.0 if missing else factor * z[k, channel, j]
+
+    return whiten  # type: ignore[no-any-return]
+
+
+def _make_smooth(stamp: int) -> Callable[..., None]:
+    @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
+    def smooth(system, drive, seen, edges, mean, mean_variance):  # type: ignore[no-untyped-def]
+        A, B, H, origin, noise = system
+        F, Q, rows, R, P, interval = _room(noise, edges)
+        n, none = P.shape[0], np.zeros((0, 0, 0))
+        for block in range(edges.size - 1 if stamp != 0 else 0):
+            a, b = edges[block], edges[block + 1]
+            T = b - a
+            fill_block(A[a:b], B[a:b], H[a:b], origin[a:b], noise, F, Q, rows, P)
+            inputs, m = (drive[a:b], np.zeros((T, 6, 0)), np.zeros((T, 0))), np.zeros((n, 1))
+            z, variance = seen[a:b].copy(), np.ones((T, 6))
+            kept = np.zeros((T, 6, n)), np.zeros((T, n)), np.zeros((T, n, n))
+            filter_pass(F, Q, interval, rows[:T], R, np.zeros(6), _no_gate(), inputs, m, P, z, variance, kept)
+            smoother_pass(
+                F, interval, rows[:T], inf, z, variance, kept, mean[a:b], mean_variance[a:b], np.zeros((0, 0)), none
+            )
+
+    return smooth  # type: ignore[no-any-return]
+
+
+_whiten, _smooth = _make_whiten(STAMP), _make_smooth(STAMP)

@@ -1,14 +1,28 @@
-"""The noise in a log, and a motion to be linear about: what has to be settled before anything is named."""
+"""The noise in a log, a better motion to be linear about, and how thruster settings are to be read between records.
+
+The noise levels are those under which what was measured is the most likely: maximum likelihood
+(:mod:`analysis.estimation.likelihood`) on the innovations of the disturbed ship's filter. The data come with every
+effect's part taken off first; else a missing effect passes for noise and hides itself.
+
+A drive moves from record to record, and a straight line between them is near the truth. A recorder, or a simulator,
+that takes a setting and holds it until the next makes steps, half a record later or earlier in the mean than the
+line: at one record a second enough to pass for what a ship lacks. The motion itself says which it is, and loudly.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
+from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
+from hybrid.diagnosis.acceptance import accept_names
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, smooth_state, whiten
 from hybrid.diagnosis.evidence import (
     DesignMatrix,
     design_matrix,
@@ -17,13 +31,27 @@ from hybrid.diagnosis.evidence import (
     gram_matrices,
     subset_of,
     tolerated_forces,
+    weigh_evidence,
 )
-from hybrid.diagnosis.innovations import Columns, smoothed_state
-from hybrid.diagnosis.linearise import Linearisation, linearise, sensor_readings
-from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise, NoiseEstimate
-from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
+from hybrid.diagnosis.linearise import Linearisation, LinearModel, linearise, sensor_readings
+from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
 from hybrid.diagnosis.nuisance_basis import WIND_MPS
+from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
+
+_SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
+_DEVIATION = 1.5  # of the logarithm of each level about where the search begins
+_ROOM = 2.0
+_LEAST = np.log([1e-3, 5e-5, 1e-3, 1e-3, 1e-5])  # of the sensors: better there are none, or they are no sensors
+_SENSORS = ("position_m", "heading_rad", "surge_mps", "sway_mps", "yaw_rate_radps")
+_FORCES = ("gust", "slow", "slow_s")
+_WAVES = ("waves", "wave_frequency_radps", "wave_damping", "wave_correlation", "wave_towards_rad")
+_DRIFT = ("drift", "drift_s")
+_BOUNDS = {
+    "slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7), "drift_s": (3.0, 60.0)
+}  # fmt: skip
+_AS_PARAMETER: dict[str, Callable[[Any], Any]] = {"wave_correlation": np.arctanh, "wave_towards_rad": np.asarray}
+_AS_LEVEL: dict[str, Callable[[Any], Any]] = {"wave_correlation": np.tanh, "wave_towards_rad": np.asarray}
+_STILL_WHITE, _TRACE = 0.7, 0.1
 
 _NOISE_S = 1500
 _LOOSE = 3.0  # so much wider than their prior effects may be while noise is estimated
@@ -32,6 +60,9 @@ _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
 _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # log likelihood that seven, or six, more levels have to bring
 _FEW = 50  # features are enough where nothing is decided
+
+_ENOUGH_S = 600.0  # of the log: how settings are held shows in every turn
+_PLAIN = 20.0  # log likelihood by which steps have to be better than lines
 
 
 def estimate_noise(linearisation: Linearisation, progress: Progress = lambda share: None) -> NoiseEstimate:
@@ -43,11 +74,11 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     noise: Noise | None = None
     for round_ in range(2):
         log, model = linearisation.log, linearisation.model
-        look = design_matrix(linearisation, _FEW)
-        noise = estimated_noise(log, look, noise)
+        design = design_matrix(linearisation, _FEW)
+        noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
-        rest, sensors = _rest(log, look, noise, seed=None)
-        moved = look.linear.origin + smoothed_state(look.linear, rest, noise, log.edges)[0][:, :6]
+        rest, sensors = _without_effects(design, noise, seed=None)
+        moved = design.linear.origin + smooth_state(design.linear, rest, noise, log.edges)[0][:, :6]
         log = replace(log, nominal=sensor_readings(log, model.plant(), moved) + sensors)
         # the motion moves so little that effects stay what they are, for a draw of them
         known = None if round_ else linearisation.effects
@@ -57,25 +88,52 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     return NoiseEstimate(linearisation, noise)
 
 
-def estimated_noise(log: Log, look: DesignMatrix, start: Noise | None = None) -> Noise:
+def choose_input_hold(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> NoiseEstimate:
+    """The estimate with settings held as the motion asks for: as lines, or else as steps and the noise anew."""
+    hold = max(INPUT_HOLDS, key=lambda each: _log_density(estimate, each))  # the first of equals: lines
+    known = estimate.linearisation
+    if hold == known.log.input_hold:
+        return estimate
+    return estimate_noise(linearise(known.log.with_input_hold(hold), known.model, known.tolerance), progress)
+
+
+def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
+    """Of a part of the data with what is missing in the model so read, less what steps have to be better by.
+
+    Where settings come seldom, a lag or a delay is as large as the difference: it has to be selected at its size.
+    """
+    known = estimate.linearisation
+    as_it_is = hold == known.log.input_hold
+    log = known.log if as_it_is else known.log.with_input_hold(hold)
+    part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
+    evidence = weigh_evidence(NoiseEstimate(part, estimate.noise))
+    if log.setting_step_s > SELDOM_S:
+        found = accept_names(select_effects(evidence))
+        density = log_density(found.evidence, found.names)
+    else:
+        density = log_density(evidence, search_effects(evidence))
+    return density if as_it_is else density - _PLAIN
+
+
+def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
     """Noise levels from blocks spread over the log, a likely part of all that may be missing taken off first."""
-    chosen = spread_out(log)
-    part, linear = log.subset(chosen), subset_of(look.linear, chosen)
-    some = replace(look, linear=linear, columns=subset_of(look.columns, chosen))
-    noise = start or first_guess(log)
+    chosen = _spread_blocks(design.log, _NOISE_S)
+    linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
+    some = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
+    noise = start or _first_guess(part)
     for round_ in range(1 if start else _ROUNDS):
-        rest, _ = _rest(part, some, noise, seed=round_)
+        rest, _ = _without_effects(some, noise, seed=round_)
         starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
-        tried = [fitted_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
+        tried = [fit_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
         noise, cost = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)
-    drifting = with_drift(linear, rest, part.edges, noise) if start is None else noise
+    drifting = start_of_drift(linear, rest, part.edges, noise) if start is None else noise
     if drifting is not noise:
-        drifting, less = fitted_noise(linear, rest, part.edges, drifting, _STEPS[1])
+        drifting, less = fit_noise(linear, rest, part.edges, drifting, _STEPS[1])
         noise = drifting if less < cost - _PRICE_OF_DRIFT else noise
     return noise
 
 
-def first_guess(log: Log) -> Noise:
+def _first_guess(log: Log) -> Noise:
     """Where the search for the noise begins: what the smoother found, or usual levels."""
     if not log.levels:
         return Noise()
@@ -108,27 +166,27 @@ def _both_ways(noise: Noise) -> list[Noise]:
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 
-def spread_out(log: Log, seconds: float = _NOISE_S) -> NDArray[np.bool_]:
-    """Whole blocks spread evenly over the log, of some 25 minutes in all, or as long as asked for."""
+def _spread_blocks(log: Log, seconds: float) -> NDArray[np.bool_]:
+    """Whole blocks spread evenly over the log, ``seconds`` in all."""
     blocks = int(log.block.max()) + 1
     wanted = min(blocks, max(1, round(seconds * blocks / len(log))))
     chosen = np.unique(np.linspace(0, blocks - 1, wanted).round().astype(int))
     return np.asarray(np.isin(log.block, chosen))
 
 
-def _rest(log: Log, look: DesignMatrix, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
+def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tuple[Columns, Floats]:
     """The data with all effects and force features taken off, one column, and what of it is in the sensors [T, 6].
 
     With a ``seed`` a likely draw of them, without one the likeliest values.
     """
-    layout, columns = look.layout, look.columns
-    gram = gram_matrices(log, look.linear, columns, noise).total
+    layout, columns = design.layout, design.columns
+    gram = gram_matrices(design.log, design.linear, columns, noise).total
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
     prior[layout.first_wind : layout.first_varying] = _LOOSE * WIND_MPS
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
-    for axis, force in enumerate(tolerated_forces(look)):
+    for axis, force in enumerate(tolerated_forces(design)):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)
         prior[layout.nuisance_forces(axis)] = _LOOSE * force
     every = range(1, columns.count)
@@ -136,7 +194,96 @@ def _rest(log: Log, look: DesignMatrix, noise: Noise, seed: int | None) -> tuple
     few = layout.first_feature - 1
     plain, forces = fit[:few], fit[few:].reshape(3, features)
     drive = columns.drive[:, :, 0] - columns.drive[:, :, 1:] @ plain
-    drive += np.einsum("tid,dm,tm->ti", look.linear.B * FORCE_UNITS, forces, columns.features)
-    sensors = columns.seen[:, :, 1:] @ plain
-    seen = columns.seen[:, :, 0] - sensors
-    return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(log), 0))), sensors
+    drive += np.einsum("tid,dm,tm->ti", design.linear.B * FORCE_UNITS, forces, columns.features)
+    sensors = columns.readings[:, :, 1:] @ plain
+    seen = columns.readings[:, :, 0] - sensors
+    return Columns(drive[:, :, None].copy(), seen[:, :, None].copy(), np.zeros((len(drive), 0))), sensors
+
+
+def fit_noise(
+    linear: LinearModel, data: Columns, edges: NDArray[np.int64], start: Noise, steps: int
+) -> tuple[Noise, float]:
+    """The likeliest levels for one column of data, searched from ``start``, and minus the log likelihood.
+
+    At most ``steps`` steps are made."""
+    low, high = _bounds(start, _largest_levels(linear, data))
+    begin = np.clip(_parameters(start), low, high)
+
+    def innovations(at: Floats) -> tuple[Floats, Floats]:
+        return _innovations(linear, data, edges, _noise(start, at))
+
+    how = replace(_SCORING, most_steps=steps)
+    found, cost = most_likely(innovations, begin, low, high, how, Prior(begin, _DEVIATION))
+    return _noise(start, found), 0.5 * cost
+
+
+def _innovations(
+    linear: LinearModel, data: Columns, edges: NDArray[np.int64], noise: Noise
+) -> tuple[Floats, Floats]:
+    """All innovations and their variances."""
+    z, variance = whiten(linear, data, noise, edges)
+    there = np.isfinite(data.readings[:, :, 0])
+    return (z[:, :, 0] * np.sqrt(variance))[there], variance[there]
+
+
+def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
+    """The logarithm of the largest level that each sensor can have: noise would show in its third differences.
+
+    Half of them lie below what is given here whatever the ship does; so jumps and jitter do not pass for noise.
+    """
+    value = data.readings[:, :, 0] + linear.origin
+    third = np.abs(np.diff(value, 3, axis=0)) / np.sqrt(20.0)
+    level = 1.4826 * np.nanmedian(third, axis=0)
+    level[0] = max(level[:2])
+    return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
+
+
+def _searched(noise: Noise) -> tuple[str, ...]:
+    """The levels that are searched: all that are not zero throughout."""
+    return (*_SENSORS, *_FORCES, *(_WAVES if noise.has_waves else ()), *(_DRIFT if noise.has_drift else ()))
+
+
+def _parameters(noise: Noise) -> Floats:
+    """What is searched: logarithms of levels, the inverse hyperbolic tangent of a correlation, a direction."""
+    return np.hstack([_AS_PARAMETER.get(name, np.log)(getattr(noise, name)) for name in _searched(noise)])
+
+
+def _noise(start: Noise, parameters: Floats) -> Noise:
+    """The levels back, of the same kind as ``start``."""
+    levels, rest = dict[str, Any](), parameters
+    for name in _searched(start):
+        size = np.size(getattr(start, name))
+        found, rest = _AS_LEVEL.get(name, np.exp)(rest[:size]).tolist(), rest[size:]
+        levels[name] = tuple(found) if isinstance(getattr(start, name), tuple) else found[0]
+    return replace(start, **levels)
+
+
+def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:
+    """The least and the largest that each parameter may be; ``most`` [5] of the sensors."""
+    searched = _searched(kind)
+    ends = [np.log(_BOUNDS[name]) if name in _BOUNDS else np.array([-np.inf, np.inf]) for name in searched]
+    low, high = np.repeat(ends, [np.size(getattr(kind, name)) for name in searched], axis=0).T.copy()
+    low[: len(_LEAST)], high[: len(_LEAST)] = _LEAST, most
+    return low, high
+
+
+def start_of_drift(linear: LinearModel, data: Columns, edges: NDArray[np.int64], noise: Noise) -> Noise:
+    """Where a search for slow errors of the sensors begins: as it is, but for those that seem to err slowly.
+
+    Each sensor is tried by itself: whether an error as large as its noise that lasts makes the data likelier.
+    """
+
+    def cost(noise: Noise) -> float:
+        return robust_cost(*_innovations(linear, data, edges, noise), _SCORING.limit)
+
+    plain, drift = cost(noise), [0.0] * len(_SENSORS)
+    for number, name in enumerate(_SENSORS):
+        level = getattr(noise, name)
+        alone = [level if each == number else 0.0 for each in range(len(_SENSORS))]
+        tried = replace(noise, drift=tuple(alone), **{name: _STILL_WHITE * level})  # type: ignore[arg-type]
+        if cost(tried) < plain:
+            drift[number] = level
+    if not any(drift):
+        return noise
+    start = [max(each, _TRACE * getattr(noise, name)) for each, name in zip(drift, _SENSORS, strict=True)]
+    return replace(noise, drift=tuple(start))

@@ -23,10 +23,9 @@ from scipy.stats import chi2
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
-from hybrid.diagnosis.innovations import Columns, columns_of, whitened
-from hybrid.diagnosis.linearise import Linear, Linearisation, Model, Signature
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, columns_of, whiten
+from hybrid.diagnosis.linearise import Linearisation, LinearModel
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise, NoiseEstimate
 from hybrid.diagnosis.nuisance_basis import (
     FEATURES,
     INTERACTIONS,
@@ -123,7 +122,7 @@ def log_evidence(inner: Floats, columns: Sequence[int], prior: Floats) -> float:
     return float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
 
-Arrays = TypeVar("Arrays", Linear, Columns)
+Arrays = TypeVar("Arrays", LinearModel, Columns)
 
 _LEGS_AT_ONCE = 4
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
@@ -177,46 +176,33 @@ class ColumnLayout:
 
 
 @dataclass(frozen=True, slots=True)
-class NormalEquations:
-    """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
-
-    ``layout`` says which column is what; ``gram`` has the inner products leg by leg [L, C, C]; ``nuisance`` [n] are
-    the columns of N and ``nuisance_scale`` [n] the standard deviations of b. ``log``, ``model``, ``linear`` and
-    ``effects`` are those of the :class:`Linearisation`, ``tolerance`` [1] its share of ``range`` (N, N, N m), and
-    ``noise`` (SI) what the data were whitened with.
-    """
-
-    log: Log
-    model: Model
-    linear: Linear
-    effects: tuple[Signature, ...]
-    range: ForceRange
-    tolerance: float
-    noise: Noise
-    layout: ColumnLayout
-    gram: GramMatrices
-    nuisance: Ints
-    nuisance_scale: Floats
-
-    @property
-    def linearisation(self) -> Linearisation:
-        """What the regression is about."""
-        return Linearisation(self.log, self.model, self.tolerance, self.linear, self.effects)
-
-
-@dataclass(frozen=True, slots=True)
-class DesignMatrix:
+class DesignMatrix(Linearisation):
     """The columns of the regression before they are whitened, and which is what.
 
-    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``range`` is that of the forces in the trial.
+    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``layout`` says which is what; ``range`` is
+    that of the forces in the trial (N, N, N m), of which ``tolerance`` is a share.
     """
 
-    linear: Linear
-    effects: tuple[Signature, ...]
     columns: Columns
     layout: ColumnLayout
     range: ForceRange
-    tolerance: float
+
+
+@dataclass(frozen=True, slots=True)
+class NormalEquations(Linearisation):
+    """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
+
+    ``layout`` says which column is what; ``range`` is that of the forces (N, N, N m); ``noise`` (SI) is what the
+    data were whitened with; ``gram`` has the inner products leg by leg [L, C, C]; ``nuisance`` [n] are the columns
+    of N and ``nuisance_scale`` [n] the standard deviations of b.
+    """
+
+    layout: ColumnLayout
+    range: ForceRange
+    noise: Noise
+    gram: GramMatrices
+    nuisance: Ints
+    nuisance_scale: Floats
 
 
 def weigh_evidence(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> Evidence:
@@ -234,13 +220,11 @@ def normal_equations(
 
     ``interactions`` are effects that may change with the operating point (:mod:`.nuisance_basis`).
     """
-    log, linear = linearisation.log, linearisation.linear
     design = design_matrix(linearisation, interactions=interactions)
-    nuisance, scale = _nuisances(design)
-    gram = gram_matrices(log, linear, design.columns, noise, progress)
+    gram = gram_matrices(design.log, design.linear, design.columns, noise, progress)
     return NormalEquations(
-        log, linearisation.model, linear, design.effects, design.range, design.tolerance, noise, design.layout,
-        gram, nuisance, scale,
+        design.log, design.model, design.tolerance, design.linear, design.effects, design.layout, design.range,
+        noise, gram, *_nuisances(design),
     )  # fmt: skip
 
 
@@ -268,7 +252,7 @@ def design_matrix(
         varying_tolerated=np.array([_tolerated_size(*each) for each in zip(varying, of, strict=True)]),
         depends=basis.depends,
     )
-    return DesignMatrix(linear, effects, columns, layout, extent, linearisation.tolerance)
+    return DesignMatrix(log, model, linearisation.tolerance, linear, effects, columns, layout, extent)
 
 
 def _tolerated_size(label: str, effect: Effect) -> float:
@@ -301,7 +285,7 @@ def _nuisances(look: DesignMatrix) -> tuple[Ints, Floats]:
 
 
 def gram_matrices(
-    log: Log, linear: Linear, columns: Columns, noise: Noise, progress: Progress = lambda share: None
+    log: Log, linear: LinearModel, columns: Columns, noise: Noise, progress: Progress = lambda share: None
 ) -> GramMatrices:
     """The products of all whitened columns, leg by leg; a few legs are in memory at a time."""
     result = np.empty((log.legs, columns.count, columns.count))
@@ -309,7 +293,7 @@ def gram_matrices(
     for first in range(0, log.legs, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
-        z, _ = whitened(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
+        z, _ = whiten(subset_of(linear, chosen), subset_of(columns, chosen), noise, part.edges)
         for leg in range(part.legs):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats, Ints
+from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, smooth_state
 from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_without
 from hybrid.diagnosis.linearise import DT_S, Model, acting_settings, one_second_paths, sampling_offset, true_states
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.noise_floor import left_by_noise_m
 from hybrid.diagnosis.result import Gap, Tracks
 from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
 from hybrid.prediction.baselines import present_motion_held
@@ -32,7 +33,7 @@ FOLDS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class HeldOut:
+class HeldOutGap:
     """The gap, each named effect's share of it, the tracks, and what is named ``without`` the legs of each fold."""
 
     gap: Gap
@@ -81,7 +82,7 @@ def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizo
 
 def gap_on_unseen_legs(
     log: Log, evidence: Evidence, names: Sequence[str], final: Coordinates, barred: frozenset[str] = frozenset()
-) -> HeldOut:
+) -> HeldOutGap:
     """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give.
 
     ``barred`` is what the other legs must not name either.
@@ -102,7 +103,7 @@ def gap_on_unseen_legs(
     shares = _shares(gap, {name: mean(track) for name, track in unseen.lacking.items()})
     present = present_motion_held(log.nominal[starts], HORIZON_S)
     tracks = Tracks(seen, before, unseen.after, floor, present, log.leg[starts], log.time_s[starts])
-    return HeldOut(gap, shares, tracks, unseen.without)
+    return HeldOutGap(gap, shares, tracks, unseen.without)
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +146,7 @@ def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
     return {name: closed * share / whole if whole > 0.0 else 0.0 for name, share in shares.items()}
 
 
-def with_noise_floor(held: HeldOut, equations: NormalEquations) -> HeldOut:
+def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
     """The same with what noise alone would leave as the floor, for a trial of which no model knows everything."""
     floor_m = left_by_noise_m(equations, window_starts(equations.log), HORIZON_S)
     return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
@@ -163,3 +164,36 @@ def _named_without(evidence: Evidence, legs: NDArray[np.bool_], barred: frozense
             break
         names = tuple(name for name in names if name != worst)
     return fitted_coordinates(rest, names)
+
+
+def left_by_noise_m(equations: NormalEquations, starts: Ints, horizon_s: int) -> float:
+    """The mean distance [m] over the seconds 1 to H of windows that begin at the rows ``starts``."""
+    linear, noise = equations.linear, equations.noise
+    data = Columns(linear.defect[:, :, None], linear.observed[:, :, None], np.zeros((len(linear.A), 0)))
+    variance = smooth_state(linear, data, noise, equations.log.edges)[1]
+    P = np.zeros((len(starts), 9, 9))
+    P[:, range(6), range(6)] = variance[starts, :6]
+    P[:, range(6, 9), range(6, 9)] = _slow(noise)
+    compared = noise.position_m**2 + noise.drift[0] ** 2 + np.square(noise.waves[:2])
+    distances = []
+    for second in range(horizon_s):
+        P = _later(linear.A[starts + second], linear.B[starts + second] * FORCE_UNITS, noise, P)
+        # the mean length of a Gaussian vector in the plane, its two variances taken as alike
+        distances.append(np.sqrt(0.25 * np.pi * (P[:, 0, 0] + P[:, 1, 1] + compared.sum())))
+    return float(np.mean(distances))
+
+
+def _slow(noise: Noise) -> Floats:
+    return np.asarray((np.array(noise.slow) / FORCE_UNITS) ** 2)
+
+
+def _later(A: Floats, B: Floats, noise: Noise, P: Floats) -> Floats:
+    """The covariances [N, 9, 9] of motion and slow force a second later."""
+    kept = decay(1.0, noise.slow_s)
+    F, Q = np.zeros_like(P), np.zeros_like(P)
+    F[:, :6, :6], F[:, :6, 6:] = A, B
+    F[:, range(6, 9), range(6, 9)] = kept
+    gust = (np.array(noise.gust) / FORCE_UNITS) ** 2
+    Q[:, :6, :6] = (B * gust) @ B.transpose(0, 2, 1)
+    Q[:, range(6, 9), range(6, 9)] = (1.0 - kept**2) * _slow(noise)
+    return np.asarray(F @ P @ F.transpose(0, 2, 1) + Q)

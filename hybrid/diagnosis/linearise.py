@@ -38,7 +38,7 @@ _ROUNDS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Linear:
+class LinearModel:
     """T seconds of the linear model: ``A`` [T, 6, 6], ``B`` [T, 6, 3] (per N, N, N m), ``H`` [T, 6, 6].
 
     ``defect`` [T, 6] belongs to the second after each node; ``observed`` [T, 6] is y - h(x0), NaN where nothing was
@@ -95,7 +95,7 @@ class Model:
             raise ConfigurationError(f"effect {name} is not defined below zero")
         return effect.checked(effect.values(free))
 
-    def moved(self, name: str, coordinate: int, by: float) -> Plant | None:
+    def plant_with_step(self, name: str, coordinate: int, by: float) -> Plant | None:
         """The plant with one coordinate moved, or None where the effect is not defined there."""
         free = list(self.at.get(name, (0.0,) * len(self.catalogue[name].free_scale)))
         free[coordinate] += by
@@ -127,7 +127,7 @@ class Linearisation:
     log: Log
     model: Model
     tolerance: float
-    linear: Linear
+    linear: LinearModel
     effects: tuple[Signature, ...]
 
 
@@ -143,7 +143,7 @@ def linearise(
     return Linearisation(log, model, tolerance, linear, tuple(known))
 
 
-def linear_model(log: Log, plant: Plant) -> Linear:
+def linear_model(log: Log, plant: Plant) -> LinearModel:
     """The linear model of a log about its smoothed motion, freed of what the plant's sensors do to it."""
     origin = true_states(log, plant)
     ways = one_second_paths(log, plant, origin)
@@ -161,7 +161,7 @@ def linear_model(log: Log, plant: Plant) -> Linear:
     around = _around(log, plant, ways)
     now = around[:, STEPS_PER_SECOND // 2]
     seen = now + np.einsum("tcq,tqc->tc", log.weight, around - now[:, None])
-    return Linear(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
+    return LinearModel(A, B, _sensor_slopes(plant, origin), defect, log.measured - seen, origin)
 
 
 def sampling_offset(log: Log, ways: Floats) -> Floats:
@@ -202,7 +202,7 @@ def _sides(model: Model, name: str, coordinate: int) -> list[tuple[Plant, float]
     """The plant with a coordinate moved by two steps: to both sides, or to one where the other is out of bounds."""
     size = model.catalogue[name].free_scale[coordinate]
     for steps in ((_PART, -_PART), (_ONE_SIDED_PART, 0.0), (0.0, -_ONE_SIDED_PART)):
-        plants = [(model.moved(name, coordinate, step * size), step * size) for step in steps]
+        plants = [(model.plant_with_step(name, coordinate, step * size), step * size) for step in steps]
         known = [(plant, by) for plant, by in plants if plant is not None]
         if len(known) == len(plants):
             return known

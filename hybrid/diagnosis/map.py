@@ -19,11 +19,10 @@ from scipy.stats import norm, t
 
 from acquisition.core.actuators import control_names, names_of
 from acquisition.core.arrays import Floats, Ints
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, columns_of, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
-from hybrid.diagnosis.innovations import Columns, columns_of, smoothed_state
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from hybrid.diagnosis.nuisance_basis import WIND_MPS, wind_errors
 from hybrid.diagnosis.result import Place
 from hybrid.vessel.actuators import control_units
@@ -192,10 +191,10 @@ class Map:
 
 def where(equations: NormalEquations) -> tuple[Place, ...]:
     """The notable cells of the model without its added effects, the surest first."""
-    return notable(map_of(equations).places)
+    return notable_places(map_of(equations).places)
 
 
-def notable(places: Sequence[Place]) -> tuple[Place, ...]:
+def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:
     """Those that stand out for so many cells, forty at most; of any map the ten largest."""
     ranked = sorted(places, key=lambda each: -abs(each.z))
     limit = float(norm.isf(0.5 * SIGNIFICANT / max(len(ranked), 1)))
@@ -210,7 +209,7 @@ def map_of(equations: NormalEquations, repaired: bool = False) -> Map:
     cells = cells_of(log, linear.origin)
     tolerated, scale = _tolerated(equations)
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
-    force = smoothed_state(linear, data, _any_force(equations), log.edges)[0][:, 6:]
+    force = smooth_state(linear, data, _any_force(equations), log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
 
 
@@ -229,7 +228,7 @@ def _without_effects(equations: NormalEquations) -> Columns:
         for value, signature in zip(free, (each for each in equations.effects if each.effect == name), strict=True)
     ]
     drive = data.drive - sum(value * each.D[:, :, None] for value, each in added)
-    seen = data.seen + sum(value * each.E[:, :, None] for value, each in added)
+    seen = data.readings + sum(value * each.E[:, :, None] for value, each in added)
     return Columns(np.ascontiguousarray(drive), np.ascontiguousarray(seen), data.features)
 
 
@@ -249,7 +248,7 @@ def _forces(
     extra = columns_of(equations.linear, tolerated)
     columns = Columns(
         np.concatenate([data.drive, extra.drive[:, :, 1:]], axis=2),
-        np.concatenate([data.seen, extra.seen[:, :, 1:]], axis=2),
+        np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
         np.column_stack([each.rows.astype(float) for each in cells]),
     )
     gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).total

@@ -77,7 +77,7 @@ class Rival:
 
 
 @dataclass(frozen=True, slots=True)
-class Unexplained:
+class UnknownCause:
     """What no effect of the catalogue explains: its share of the gap, on what it depends, what it looks like."""
 
     share_of_gap: float
@@ -199,7 +199,7 @@ class Diagnosis:
     effects: tuple[NamedEffect, ...]
     rivals: tuple[Rival, ...]
     indistinguishable: tuple[tuple[str, ...], ...]
-    unknown: Unexplained | None
+    unknown: UnknownCause | None
     where: tuple[Place, ...]
     gap: Gap
     next_manoeuvre: Manoeuvre | None

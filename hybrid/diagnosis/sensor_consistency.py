@@ -15,11 +15,18 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
+from hybrid.diagnosis.disturbance_model import Noise, columns_of
 from hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
-from hybrid.diagnosis.innovations import columns_of
-from hybrid.diagnosis.linearise import DT_S, Linear, Model, Signature, linear_model, sensor_readings, signatures
+from hybrid.diagnosis.linearise import (
+    DT_S,
+    LinearModel,
+    Model,
+    Signature,
+    linear_model,
+    sensor_readings,
+    signatures,
+)
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.nuisance_basis import ForceRange, tolerances
 from hybrid.diagnosis.select_effects import (
     CLOSE,
@@ -78,7 +85,7 @@ def motion_sensors(log: Log, model: Model) -> Catalogue:
     return {name: model.catalogue[name] for name in sensors if name in seen}
 
 
-def without_dynamics(noise: Noise, linear: Linear) -> Noise:
+def without_dynamics(noise: Noise, linear: LinearModel) -> Noise:
     """``noise`` with forces so irregular that a second's speed says nothing of the next one's."""
     answer = np.array([np.median(np.abs(linear.B[:, 3 + axis, axis])) for axis in range(3)])
     surge, sway, yaw = (float(each) for each in _UNKNOWN / np.maximum(answer, 1e-12))
@@ -141,7 +148,7 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     some = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + some, layout.first_wind + np.arange(len(shared))])
     return NormalEquations(
-        log, model, linear, tuple(effects), ForceRange(0.0, 0.0, 0.0), 0.0, loose, layout, gram,
+        log, model, 0.0, linear, tuple(effects), layout, ForceRange(0.0, 0.0, 0.0), loose, gram,
         nuisance, np.concatenate([tolerated[some], _SHARED]),
     )  # fmt: skip
 

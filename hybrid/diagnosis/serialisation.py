@@ -33,7 +33,7 @@ from hybrid.diagnosis.result import (
     Rival,
     Suspect,
     Tracks,
-    Unexplained,
+    UnknownCause,
 )
 from hybrid.prediction.scores import Interval
 
@@ -99,7 +99,7 @@ def _diagnosis_of(said: Mapping[str, Any], shown: Mapping[str, Any], tracks: Tra
         effects=tuple(_effect_of(each, shown["evidence"]) for each in said["effects"]),
         rivals=tuple(Rival(**_with_nan(each)) for each in said["rivals"]),
         indistinguishable=tuple(map(tuple, said["indistinguishable"])),
-        unknown=None if unknown is None else Unexplained(unknown["share_of_gap"], tuple(unknown["where"]),
+        unknown=None if unknown is None else UnknownCause(unknown["share_of_gap"], tuple(unknown["where"]),
                                                          unknown["looks_like"]),
         where=tuple(map(_place_of, said["where"])),
         gap=Gap(gap["before_m"], gap["after_m"], gap["floor_m"], gap["held_out_windows"], shown["horizon_s"]),

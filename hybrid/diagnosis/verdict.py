@@ -12,7 +12,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
-from hybrid.diagnosis.gap import HeldOut, gap_on_unseen_legs, with_noise_floor
+from hybrid.diagnosis.gap import HeldOutGap, gap_on_unseen_legs, with_noise_floor
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import Map, map_of
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Rival, Suspect, Verdict
@@ -47,7 +47,7 @@ class Conclusion:
     first: Acceptance
     accepted: Acceptance
     sensors: Acceptance | None
-    gap: HeldOut
+    gap: HeldOutGap
     rivals: tuple[Rival, ...]
     composites: tuple[tuple[str, ...], ...]
     tied: tuple[tuple[str, ...], ...]
@@ -177,7 +177,7 @@ def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
     return linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
 
 
-def _gap(accepted: Acceptance, log: Log, found: Sequence[LackOfFit]) -> HeldOut:
+def _gap(accepted: Acceptance, log: Log, found: Sequence[LackOfFit]) -> HeldOutGap:
     """The gap on legs left out.
 
     Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.

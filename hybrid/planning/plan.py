@@ -22,11 +22,11 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.noise import Noise
 from hybrid.effects import Catalogue, vessel_plant
 from hybrid.effects.catalogue import catalogue_for
 from hybrid.planning.information import (

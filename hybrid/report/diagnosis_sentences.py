@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.core.serialisation import to_json
 from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
 from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.map import notable
+from hybrid.diagnosis.map import notable_places
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
-from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Estimate, Extras, NamedEffect, Unexplained
+from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Estimate, Extras, NamedEffect, UnknownCause
 from hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
 from hybrid.effects import Effect
@@ -195,10 +196,10 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
         effects=effects,
         rivals=conclusion.rivals,
         indistinguishable=conclusion.tied,
-        unknown=unexplained(
+        unknown=unknown_cause(
             first.lack_of_fit, [equations.model.catalogue[name] for name in accepted.names], conclusion.left_open
         ),
-        where=notable(conclusion.maps[0].places),
+        where=notable_places(conclusion.maps[0].places),
         gap=gap.gap,
         next_manoeuvre=conclusion.next_manoeuvre,
         suspects=conclusion.suspects,
@@ -224,19 +225,21 @@ def _named_effect(conclusion: Conclusion, name: str) -> NamedEffect:
     )  # fmt: skip
 
 
-def unexplained(found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float) -> Unexplained | None:
+def unknown_cause(
+    found: Sequence[LackOfFit], effects: Sequence[Effect], share_of_gap: float
+) -> UnknownCause | None:
     """What remains, in words; or what so many named ``effects`` at once are likely to stand for."""
     if found:
         found = _told(found)
         where = tuple(dict.fromkeys(each.depends for each in found))
-        return Unexplained(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
+        return UnknownCause(share_of_gap, where, "; ".join(dict.fromkeys(looks_like(each) for each in found[:3])))
     if len(effects) <= CREDIBLE:
         return None
     families = " and ".join(dict.fromkeys(each.family for each in effects))
     words = (
         f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
     )
-    return Unexplained(share_of_gap, (OPERATION,), words)
+    return UnknownCause(share_of_gap, (OPERATION,), words)
 
 
 def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:
@@ -349,6 +352,6 @@ def _provenance(first: Acceptance) -> dict[str, Any]:
     return {
         "catalogue_version": VERSION,
         "effects_in_catalogue": len(first.evidence.names),
-        "force_range": {"surge_n": extent.surge_n, "sway_n": extent.sway_n, "yaw_nm": extent.yaw_nm},
-        "noise": first.evidence.equations.noise.as_dict(),
+        "force_range": to_json(extent),
+        "noise": to_json(first.evidence.equations.noise),
     }

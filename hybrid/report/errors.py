@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import names_of
 from acquisition.core.angles import difference, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
-from analysis.estimation.smoother import Smoothed
+from analysis.estimation.smoother import SmoothedMotion
 from analysis.tables.table import trial_channels
 from analysis.tables.time_index import NANO, index_of
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, in_ship_axes
@@ -210,7 +210,7 @@ def modelled_acceleration(plant: Plant, states: Floats, controls: Floats, wind: 
     return np.asarray((later[:, 3:] - states[:, 3:]) / _STEP_S)
 
 
-def residuals_of(one_hz: pd.DataFrame, motion: Smoothed, plant: Plant) -> Residuals:
+def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> Residuals:
     """The accelerations that ``plant`` lacks where a 1 Hz table and the smoothed motion are whole."""
     slow = motion.slow.reindex(one_hz.index)
     table = one_hz.assign(**{str(name): slow[name] for name in slow})

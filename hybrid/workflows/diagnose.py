@@ -29,7 +29,7 @@ from hybrid.vessel.parameters import Vessel
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class DiagnosisFiles:
     """Where the files of a diagnosis are."""
 
     json: Path
@@ -39,7 +39,7 @@ class Written:
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnosed:
+class DiagnosisRun:
     """A diagnosis, the numbers that it was made from, and what its page shows beside it."""
 
     diagnosis: Diagnosis
@@ -54,11 +54,11 @@ def diagnose_tables(
     catalogue: Catalogue = CATALOGUE,
     provenance: Mapping[str, Any] | None = None,
     progress: Progress = lambda share: None,
-) -> Diagnosed:
+) -> DiagnosisRun:
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`."""
     conclusion = diagnose(tables, vessel, tolerance, catalogue, progress)
     diagnosis, extras = describe(conclusion, provenance)
-    return Diagnosed(diagnosis, conclusion, extras)
+    return DiagnosisRun(diagnosis, conclusion, extras)
 
 
 def diagnose_files(
@@ -71,7 +71,7 @@ def diagnose_files(
     repair: bool = False,
     rebuild_positions: bool = False,
     progress: Progress = lambda share: None,
-) -> Diagnosed:
+) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
@@ -98,18 +98,20 @@ def diagnose_files(
     )
 
 
-def write_diagnosis(diagnosed: Diagnosed, vessel: Vessel, folder: Path) -> Written:
+def write_diagnosis(diagnosed: DiagnosisRun, vessel: Vessel, folder: Path) -> DiagnosisFiles:
     """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
     calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Raises :class:`StorageError`.
     """
     ladder = diagnosed.extras.ladder
-    written = Written(folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json")
+    written = DiagnosisFiles(
+        folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json"
+    )
     _write_json(diagnosed.diagnosis.as_dict(), written.json)
     if ladder is None:
         written.ladder.unlink(missing_ok=True)
     else:
         _write_json(ladder.as_dict(), written.ladder)
-    save_vessel(repaired(vessel, diagnosed.diagnosis), written.vessel)
+    save_vessel(vessel_with_effects(vessel, diagnosed.diagnosis), written.vessel)
     write_shown(diagnosed.diagnosis, diagnosed.extras, folder)
     write_report(diagnosed.diagnosis, diagnosed.extras, folder)
     return written
@@ -122,7 +124,7 @@ def _write_json(values: Mapping[str, Any], path: Path) -> None:
         raise storage_error(path, error) from error
 
 
-def repaired(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
+def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
     """``vessel`` with what was named, and where that comes from.
 
     A named effect that the vessel has already takes that one's place: its value is what both come to.

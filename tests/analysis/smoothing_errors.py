@@ -8,12 +8,12 @@ import pandas as pd
 from acquisition.core.angles import difference
 from acquisition.core.arrays import Bools, Floats
 from analysis.estimation.motion_model import BODY
-from analysis.estimation.smoother import Smoothed
+from analysis.estimation.smoother import SmoothedMotion
 
 _NORMAL_95 = 1.959964
 
 
-def errors_of(smoothed: Smoothed, truth: pd.DataFrame) -> Floats:
+def errors_of(smoothed: SmoothedMotion, truth: pd.DataFrame) -> Floats:
     """Estimate minus truth [rows, 9] in SI, angles in radians; NaN where either says nothing.
 
     ``truth`` has the columns of the states, or those six that are channels, at times that include the rows'.
@@ -42,7 +42,7 @@ def with_accelerations(perfect: pd.DataFrame) -> pd.DataFrame:
     return perfect.assign(**rates)
 
 
-def coverage(smoothed: Smoothed, truth: pd.DataFrame, margin_s: float = 0.0) -> dict[str, float]:
+def coverage(smoothed: SmoothedMotion, truth: pd.DataFrame, margin_s: float = 0.0) -> dict[str, float]:
     """The share of rows in which each state's 95 % band holds the truth; ``margin_s`` at the ends is left out."""
     errors = errors_of(smoothed, truth)
     deviation = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
@@ -55,7 +55,7 @@ def coverage(smoothed: Smoothed, truth: pd.DataFrame, margin_s: float = 0.0) -> 
     }
 
 
-def nees(smoothed: Smoothed, truth: pd.DataFrame, states: int = 6) -> Floats:
+def nees(smoothed: SmoothedMotion, truth: pd.DataFrame, states: int = 6) -> Floats:
     """Normalised estimation error squared [rows] of the first ``states``; its mean is their number."""
     errors = errors_of(smoothed, truth)[:, :states]
     rows = np.flatnonzero(np.isfinite(errors).all(axis=1))

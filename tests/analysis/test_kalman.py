@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag, expm
 from scipy.stats import chi2
 
-from analysis.estimation.kalman import Gate, Start, Steps, Track, predicted, smooth_steps
+from analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
 from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
 
 WIDE = Gate(limit=np.inf)
@@ -138,7 +138,7 @@ def test_beyond_the_last_step_the_covariance_grows() -> None:
     variance = track.at(ahead)[1][:, 0, 0]
     assert np.all(np.diff(variance) > 0)
     last = track.filtered.mean[-1:], track.filtered.covariance[-1:]
-    assert track.at(ahead[2:3])[0] == pytest.approx(predicted(*last, np.array([5.0]), track.model)[0])
+    assert track.at(ahead[2:3])[0] == pytest.approx(predict_states(*last, np.array([5.0]), track.model)[0])
 
 
 def batch_least_squares(steps: Steps, start: Start, model: Model) -> tuple[np.ndarray, np.ndarray]:

@@ -8,10 +8,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.arrays import Floats
-from analysis.estimation.likelihood import Prior, Scoring, correlated_pairs, most_likely, robust_cost, scores
+from analysis.estimation.likelihood import (
+    Prior,
+    ScoringSettings,
+    correlated_pairs,
+    most_likely,
+    robust_cost,
+    scores,
+)
 
 FREE = np.full(2, 30.0)
-EXACT = Scoring(most_steps=50, enough=1e-10)
+EXACT = ScoringSettings(most_steps=50, enough=1e-10)
 
 
 def offset_and_level(data: Floats) -> object:

@@ -11,7 +11,7 @@ import pytest
 
 from acquisition.core.angles import difference
 from acquisition.core.errors import InputError
-from analysis.estimation.smoother import Smoothed, smooth
+from analysis.estimation.smoother import SmoothedMotion, smooth
 from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.smoothing_errors import coverage, nees, with_accelerations
 
@@ -40,7 +40,7 @@ def trial(vessel: str, sea: str, manoeuvre: str, rate_hz: float, noise: float, s
 
 
 @cache
-def result(vessel: str, sea: str, manoeuvre: str, rate_hz: float, noise: float, seed: int = 3) -> Smoothed:
+def result(vessel: str, sea: str, manoeuvre: str, rate_hz: float, noise: float, seed: int = 3) -> SmoothedMotion:
     return smooth(trial(vessel, sea, manoeuvre, rate_hz, noise, seed))
 
 

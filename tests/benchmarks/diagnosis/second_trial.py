@@ -14,7 +14,7 @@ from hybrid.planning.next_manoeuvre import usual_rpm
 from hybrid.planning.repertoire import MINUTES, Candidate, repertoire, shafts_of
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre
 from hybrid.vessel.parameters import Vessel
-from hybrid.workflows.diagnose import Diagnosed, diagnose_tables
+from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis.design import Design, Hidden, simulated
 from tests.benchmarks.other_ship.programmes import HOLD, STEER, TURN, ZIGZAG, Order
 
@@ -23,8 +23,8 @@ _ANOTHER_SEED = 50_000_000
 
 
 def with_next_manoeuvre(
-    design: Design, hidden: Hidden, table: pd.DataFrame, examined: Diagnosed, vessel: Vessel
-) -> Diagnosed:
+    design: Design, hidden: Hidden, table: pd.DataFrame, examined: DiagnosisRun, vessel: Vessel
+) -> DiagnosisRun:
     """The diagnosis of the recording and of the manoeuvre that it asked for, the same hidden in both."""
     asked = examined.diagnosis.next_manoeuvre
     assert asked is not None
@@ -34,7 +34,7 @@ def with_next_manoeuvre(
     return diagnose_tables([table, second.set_axis(second.index + _ANOTHER_DAY)], vessel, TOLERANCE, CATALOGUE)
 
 
-def candidate_of(what: str, examined: Diagnosed, vessel: Vessel) -> Candidate:
+def candidate_of(what: str, examined: DiagnosisRun, vessel: Vessel) -> Candidate:
     """The candidate of the repertoire that is asked for in these words."""
     for each in repertoire(shafts_of(vessel, usual_rpm(examined.conclusion.accepted.evidence.equations.log))):
         if what.startswith(each.what):

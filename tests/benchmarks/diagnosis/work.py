@@ -16,7 +16,7 @@ from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import catalogue_with
 from hybrid.vessel.files import load_vessel
-from hybrid.workflows.diagnose import Diagnosed, diagnose_tables
+from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
 from tests.benchmarks.diagnosis.cases import Case
 from tests.benchmarks.diagnosis.design import VESSEL, Design, Hidden, simulated
 from tests.benchmarks.diagnosis.outside_size import size_found
@@ -118,7 +118,7 @@ def said(diagnosis: Diagnosis) -> Plain:
     return {**{name: plain[name] for name in kept}, "force_range": list(force_range.values())}
 
 
-def errors_over_bounds(examined: Diagnosed, hidden: Hidden) -> list[float]:
+def errors_over_bounds(examined: DiagnosisRun, hidden: Hidden) -> list[float]:
     """Error over standard error, by free coordinate, of effects that are hidden and named.
 
     The standard errors are those of a joint fit of what is truly hidden on the last view of the data: the bound.

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.evidence import ColumnLayout, GramMatrices, NormalEquations
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.nuisance_basis import ForceRange
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant

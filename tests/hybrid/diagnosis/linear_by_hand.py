@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.disturbance_model import FREE
-from hybrid.diagnosis.innovations import Columns
-from hybrid.diagnosis.linearise import Linear
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, FREE, Columns, Noise
+from hybrid.diagnosis.linearise import LinearModel
 
 GRAVITY_MPS2 = 9.81
 CALM_SEA = Noise(gust=(900.0, 700.0, 9000.0), slow=(400.0, 600.0, 5000.0), slow_s=15.0)
@@ -24,7 +22,7 @@ BOTH = replace(SWELL, drift=(0.0, 0.01, 0.03, 0.02, 0.001), drift_s=25.0)
 DISTURBANCES = {"calm": CALM_SEA, "swell": SWELL, "drift": DRIFT, "both": BOTH}
 
 
-def a_ship(seconds: int, seed: int) -> Linear:
+def a_ship(seconds: int, seed: int) -> LinearModel:
     """A linear model of a ship's size that changes from second to second; sensors that mix; nothing measured."""
     random = np.random.default_rng(seed)
     turn = 0.03 * np.sin(np.arange(seconds) / 15.0) + 0.005 * random.standard_normal(seconds)
@@ -40,7 +38,7 @@ def a_ship(seconds: int, seed: int) -> Linear:
     B[:, 2, 2] = 1.5e-8
     H = np.eye(6) + random.uniform(-0.05, 0.05, (seconds, 6, 6))
     origin = np.column_stack([np.cumsum(u * cosine), np.cumsum(u * sine), psi, u, v, turn])
-    return Linear(A, B, H, np.zeros((seconds, 6)), np.zeros((seconds, 6)), origin)
+    return LinearModel(A, B, H, np.zeros((seconds, 6)), np.zeros((seconds, 6)), origin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +68,7 @@ class Dense:
         return np.asarray(np.tensordot(self.onward, impulse.reshape(seconds * n, *drive.shape[2:]), axes=1))
 
 
-def dense(linear: Linear, noise: Noise, rows: slice) -> Dense:
+def dense(linear: LinearModel, noise: Noise, rows: slice) -> Dense:
     """The seconds ``rows`` as one block."""
     seconds = [_second(linear, noise, k) for k in range(rows.start, rows.stop)]
     count, n = len(seconds), len(seconds[0][0])
@@ -91,7 +89,7 @@ def _root(covariance: Floats) -> Floats:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _second(linear: Linear, noise: Noise, k: int) -> tuple[Floats, Floats, Floats]:
+def _second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats, Floats]:
     """Transition, what is new, and how the sensors see the states, of one second."""
     A, B = linear.A[k], linear.B[k] * FORCE_UNITS
     kept, slow = np.exp(-1.0 / noise.slow_s), np.diag((np.array(noise.slow) / FORCE_UNITS) ** 2)
@@ -149,7 +147,7 @@ def _swing_seen(origin: Floats) -> Floats:
     return np.column_stack([(seen(step) - seen(-step)) / 2e-6 for step in steps])
 
 
-def _begins(linear: Linear, noise: Noise, k: int) -> Floats:
+def _begins(linear: LinearModel, noise: Noise, k: int) -> Floats:
     """Covariance of a block's first state: anything, and what is stationary."""
     slow = (np.array(noise.slow) / FORCE_UNITS) ** 2
     begins = np.diag([*FREE**2, *slow])
@@ -158,7 +156,7 @@ def _begins(linear: Linear, noise: Noise, k: int) -> Floats:
     return block_diag(begins, _drift(noise)) if noise.has_drift else begins
 
 
-def drawn(linear: Linear, noise: Noise, edges: NDArray[np.int64], seed: int) -> Columns:
+def drawn(linear: LinearModel, noise: Noise, edges: NDArray[np.int64], seed: int) -> Columns:
     """One column of data drawn second by second from exactly this system; drives are zero."""
     random, seen = np.random.default_rng(seed), np.empty((len(linear.A), 6))
     errors = noise.as_array()[:6]

@@ -18,7 +18,7 @@ from hybrid.diagnosis.result import (
     Rival,
     Suspect,
     Tracks,
-    Unexplained,
+    UnknownCause,
 )
 from hybrid.prediction.scores import Interval
 
@@ -83,7 +83,7 @@ def of_verdict(verdict: str) -> Diagnosis:
     if verdict == "nothing_missing":
         return replace(bare, verdict="nothing_missing", effects=(), gap=Gap(0.06, 0.06, 0.06, 110, 15))
     if verdict == "unknown":
-        unknown = Unexplained(
+        unknown = UnknownCause(
             0.4, ("heading", "place"), "a yaw moment of some 4000 N m that varies with the heading"
         )
         return replace(bare, verdict="unknown", effects=(CURRENT,), unknown=unknown)

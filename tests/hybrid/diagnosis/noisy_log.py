@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import Noise
 from hybrid.vessel.plant import Plant
 from tests.hybrid.diagnosis.log_by_hand import a_log
 

@@ -16,7 +16,7 @@ from acquisition.recording.tables import write_table
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
-from hybrid.workflows.diagnose import Diagnosed, diagnose_files
+from hybrid.workflows.diagnose import DiagnosisRun, diagnose_files
 from tests.hybrid.evaluation.windows_in_legs import Oracle
 
 HIDDEN = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 205.0}}
@@ -35,18 +35,18 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found() -> list[Diagnosed]:
+def found() -> list[DiagnosisRun]:
     """What the diagnosis below came to."""
     return []
 
 
 @pytest.fixture(scope="module")
-def done(recording: Path, found: list[Diagnosed]) -> tuple[dict[str, Any], Path]:
+def done(recording: Path, found: list[DiagnosisRun]) -> tuple[dict[str, Any], Path]:
     """What the command printed, and its folder; the calibrator is one that knows the measured tracks."""
     folder = recording.parent / "diagnosis"
     command = ["diagnose", str(recording), "-o", str(folder), "--calibrate", "--json"]
 
-    def diagnosed(*given: Any, **options: Any) -> Diagnosed:
+    def diagnosed(*given: Any, **options: Any) -> DiagnosisRun:
         found.append(diagnose_files(*given, **options))
         return found[0]
 
@@ -104,7 +104,7 @@ def test_the_ladder_has_a_file_of_its_own(done: tuple[dict[str, Any], Path]) -> 
 
 @pytest.mark.usefixtures("done")
 def test_too_few_held_legs_for_a_calibrator_are_one_line(
-    recording: Path, found: list[Diagnosed], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    recording: Path, found: list[DiagnosisRun], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The diagnosis stands, and the page and the terminal say why there is no ladder."""
     monkeypatch.setattr("hybrid.workflows.diagnose.diagnose_files", lambda *given, **options: found[0])

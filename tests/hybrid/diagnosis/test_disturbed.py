@@ -13,19 +13,20 @@ from acquisition.core.arrays import Floats
 from analysis.estimation.kalman_kernel import WIDTH, predict_covariance, projected_variance
 from hybrid.diagnosis.disturbance_model import (
     CALM,
+    FORCE_UNITS,
     FREE,
     SWING,
+    Noise,
     initial_covariance,
     measurement_rows,
     states_of,
     transition,
 )
-from hybrid.diagnosis.linearise import Linear
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.linearise import LinearModel
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, DRIFT, SWELL, a_ship, dense
 
 
-def second(linear: Linear, noise: Noise, k: int) -> tuple[Floats, Floats]:
+def second(linear: LinearModel, noise: Noise, k: int) -> tuple[Floats, Floats]:
     """Transition and what is new."""
     F, Q = room(noise), room(noise)
     transition(linear.A[k], linear.B[k] * FORCE_UNITS, noise.as_array(), linear.origin[k], F, Q)
@@ -37,7 +38,7 @@ def room(noise: Noise) -> Floats:
     return np.zeros((states_of(noise.as_array()), WIDTH))
 
 
-def start(linear: Linear, noise: Noise, k: int) -> Floats:
+def start(linear: LinearModel, noise: Noise, k: int) -> Floats:
     """Covariance of a block's first state."""
     P = room(noise)
     initial_covariance(noise.as_array(), linear.origin[k], FREE, P)

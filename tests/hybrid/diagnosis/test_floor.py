@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
+from hybrid.diagnosis.disturbance_model import Noise, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations
-from hybrid.diagnosis.innovations import smoothed_state
-from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.noise_floor import left_by_noise_m
+from hybrid.diagnosis.gap import left_by_noise_m
 from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
 
 EDGES = 40 * np.arange(6)
@@ -26,7 +25,7 @@ def test_it_is_the_mean_distance_of_drawn_windows(noise: Noise) -> None:
     examination = cast(
         "NormalEquations", SimpleNamespace(linear=linear, noise=noise, log=SimpleNamespace(edges=EDGES))
     )
-    variance = smoothed_state(linear, one_column(linear.observed), noise, EDGES)[1]
+    variance = smooth_state(linear, one_column(linear.observed), noise, EDGES)[1]
     random = np.random.default_rng(62)
     away = np.concatenate([_drawn_distances(linear.A, linear.B, variance, noise, at, random) for at in STARTS])
     assert left_by_noise_m(examination, STARTS, HORIZON_S) == pytest.approx(away.mean(), rel=0.06)

@@ -151,7 +151,7 @@ def test_a_signature_is_what_a_small_effect_does(plant: Plant, log: Log, name: s
         little = 1e-3 * effect.free_scale[each.coordinate]
         ends = []
         for times in (0.0, 1.0, 2.0):
-            moved = model.moved(name, each.coordinate, times * little)
+            moved = model.plant_with_step(name, each.coordinate, times * little)
             assert moved is not None
             ends.append((next_states(log, moved, origin), sensor_readings(log, moved, origin)))
         for mine, k in ((each.D, 0), (each.E, 1)):
@@ -184,7 +184,7 @@ def test_what_an_effect_does_beyond_its_signature_is_of_second_order(plant: Plan
     none = next_states(log, plant, origin)
 
     def left(size: float) -> float:
-        moved = model.moved(name, 1, size)
+        moved = model.plant_with_step(name, 1, size)
         assert moved is not None
         return float(np.abs(next_states(log, moved, origin) - none - size * east.D).max())
 

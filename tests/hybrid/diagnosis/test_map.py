@@ -19,7 +19,7 @@ from hybrid.diagnosis.map import (
     Map,
     cells_of,
     map_of,
-    notable,
+    notable_places,
     quantities,
     round_edges,
     where,
@@ -97,7 +97,7 @@ def test_repaired_nothing_is_left(turned: NormalEquations) -> None:
 def test_where_is_the_notable_part_of_the_reference_models_map(turned: NormalEquations, turned_map: Map) -> None:
     """The surest first, all beyond chance."""
     found = where(turned)
-    assert found == notable(turned_map.places)
+    assert found == notable_places(turned_map.places)
     assert [abs(each.z) for each in found] == sorted((abs(each.z) for each in found), reverse=True)
     assert {each.channel for each in found} <= {"yaw_moment_nm", "yaw_rate_dps", "heading_deg", "sway_mps"}
 
@@ -119,7 +119,7 @@ def test_seconds_are_counted(turned_map: Map) -> None:
 def test_notable_keeps_ten_and_at_most_forty(z: list[float]) -> None:
     """All that is sure up to forty, and of any map the ten largest."""
     places = [Place("surge_force_n", {"speed_mps": (0.0, 1.0)}, 30, 1.0, each) for each in z]
-    kept = notable(places)
+    kept = notable_places(places)
     assert 10 <= len(kept) <= 40
     assert min(abs(each.z) for each in kept) >= sorted(map(abs, z), reverse=True)[len(kept) - 1] - 1e-12
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.innovations import Columns, whitened
-from hybrid.diagnosis.linearise import Linear
-from hybrid.diagnosis.noise import Noise
-from hybrid.diagnosis.noise_fit import fitted_noise, with_drift
+from hybrid.diagnosis.disturbance_model import Columns, Noise, whiten
+from hybrid.diagnosis.estimate_noise import fit_noise, start_of_drift
+from hybrid.diagnosis.linearise import LinearModel
 from tests.hybrid.diagnosis.linear_by_hand import a_ship, drawn
 
 EDGES = 60 * np.arange(21)
@@ -54,13 +53,13 @@ def with_levels(noise: Noise, at: Floats) -> Noise:
     return replace(plain, waves=tuple(scales[12:15]), **swing)  # type: ignore[arg-type]
 
 
-def minus_log_likelihood(linear: Linear, data: Columns, noise: Noise) -> float:
+def minus_log_likelihood(linear: LinearModel, data: Columns, noise: Noise) -> float:
     """Of the data, up to a constant: all of the innovations, however large."""
-    z, spread = whitened(linear, data, noise, EDGES)
+    z, spread = whiten(linear, data, noise, EDGES)
     return 0.5 * float((z**2).sum() + np.log(spread).sum())
 
 
-def standard_errors(linear: Linear, data: Columns, noise: Noise) -> Floats:
+def standard_errors(linear: LinearModel, data: Columns, noise: Noise) -> Floats:
     """From the expected information (Fisher): how whitened data and their spread hang on each level."""
     at, step, by_log, by_z = levels(noise), 1e-3, [], []
     for number in range(len(at)):
@@ -68,17 +67,17 @@ def standard_errors(linear: Linear, data: Columns, noise: Noise) -> Floats:
         for side in (1.0, -1.0):
             moved = at.copy()
             moved[number] += side * step
-            z, spread = whitened(linear, data, with_levels(noise, moved), EDGES)
+            z, spread = whiten(linear, data, with_levels(noise, moved), EDGES)
             ends.append((z.ravel(), np.log(spread).ravel()))
         by_z.append((ends[0][0] - ends[1][0]) / (2.0 * step))
         by_log.append((ends[0][1] - ends[1][1]) / (2.0 * step))
     slope, own = np.array(by_log), np.array(by_z)
-    errors = own + 0.5 * whitened(linear, data, noise, EDGES)[0].ravel() * slope
+    errors = own + 0.5 * whiten(linear, data, noise, EDGES)[0].ravel() * slope
     return np.sqrt(np.diag(np.linalg.inv(0.5 * slope @ slope.T + errors @ errors.T)))
 
 
 @pytest.fixture(scope="module", params=[CALM, SWELL], ids=["calm", "swell"])
-def case(request: pytest.FixtureRequest) -> tuple[Noise, Linear, Columns, Noise]:
+def case(request: pytest.FixtureRequest) -> tuple[Noise, LinearModel, Columns, Noise]:
     """True levels, a system, data drawn from it, and the levels fitted to them from a start that is far off."""
     truth: Noise = request.param
     linear = a_ship(int(EDGES[-1]), 31)
@@ -86,18 +85,18 @@ def case(request: pytest.FixtureRequest) -> tuple[Noise, Linear, Columns, Noise]
     away = np.random.default_rng(33).uniform(-0.7, 0.7, len(levels(truth)))
     if truth.has_waves:
         away[15:] *= 0.4
-    fitted, _ = fitted_noise(linear, data, EDGES, with_levels(truth, levels(truth) + away), 25)
+    fitted, _ = fit_noise(linear, data, EDGES, with_levels(truth, levels(truth) + away), 25)
     return truth, linear, data, fitted
 
 
-def test_every_level_is_found_within_its_error(case: tuple[Noise, Linear, Columns, Noise]) -> None:
+def test_every_level_is_found_within_its_error(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:
     truth, linear, data, fitted = case
     off = (levels(fitted) - levels(truth)) / standard_errors(linear, data, truth)
     assert np.abs(off).max() < FAR, dict(enumerate(off.round(1)))
 
 
 def test_the_fit_is_likelier_than_the_truth_by_what_chance_brings(
-    case: tuple[Noise, Linear, Columns, Noise],
+    case: tuple[Noise, LinearModel, Columns, Noise],
 ) -> None:
     """Twice the gain in log likelihood is chi-square with as many degrees as there are levels (Wilks)."""
     truth, linear, data, fitted = case
@@ -109,13 +108,13 @@ def test_a_few_outliers_do_not_pass_for_noise() -> None:
     linear = a_ship(600, 34)
     edges: NDArray[np.int64] = 60 * np.arange(11)
     data = drawn(linear, CALM, edges, 35)
-    sound, _ = fitted_noise(linear, data, edges, CALM, 15)
-    data.seen[[140, 440], 2, 0] += 30.0 * CALM.heading_rad
-    spoilt, _ = fitted_noise(linear, data, edges, CALM, 15)
+    sound, _ = fit_noise(linear, data, edges, CALM, 15)
+    data.readings[[140, 440], 2, 0] += 30.0 * CALM.heading_rad
+    spoilt, _ = fit_noise(linear, data, edges, CALM, 15)
     assert spoilt.heading_rad == pytest.approx(sound.heading_rad, rel=0.25)  # a mean square would double it
 
 
-def test_no_waves_stay_no_waves(case: tuple[Noise, Linear, Columns, Noise]) -> None:
+def test_no_waves_stay_no_waves(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:
     truth, *_, fitted = case
     assert fitted.has_waves == truth.has_waves
 
@@ -125,9 +124,9 @@ def test_slow_errors_of_sensors_are_found_where_there_are_any() -> None:
     truth = replace(CALM, drift=(0.1, 1e-9, 0.05, 1e-9, 0.002), drift_s=8.0)
     linear = a_ship(int(EDGES[-1]), 36)
     data = drawn(linear, truth, EDGES, 37)
-    plain, cost = fitted_noise(linear, data, EDGES, CALM, 12)
-    start = with_drift(linear, data, EDGES, plain)
-    fitted, less = fitted_noise(linear, data, EDGES, start, 20)
+    plain, cost = fit_noise(linear, data, EDGES, CALM, 12)
+    start = start_of_drift(linear, data, EDGES, plain)
+    fitted, less = fit_noise(linear, data, EDGES, start, 20)
     assert cost - less > 100.0
     for number in (0, 2, 4):
         assert fitted.drift[number] == pytest.approx(truth.drift[number], rel=0.2)
@@ -135,7 +134,7 @@ def test_slow_errors_of_sensors_are_found_where_there_are_any() -> None:
     assert max(fitted.drift[1] / CALM.heading_rad, fitted.drift[3] / CALM.sway_mps) < 0.5
 
 
-def test_white_noise_passes_for_no_slow_error(case: tuple[Noise, Linear, Columns, Noise]) -> None:
+def test_white_noise_passes_for_no_slow_error(case: tuple[Noise, LinearModel, Columns, Noise]) -> None:
     _, linear, data, fitted = case
-    start = with_drift(linear, data, EDGES, fitted)
+    start = start_of_drift(linear, data, EDGES, fitted)
     assert not start.has_drift

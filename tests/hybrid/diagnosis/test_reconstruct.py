@@ -9,8 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.innovations import smoothed_state
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Noise, smooth_state
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, a_ship, dense, one_column
 
 EDGES = np.array([0, 9, 21])
@@ -42,7 +41,7 @@ def test_motion_and_force_are_the_conditional_mean_and_variance(noise: Noise, mi
     random = np.random.default_rng(11)
     seen, drive = 0.3 * random.standard_normal((21, 6)), 0.02 * random.standard_normal((21, 6))
     seen[random.random((21, 6)) < missing] = np.nan
-    mean, variance = smoothed_state(a_ship(21, 11), one_column(seen, drive), noise, EDGES)
+    mean, variance = smooth_state(a_ship(21, 11), one_column(seen, drive), noise, EDGES)
     expected_mean, expected_variance = conditional(noise, seen, drive, 11)
     np.testing.assert_allclose(variance, expected_variance, rtol=2e-3)  # a start that is free costs digits
     deviation = np.sqrt(expected_variance)
@@ -52,9 +51,9 @@ def test_motion_and_force_are_the_conditional_mean_and_variance(noise: Noise, mi
 def test_a_second_without_any_sample_is_uncertain_and_still_told() -> None:
     random = np.random.default_rng(12)
     seen = 0.1 * random.standard_normal((21, 6))
-    _, whole = smoothed_state(a_ship(21, 12), one_column(seen), CALM_SEA, EDGES)
+    _, whole = smooth_state(a_ship(21, 12), one_column(seen), CALM_SEA, EDGES)
     seen[14] = np.nan
-    mean, holed = smoothed_state(a_ship(21, 12), one_column(seen), CALM_SEA, EDGES)
+    mean, holed = smooth_state(a_ship(21, 12), one_column(seen), CALM_SEA, EDGES)
     assert (holed[14, :6] > whole[14, :6]).all()
     assert np.isfinite(mean).all()
 
@@ -70,7 +69,7 @@ def test_a_force_that_acts_is_found_at_its_size() -> None:
     for k in range(40):
         seen[k] = linear.H[k] @ x
         x = linear.A[k] @ x + linear.B[k] @ force
-    mean, variance = smoothed_state(linear, one_column(seen), noise, np.array([0, 40]))
+    mean, variance = smooth_state(linear, one_column(seen), noise, np.array([0, 40]))
     off = (mean[5:35, 6:] - force) / np.sqrt(variance[5:35, 6:])
     np.testing.assert_allclose(mean[5:35, 6:], np.tile(force, (30, 1)), rtol=0.1)
     assert (off**2).mean(axis=0).max() < chi2.ppf(0.9999, 1)

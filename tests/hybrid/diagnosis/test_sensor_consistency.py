@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.evidence import evidence_of
 from hybrid.diagnosis.linearise import Model, linear_model
 from hybrid.diagnosis.log import Log, log_of
-from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.result import Consistency
 from hybrid.diagnosis.sensor_consistency import (
     _normal_equations,

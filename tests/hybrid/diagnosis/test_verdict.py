@@ -11,14 +11,14 @@ from hybrid.diagnosis.acceptance import LackOfFit
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.diagnosis.verdict import intervals, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
-from hybrid.report.diagnosis_sentences import unexplained
+from hybrid.report.diagnosis_sentences import unknown_cause
 
 SHEAR = LackOfFit("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
 FADING = LackOfFit("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
 
 
 def test_one_word_for_it() -> None:
-    unknown = unexplained([SHEAR], [], 0.4)
+    unknown = unknown_cause([SHEAR], [], 0.4)
     assert verdict_of((), [], unknown=False) == "nothing_missing"
     assert verdict_of(("skeg",), [], unknown=False) == "named"
     assert verdict_of(("skeg",), [("skeg", "trim")], unknown=False) == "indistinguishable"
@@ -27,7 +27,7 @@ def test_one_word_for_it() -> None:
 
 
 def test_what_remains_is_said_with_its_size_and_what_it_hangs_on() -> None:
-    unknown = unexplained([SHEAR, FADING], [CATALOGUE["skeg"]], 0.4)
+    unknown = unknown_cause([SHEAR, FADING], [CATALOGUE["skeg"]], 0.4)
     assert unknown is not None
     assert unknown.where == ("place", "time")
     assert "ocean current that varies with the place" in unknown.looks_like
@@ -39,7 +39,7 @@ def test_of_several_signs_of_another_form_the_strongest_is_told() -> None:
         LackOfFit(depends, "hull_fouling", chance, 50.0, 0.03, matters=True)
         for depends, chance in (("thrust", 1e-9), ("drift", 1e-3))
     )
-    unknown = unexplained([thrust, drift, FADING], [CATALOGUE["hull_fouling"]], 0.4)
+    unknown = unknown_cause([thrust, drift, FADING], [CATALOGUE["hull_fouling"]], 0.4)
     assert unknown is not None
     assert unknown.where == ("thrust", "time")
     assert "hull fouling that varies with the thrust ahead: rather a relative" in unknown.looks_like
@@ -49,7 +49,7 @@ def test_of_several_signs_of_another_form_the_strongest_is_told() -> None:
 def test_many_effects_at_once_are_rather_one_unknown(names: list[str], count: int) -> None:
     """Three together are believed; more are what imitates one that the catalogue lacks."""
     effects = [CATALOGUE[name] for name in names[:count]]
-    unknown = unexplained([], effects, 0.1)
+    unknown = unknown_cause([], effects, 0.1)
     assert (unknown is not None) == (count > 3)
     if unknown is not None:
         assert unknown.where == (OPERATION,)

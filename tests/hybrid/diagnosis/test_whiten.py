@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.innovations import Columns, columns_of, whitened
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, columns_of, whiten
 from hybrid.diagnosis.linearise import Signature
-from hybrid.diagnosis.noise import FORCE_UNITS, Noise
 from tests.hybrid.diagnosis.linear_by_hand import CALM_SEA, DISTURBANCES, SWELL, a_ship, dense, drawn, one_column
 
 EDGES = np.array([0, 9, 21])
@@ -35,7 +34,7 @@ def explained(noise: Noise, columns: Columns, seed: int) -> tuple[Floats, float]
             [forces, -(linear.B[:, :, axis] * FORCE_UNITS[axis])[:, :, None] * columns.features[:, None]], 2
         )
     drive = np.concatenate([columns.drive, forces], axis=2)
-    seen = np.concatenate([columns.seen, np.zeros_like(forces)], axis=2)
+    seen = np.concatenate([columns.readings, np.zeros_like(forces)], axis=2)
     gram, log_determinant = np.zeros((drive.shape[2],) * 2), 0.0
     for first, last in itertools.pairwise(EDGES):
         rows = slice(int(first), int(last))
@@ -52,7 +51,7 @@ def explained(noise: Noise, columns: Columns, seed: int) -> tuple[Floats, float]
 @pytest.mark.parametrize("sea", DISTURBANCES)
 def test_products_and_likelihood_are_those_of_the_joint_gaussian(sea: str, missing: float) -> None:
     columns = any_columns(5, missing=missing)
-    z, spread = whitened(a_ship(21, 5), columns, DISTURBANCES[sea], EDGES)
+    z, spread = whiten(a_ship(21, 5), columns, DISTURBANCES[sea], EDGES)
     gram, log_determinant = explained(DISTURBANCES[sea], columns, 5)
     flat = z.reshape(-1, columns.count)
     np.testing.assert_allclose(flat.T @ flat, gram, rtol=1e-6, atol=1e-6 * np.abs(gram).max())
@@ -61,8 +60,8 @@ def test_products_and_likelihood_are_those_of_the_joint_gaussian(sea: str, missi
 
 def test_a_sample_that_is_missing_leaves_a_zero_and_no_spread() -> None:
     columns = any_columns(1, missing=0.4)
-    z, spread = whitened(a_ship(21, 1), columns, CALM_SEA, EDGES)
-    missing = np.isnan(columns.seen[:, :, 0])
+    z, spread = whiten(a_ship(21, 1), columns, CALM_SEA, EDGES)
+    missing = np.isnan(columns.readings[:, :, 0])
     assert not z[missing].any()
     assert (spread[missing] == 1.0).all()
 
@@ -70,9 +69,9 @@ def test_a_sample_that_is_missing_leaves_a_zero_and_no_spread() -> None:
 def test_columns_superpose() -> None:
     columns, linear = any_columns(2), a_ship(21, 2)
     mixed = np.array([0.7, -2.0, 30.0])
-    together = one_column(columns.seen @ mixed, columns.drive @ mixed)
-    z, _ = whitened(linear, columns, SWELL, EDGES)
-    np.testing.assert_allclose(whitened(linear, together, SWELL, EDGES)[0][:, :, 0], z[:, :, :3] @ mixed, atol=1e-8)
+    together = one_column(columns.readings @ mixed, columns.drive @ mixed)
+    z, _ = whiten(linear, columns, SWELL, EDGES)
+    np.testing.assert_allclose(whiten(linear, together, SWELL, EDGES)[0][:, :, 0], z[:, :, :3] @ mixed, atol=1e-8)
 
 
 def test_an_effect_of_its_own_size_in_the_data_is_its_column() -> None:
@@ -80,7 +79,7 @@ def test_an_effect_of_its_own_size_in_the_data_is_its_column() -> None:
     linear, random, size = a_ship(21, 3), np.random.default_rng(3), 1.7
     effect = Signature("any", 0, 0.01 * random.standard_normal((21, 6)), random.standard_normal((21, 6)))
     linear.defect[:], linear.observed[:] = -size * effect.D, size * effect.E
-    z, _ = whitened(linear, columns_of(linear, [effect]), SWELL, EDGES)
+    z, _ = whiten(linear, columns_of(linear, [effect]), SWELL, EDGES)
     np.testing.assert_allclose(z[:, :, 0], size * z[:, :, 1], atol=1e-9)
 
 
@@ -88,16 +87,16 @@ def test_a_force_feature_is_the_effect_of_such_a_force() -> None:
     linear, shape = a_ship(21, 4), np.random.default_rng(4).standard_normal((21, 1))
     forces = [Signature(axis, 0, linear.B[:, :, i] * FORCE_UNITS[i] * shape, np.zeros((21, 6)))
               for i, axis in enumerate(("surge", "sway", "yaw"))]  # fmt: skip
-    z, _ = whitened(linear, columns_of(linear, forces, shape), CALM_SEA, EDGES)
+    z, _ = whiten(linear, columns_of(linear, forces, shape), CALM_SEA, EDGES)
     np.testing.assert_allclose(z[:, :, 4:], z[:, :, 1:4], atol=1e-10)
 
 
 def test_blocks_know_nothing_of_each_other() -> None:
     columns, linear = any_columns(6), a_ship(21, 6)
-    z, _ = whitened(linear, columns, CALM_SEA, EDGES)
-    columns.seen[:9] += 5.0
+    z, _ = whiten(linear, columns, CALM_SEA, EDGES)
+    columns.readings[:9] += 5.0
     columns.drive[8] += 7.0  # the last second of a block drives nothing
-    moved, _ = whitened(linear, columns, CALM_SEA, EDGES)
+    moved, _ = whiten(linear, columns, CALM_SEA, EDGES)
     assert np.array_equal(moved[9:], z[9:])
     assert not np.allclose(moved[:9], z[:9])
 
@@ -106,7 +105,7 @@ def long_drawn(noise: Noise, seed: int, blocks: int = 24) -> tuple[Floats, NDArr
     """Whitened data of so many blocks of a minute, drawn from exactly the system."""
     edges = 60 * np.arange(blocks + 1)
     linear = a_ship(60 * blocks, seed)
-    return whitened(linear, drawn(linear, noise, edges, seed), noise, edges)[0][:, :, 0], edges
+    return whiten(linear, drawn(linear, noise, edges, seed), noise, edges)[0][:, :, 0], edges
 
 
 @pytest.mark.parametrize("sea", DISTURBANCES)
@@ -128,5 +127,5 @@ def test_another_sea_than_the_filter_believes_in_is_noticed() -> None:
     """The whiteness test itself can fail: waves that the filter does not know of."""
     edges = 60 * np.arange(11)
     linear = a_ship(600, 8)
-    z, _ = whitened(linear, drawn(linear, SWELL, edges, 8), CALM_SEA, edges)
+    z, _ = whiten(linear, drawn(linear, SWELL, edges, 8), CALM_SEA, edges)
     assert (z[:, :, 0] ** 2).sum() > chi2.ppf(1.0 - 1e-9, z.size)

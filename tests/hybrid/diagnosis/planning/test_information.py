@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.stats import norm, t
 
 from hybrid.diagnosis.acceptance import accept_names
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.noise import Noise
 from hybrid.diagnosis.select_effects import select_effects
 from hybrid.effects import CATALOGUE
 from hybrid.planning.information import (

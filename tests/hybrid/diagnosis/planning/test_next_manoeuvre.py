@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.noise import Noise
 from hybrid.effects import CATALOGUE
 from hybrid.planning.next_manoeuvre import (
     Pair,

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import ConfigurationError
 from hybrid.cli.plan import mount
-from hybrid.diagnosis.noise import Noise
+from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.effects import CATALOGUE
 from hybrid.planning import plan as planning
 from hybrid.planning.information import Design
