@@ -1,0 +1,44 @@
+"""Results to JSON and back: a dataclass's fields are the keys, and its types say how to read them.
+
+``Annotated[..., Field(exclude=True)]`` leaves a field out, ``@computed_field`` above a property adds one. Arrays
+(:mod:`acquisition.core.arrays`) are nested lists. JSON knows no NaN: it is written as null, and a field that may
+hold one has the type :data:`Number`, which reads null as NaN.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from pydantic import BeforeValidator, TypeAdapter, ValidationError
+
+from acquisition.core.errors import InputError
+
+Result = TypeVar("Result")
+Number = Annotated[float, BeforeValidator(lambda value: float("nan") if value is None else value)]
+"""A float that may be NaN."""
+
+
+def to_json(result: Any) -> Any:
+    """Plain values of a dataclass, or of lists and dicts of them, as JSON has them: NaN and infinities are None."""
+    return json.loads(TypeAdapter[Any](type(result)).dump_json(result, fallback=_plain))
+
+
+def from_json(kind: type[Result], values: Any) -> Result:
+    """The result that :func:`to_json` made ``values`` of. Raises :class:`InputError` for anything else."""
+    try:
+        return TypeAdapter(kind).validate_python(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise InputError(
+            f"is not a {kind.__name__} of this version", where=place, why=first["msg"], fix="write it again"
+        ) from error
+
+
+def _plain(value: Any) -> Any:
+    """What only numpy knows."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} is nothing that JSON knows")
