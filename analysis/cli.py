@@ -249,7 +249,7 @@ def batch(
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.core.progress import bar
     from analysis.batch.batch import run_batch
-    from analysis.batch.workers import Terminated
+    from analysis.batch.workers import Termination
     from analysis.products import Options
 
     if rebuild_positions and no_repair:
@@ -261,7 +261,7 @@ def batch(
                 folder, output, workers, scheduler, options, progress, again=again, timeout_s=timeout
             )
     except KeyboardInterrupt as stop:
-        terminated = isinstance(stop, Terminated)
+        terminated = isinstance(stop, Termination)
         how = "terminated" if terminated else "interrupted"
         typer.echo(f"seatrial: {how}; what is done stays, the same command goes on from there", err=True)
         raise typer.Exit(143 if terminated else 130) from None  # 128 and the signal, as shells have it

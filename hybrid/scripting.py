@@ -366,7 +366,7 @@ def plot(table: pd.DataFrame) -> Figure:
     from matplotlib.figure import Figure
 
     from acquisition.core.errors import DataShortageError
-    from analysis.report.trial_figures import channels_figure, track_figure
+    from analysis.report.plots import channels_figure, track_figure
 
     parts = [each for each in (track_figure(table), channels_figure(table)) if each is not None]
     if not parts:

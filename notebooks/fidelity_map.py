@@ -53,7 +53,7 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress
 from analysis.batch.workers import map_calls
-from analysis.report.figures import filled, png_of, write_figure
+from analysis.report.figures import fill_figure, png_of, write_figure
 from analysis.report.plots import INK
 from analysis.tables.files import atomic_file
 from hybrid.calibrators import make_calibrator
@@ -606,7 +606,7 @@ def write_map(found: FidelityMap, folder: Path) -> list[Path]:
         unfinished.write_text(json.dumps(with_reading(found), indent=2) + "\n", encoding="utf-8")
     paths = [path]
     for name, draw, size_inch in ((NAME, draw_map, (8.5, 5.6)), (f"{NAME}_axes", draw_axes, (8.5, 5.2))):
-        figure = filled(partial(draw, found=found), size_inch)
+        figure = fill_figure(partial(draw, found=found), size_inch)
         paths += write_figure(figure, folder, name, ("png", "svg", "pdf"))
     return paths
 
@@ -618,7 +618,7 @@ def write_map(found: FidelityMap, folder: Path) -> list[Path]:
 # %%
 def picture(draw: Callable[[Figure, FidelityMap], None], size_inch: tuple[float, float]) -> HTML:
     """A figure of the map, as a page shows it."""
-    png = png_of(filled(partial(draw, found=found), size_inch))
+    png = png_of(fill_figure(partial(draw, found=found), size_inch))
     return HTML(f'<img alt="{draw.__name__}" src="data:image/png;base64,{b64encode(png).decode()}">')
 
 

@@ -29,7 +29,7 @@ from analysis.batch.workers import (
     run_jobs,
 )
 from analysis.products import Options
-from analysis.report.index_page import index_page
+from analysis.report.pages import index_page
 from analysis.tables.files import atomic_file, read_parquet, write_parquet
 
 Failures = list[tuple[str, list[str]]]

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
 from acquisition.core.trial import software_version
 from analysis.manoeuvres import Manoeuvre, as_json
@@ -30,6 +29,7 @@ from analysis.products import Options, Products, analyse
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
 from analysis.tables.provenance import history_of, provenance_of, sha256_of
+from analysis.tables.table import trial_channels
 from analysis.windows.recordings import write_windows
 
 Row = dict[str, Any]
@@ -125,7 +125,7 @@ def reusable_row(path: Path, folder: Path, options: Options, name: str = "") -> 
 
 def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: Path) -> None:
     """All files of a result, each with its origin and history in it."""
-    from analysis.report.recording_page import recording_page
+    from analysis.report.pages import recording_page
 
     origin = {"provenance": json_value(provenance), "history": json_value(history_of(products.one_hz))}
     about = {key: json.dumps(value) for key, value in origin.items()}
@@ -163,7 +163,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "duration_s": float(len(one_hz) - 1),
         "distance_m": distance_m(one_hz),
         "samples": sum(int(series.value.size) for series in recording.series.values()),
-        "channels": len(NAMES) - len(missing),
+        "channels": len(trial_channels(products.table)) - len(missing),
         "missing": missing,
         "closed": recording.closed,
         "grade": max((each.grade for each in products.quality.channels.values()), key=GRADES.index, default=""),
@@ -183,8 +183,8 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
 
 
 def missing_channels(table: pd.DataFrame) -> list[str]:
-    """Those of the 13 channels that have no value at all; no check can judge them."""
-    return [name for name in NAMES if name not in table or not table[name].notna().any()]
+    """Those channels of the ship's trials that have no value at all; no check can judge them."""
+    return [name for name in trial_channels(table) if name not in table or not table[name].notna().any()]
 
 
 def key_indices(manoeuvres: Iterable[Manoeuvre]) -> dict[str, float]:

@@ -299,7 +299,7 @@ def _row_of(future: Future, job: Job) -> Row | None:
     return row
 
 
-class Terminated(KeyboardInterrupt):
+class Termination(KeyboardInterrupt):
     """The process was asked to end by SIGTERM, as systemd and a cluster's queue do."""
 
 
@@ -312,7 +312,7 @@ def interrupt_on_terminate() -> Iterator[None]:
 
     def stop(*_: object) -> None:
         signal.signal(signal.SIGTERM, signal.SIG_IGN)  # once is enough; what follows is the way out
-        raise Terminated
+        raise Termination
 
     before = signal.signal(signal.SIGTERM, stop)
     try:

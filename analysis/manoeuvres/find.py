@@ -17,11 +17,9 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from analysis.manoeuvres.indices import Manoeuvre, add_limits
-from analysis.manoeuvres.measures import WIDEST_S, smooth_motion
+from analysis.manoeuvres.measures import WIDEST_S, Plateau, merge_corrections, plateaus, smooth_motion, tolerance_of
 from analysis.manoeuvres.motion import Motion, motion_of, noise_of, stretches
-from analysis.manoeuvres.segments import Plateau, merge_corrections, plateaus, tolerance_of
-from analysis.manoeuvres.straight_runs import find_accelerations, find_speed_runs, find_stops
-from analysis.manoeuvres.thruster_tests import find_thruster_tests
+from analysis.manoeuvres.runs import find_accelerations, find_speed_runs, find_stops, find_thruster_tests
 from analysis.manoeuvres.turning_circle import LEAST_TURN_OF_ONE_SIDE_DEG, is_turn, turning_circle
 from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
 
@@ -115,9 +113,8 @@ def _zigzags_and_turns(
 
 def helm_of(motion: Motion) -> Floats:
     """The helm [deg], nothing where no drive runs."""
-    push = np.hypot(motion.port_rpm, motion.starboard_rpm)
-    noise = max(noise_of(motion.port_rpm), noise_of(motion.starboard_rpm))
-    running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * noise)
+    push = np.linalg.norm([*motion.drives.values()], axis=0)
+    running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * motion.drive_noise_rpm)
     return np.where(running, motion.helm_deg, 0.0)
 
 

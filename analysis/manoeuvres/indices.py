@@ -80,6 +80,16 @@ class Manoeuvre:
     executes: tuple[pd.Timestamp, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
+    @property
+    def sided_name(self) -> str:
+        """The name, with the side where it does not say it."""
+        return f"{self.name} to {self.side}" if self.side and self.side not in self.name else self.name
+
+    @property
+    def sign(self) -> float:
+        """1 for one to starboard, else -1."""
+        return 1.0 if self.side == side_of(1.0) else -1.0
+
     def as_json(self) -> dict[str, Any]:
         """The manoeuvre with the keys of the contract."""
         return {
@@ -94,6 +104,11 @@ class Manoeuvre:
             "executes": [time.isoformat() for time in self.executes],
             "notes": list(self.notes),
         }
+
+
+def side_of(positive_to_starboard: float) -> str:
+    """The side that a turn or a move is to, by its sign."""
+    return "starboard" if positive_to_starboard > 0 else "port"
 
 
 def as_json(manoeuvres: Iterable[Manoeuvre]) -> list[dict[str, Any]]:

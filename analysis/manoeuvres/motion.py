@@ -4,14 +4,15 @@ The path joins position and speed. The speeds, turned by the heading and integra
 the positions do not drift but may be quantised, jump or carry a wrong time. Their difference is slow, so a fit
 over half a minute takes the noise out of it without rounding off the path.
 
-The helm is the direction of the thrust of both drives together, taken as the square of the shaft speed: that
-is the common angle of two alike drives, the angle of the one that runs when the other stands, and straight
-ahead for a drive that pulls while it looks aft.
+The helm is the direction of the thrust of all azimuth thrusters together, taken as the square of the shaft speed:
+that is the common angle of alike drives, the angle of the one that runs when the others stand, and straight ahead
+for a drive that pulls while it looks aft. Those at the other end of the ship, which turn her by the opposite angle,
+are told by just that, and count with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -19,17 +20,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import Actuator
 from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE, VELOCITY
+from acquisition.core.channels import POSE, VELOCITY, is_circular
+from acquisition.core.errors import InputError
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.kinematics import integrate, to_earth
-from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
-from analysis.quality.commands import check_orders
+from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from analysis.quality.samples import runs, white_noise
 from analysis.tables.provenance import history_of
 from analysis.tables.resample import resample
-from analysis.tables.table import require
+from analysis.tables.table import require, table_actuators, table_controls
 from analysis.tables.time_index import NANO, times_ns
 
 FASTEST_HZ = 5.0
@@ -37,9 +39,7 @@ _PATH_HALF_WIDTH_S = 20.0
 _GLITCH_DEG, _GLITCH_SIGMAS = 3.0, 8.0
 _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
-
-
-_SCALARS = ("origin_ns", "path_sd_m", "orders_are_events")
+_AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +47,9 @@ class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
 
     ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180 and means nothing where no
-    drive runs. ``thrust`` is the sum of n|n| along the bow of both shafts [rpm^2]. ``known`` says where pose
-    and speeds were measured; elsewhere they are interpolated. ``broken`` says where position or heading jump as
+    drive runs. ``thrust`` is the sum of n|n| along the bow of all drives [rpm^2]. ``drives`` are the shafts of the
+    azimuth thrusters and ``tunnels`` those of tunnel thrusters [rpm], by channel. ``known`` says where pose and
+    speeds were measured; elsewhere they are interpolated. ``broken`` says where position or heading jump as
     no ship does, as where a piece was cut out of a recording: nothing reaches across it. ``path_sd_m`` is the
     standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says
     that the azimuth was recorded when it changed and filled in between, so that nobody knows when it began to.
@@ -64,13 +65,22 @@ class Motion:
     yaw_rate_dps: Floats
     helm_deg: Floats
     thrust: Floats
-    port_rpm: Floats
-    starboard_rpm: Floats
-    tunnel_rpm: Floats
+    drives: Mapping[str, Floats]
+    tunnels: Mapping[str, Floats]
     known: NDArray[np.bool_]
     broken: NDArray[np.bool_]
     path_sd_m: float = 0.0
     orders_are_events: bool = False
+
+    @property
+    def main_rpm(self) -> Floats:
+        """The shaft of the first drive, by which runs are called [rpm, rows]."""
+        return next(iter(self.drives.values()))
+
+    @property
+    def drive_noise_rpm(self) -> float:
+        """The noise of the noisiest drive's shaft [rpm]."""
+        return max(map(noise_of, self.drives.values()))
 
     @property
     def step_s(self) -> float:
@@ -89,8 +99,8 @@ class Motion:
     def rows(self, first: int, end: int) -> Motion:
         """The rows from ``first`` up to ``end``."""
         part = slice(max(first, 0), end)
-        arrays = {f.name: getattr(self, f.name)[part] for f in fields(self) if f.name not in _SCALARS}
-        return replace(self, **arrays)
+        columns = {each.name: _part(getattr(self, each.name), part) for each in fields(self)}
+        return replace(self, **columns)
 
     def between(self, start_s: float, end_s: float) -> Motion:
         """The rows of a span of time, ends included."""
@@ -120,17 +130,27 @@ class Motion:
         return pd.Timestamp(self.origin_ns + round(time_s * NANO), unit="ns", tz="UTC")
 
 
-AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")
+def _part(values: Any, part: slice) -> Any:
+    """Some rows of a column or of columns by name; what has no rows as it is."""
+    if isinstance(values, Mapping):
+        return {name: column[part] for name, column in values.items()}
+    return values[part] if isinstance(values, np.ndarray) else values
+
+
 MEASURED_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
 def motion_of(table: pd.DataFrame) -> Motion:
     """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz.
 
-    Raises :class:`InputError` where pose, speeds or the port drive are missing; a ship with one drive needs no
-    starboard one, one without a tunnel thruster needs none.
+    Raises :class:`InputError` where pose, speeds or the first azimuth thruster are missing; what is not recorded of
+    the other actuators stands.
     """
-    require(table, (*POSE, *VELOCITY, "port_rpm", "port_angle_deg"))
+    actuators = table_actuators(table)
+    azimuths = [each for each in actuators if each.kind == "azimuth"]
+    if not azimuths:
+        raise InputError("the ship has no azimuth thruster to steer her by", fix="name the actuators in the trial")
+    require(table, (*POSE, *VELOCITY, *(channel.name for channel in azimuths[0].channels)))
     heading = _cleaned_heading(table)
     grid = resample(table.assign(heading_deg=heading), _rate_hz(table))
     time_ns = times_ns(grid)
@@ -148,18 +168,21 @@ def motion_of(table: pd.DataFrame) -> Motion:
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     spread = float(np.hypot(_wander_m(apart[0] - slow[0], step_s), _wander_m(apart[1] - slow[1], step_s)))
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
-    helm, thrust, port_rpm, starboard_rpm = _drives(grid)
-    tunnel = fill_gaps(grid["tunnel_rpm"].to_numpy()) if "tunnel_rpm" in grid else np.zeros(time_s.size)
-    return Motion(int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, port_rpm,
-                  starboard_rpm, tunnel, known & ~broken, broken, spread, orders_are_events(table))  # fmt: skip
+    drives = {each.channels[0].name: _shaft(grid, each) for each in azimuths}
+    tunnels = {each.channels[0].name: _shaft(grid, each) for each in actuators if each.kind == "tunnel"}
+    helm, thrust = _helm_and_thrust(grid, azimuths, surge)
+    return Motion(
+        int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
+        known & ~broken, broken, spread, orders_are_events(table),
+    )  # fmt: skip
 
 
 def orders_are_events(table: pd.DataFrame) -> bool:
     """Whether an azimuth's values between its changes are made up: straight lines, or lines that were repaired."""
     repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
-    angles = table[[name for name in AZIMUTHS if name in table]]
-    return bool(repaired & set(AZIMUTHS)) or bool(check_orders(angles).findings)
+    angles = [name for name in table_controls(table) if is_circular(name)]
+    return bool(repaired & set(angles)) or bool(check_orders(table[[*filter(table.__contains__, angles)]]).findings)
 
 
 def fill_gaps(values: Floats) -> Floats:
@@ -255,24 +278,28 @@ def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, i
     return [(int(a), int(b)) for a, b in zip(*runs(true), strict=True) if b - a >= least_rows]
 
 
-def _drives(grid: pd.DataFrame) -> tuple[Floats, Floats, Floats, Floats]:
-    """Helm [deg], thrust along the bow [rpm^2] and both shafts [rpm]; a missing drive stands."""
-    ahead, aside = np.zeros(len(grid)), np.zeros(len(grid))
-    shafts = []
-    for side in ("port", "starboard"):
-        if f"{side}_rpm" not in grid:
-            shafts.append(np.zeros(len(grid)))
-            continue
-        rpm = fill_gaps(grid[f"{side}_rpm"].to_numpy())
+def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
+    """The shaft speed of an actuator [rpm]; one that is not recorded stands."""
+    name = actuator.channels[0].name
+    return fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
+
+
+def _helm_and_thrust(grid: pd.DataFrame, azimuths: Sequence[Actuator], surge: Floats) -> tuple[Floats, Floats]:
+    """Helm [deg] and thrust along the bow [rpm^2] of all azimuth thrusters."""
+    pushes = []
+    for each in azimuths:
+        rpm, angle = _shaft(grid, each), each.channels[1].name
         # Where an angle is missing the shaft still pushes: straight ahead is the least that can be said.
-        angle = np.deg2rad(_hold(grid, f"{side}_angle_deg"))
-        push = rpm * np.abs(rpm)
-        ahead, aside = ahead + push * np.cos(angle), aside + push * np.sin(angle)
-        shafts.append(rpm)
-    return wrap_180(np.rad2deg(np.arctan2(aside, ahead))), ahead, shafts[0], shafts[1]
+        known = fill_gaps(unwrap(grid[angle].to_numpy())) if angle in grid else np.zeros(len(grid))
+        pushes.append(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(known)))
+    under_way = np.abs(surge) >= 0.5 * np.percentile(np.abs(surge), 98)
+    sides = [_side_of(push.imag[under_way], pushes[0].imag[under_way]) for push in pushes]
+    ahead = np.sum([push.real for push in pushes], axis=0)
+    aside = np.sum([side * push.imag for side, push in zip(sides, pushes, strict=True)], axis=0)
+    return wrap_180(np.rad2deg(np.arctan2(aside, ahead))), ahead
 
 
-def _hold(grid: pd.DataFrame, name: str) -> Floats:
-    if name not in grid:
-        return np.zeros(len(grid))
-    return fill_gaps(unwrap(grid[name].to_numpy()))
+def _side_of(aside: Floats, first: Floats) -> float:
+    """-1 for a drive whose thrust to the side goes against the first drive's, as at the other end of the ship."""
+    apart, others = aside - aside.mean(), first - first.mean()
+    return -1.0 if apart @ others < _AGAINST * np.sqrt((apart @ apart) * (others @ others)) else 1.0

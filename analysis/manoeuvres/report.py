@@ -99,9 +99,8 @@ def rows_of(manoeuvre: Manoeuvre, *, every: bool = True) -> list[list[str]]:
 
 def headline(manoeuvre: Manoeuvre) -> str:
     """Time, name and side in one line."""
-    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
     seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
-    return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.name}{side}, {seconds:.0f} s"
+    return f"{manoeuvre.start:%H:%M:%S} {manoeuvre.sided_name}, {seconds:.0f} s"
 
 
 def setting_text(name: str, value: float) -> str:
@@ -123,6 +122,28 @@ def subline(manoeuvre: Manoeuvre) -> str:
     return "; ".join([", ".join(parts), *manoeuvre.notes])
 
 
+_FIRST_INDICES = 3
+_LATER = ("half_command", "time_to_check", "initial_turning")  # left to the manoeuvre's own table
+
+
+def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
+    """A manoeuvre's row in the table of all."""
+    main = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _LATER)]
+    indices = ", ".join(f"{plain_name(name)} {index_cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
+    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
+    return [f"{manoeuvre.start:%H:%M:%S}", manoeuvre.sided_name, f"{seconds:.0f} s", indices]
+
+
+def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """A table without the columns that hold nothing.
+
+    >>> without_empty(["index", "limit"], [["reach", ""]])
+    (['index'], [['reach']])
+    """
+    kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
+    return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]
+
+
 def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group:
     """A table a manoeuvre for the terminal, of the main indices or of ``every`` one."""
     from rich.console import Group
@@ -132,12 +153,11 @@ def terminal_tables(found: RecordingManoeuvres, *, every: bool = False) -> Group
     blocks: list[Any] = [Text(f"{found.recording}: {count_text(found.manoeuvres)}", style="bold")]
     for each in found.manoeuvres:
         table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
-        columns = list(zip(HEADER, *rows_of(each, every=every), strict=True))
-        filled = [column for column in columns if any(column[1:])]
-        for title, *_ in filled:
+        header, rows = without_empty(HEADER, rows_of(each, every=every))
+        for title in header:
             table.add_column(title, justify="left" if title == "index" else "right", no_wrap=True)
-        for row in zip(*(column[1:] for column in filled), strict=True):
-            table.add_row(*(Text(cell) for cell in row))
+        for row in rows:
+            table.add_row(*map(Text, row))
         blocks += [Text(""), Text(headline(each), style="bold cyan"), Text(subline(each), style="dim"), table]
     return Group(*blocks)
 

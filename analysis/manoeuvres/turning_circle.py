@@ -16,20 +16,24 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from analysis.kinematics import to_ship
-from analysis.manoeuvres.indices import Current, Manoeuvre, indices_of, nominal_deg
+from analysis.manoeuvres.indices import Current, Manoeuvre, indices_of, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
+    Plateau,
     along_and_across,
+    alternative_times,
     approach_of,
     approach_settings,
     bootstrap_indices,
+    counting_times,
     crossing_s,
     distance_m,
+    event_notes,
+    execute_s,
     half_width_s,
     level_before,
     smooth_motion,
 )
 from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.segments import Plateau, alternative_times, counting_times, event_notes, execute_s
 
 LEAST_CIRCLE_DEG, LEAST_TURN_OF_ONE_SIDE_DEG = 180.0, 90.0
 _MARGIN_S = 20.0
@@ -65,7 +69,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         "azimuth_deg": each.level,
         "turned_deg": abs(turned),
         "half_command_s": half - start,
-        "turning_rpm": float(part.between(start, end).port_rpm.mean()),
+        "turning_rpm": float(part.between(start, end).main_rpm.mean()),
         **approach_settings(part, start),
     }
     indices = indices_of(found, length_m)
@@ -75,7 +79,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         name=f"{'turning circle' if whole else 'turn'} {nominal_deg(each.level):.0f} deg",
         start=motion.utc(start),
         end=motion.utc(end),
-        side="starboard" if turned > 0 else "port",
+        side=side_of(turned),
         settings=settings,
         indices=indices,
         current=current_of(smooth_motion(part, width), start, end),

@@ -12,26 +12,24 @@ from itertools import pairwise
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg
+from analysis.manoeuvres.indices import Manoeuvre, indices_of, nominal_deg, side_of
 from analysis.manoeuvres.measures import (
+    Plateau,
+    alternative_times,
     approach_of,
     approach_settings,
     bootstrap_indices,
+    counting_times,
     crossing_s,
     distance_m,
+    event_notes,
+    execute_s,
     half_width_s,
+    is_same_order,
     level_before,
     peak,
 )
 from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.segments import (
-    Plateau,
-    alternative_times,
-    counting_times,
-    event_notes,
-    execute_s,
-    is_same_order,
-)
 
 FEWEST_SWINGS = 3
 _LONGEST_PAUSE_S = 8.0
@@ -110,7 +108,7 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float |
         name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}",
         start=motion.utc(both[0, 0]),
         end=motion.utc(executes[-1]),
-        side="starboard" if _first_side(part, executes) > 0 else "port",
+        side=side_of(_first_side(part, executes)),
         settings=settings,
         indices=indices,
         executes=tuple(motion.utc(each) for each in executes[1:-1]),

@@ -20,7 +20,6 @@ from acquisition.core.frames import Quality, iso
 from analysis.quality.findings import Flags
 from analysis.quality.repeated_values import flag_stuck, quantisation_step
 from analysis.quality.samples import (
-    ASSUMED,
     Stretch,
     flags_where,
     interval_ns,
@@ -209,7 +208,6 @@ def _possible(channel: Channel, span_s: Floats) -> Floats:
     return result
 
 
-ASSUMED_SOURCES = list(ASSUMED)
 Grade = Literal["good", "suspect", "bad"]
 BAD_SHARE, SUSPECT_SHARE, JITTER_SHARE = 0.2, 0.01, 0.15
 

@@ -14,7 +14,7 @@ from acquisition.core.arrays import Bools, Ints, Series
 from acquisition.core.channels import channel_names
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
-from analysis.quality.channel_checks import ASSUMED_SOURCES, ChannelFaults, ChannelQuality, channel_faults
+from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.commands import check_orders, check_thruster_feedback
 from analysis.quality.findings import (
     ALL,
@@ -31,10 +31,10 @@ from analysis.quality.findings import (
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.motion.checks import check_motion
 from analysis.quality.repeated_values import expected_rates
-from analysis.quality.samples import column_samples, rows_of, series_samples, times_of
+from analysis.quality.samples import ASSUMED, column_samples, rows_of, series_samples, times_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import check_wind
-from analysis.tables.table import actuators_in_recording, table_actuators, table_of
+from analysis.tables.table import actuators_in_recording, table_actuators, table_of, trial_channels
 from analysis.tables.time_index import index_of, main_stretch, times_ns, utc_index
 
 CHECKS: tuple[Check, ...] = (check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_wind)
@@ -57,12 +57,14 @@ class DataQuality:
     """The quality of a recording.
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
-    4 bad, 9 missing. ``findings`` come with the gravest first.
+    4 bad, 9 missing. ``findings`` come with the gravest first. ``missing`` are the channels of a trial of this ship
+    that the recording lacks altogether, which no check can judge.
     """
 
     channels: dict[str, ChannelQuality]
     findings: tuple[Finding, ...]
     flags: pd.DataFrame
+    missing: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """The contract's object: channels by name, findings."""
@@ -98,7 +100,7 @@ def check_table(table: pd.DataFrame) -> DataQuality:
     joined.attrs = table.attrs
     quality = _check(samples, samples, joined, {})
     flags = quality.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
-    return DataQuality(quality.channels, quality.findings, flags)
+    return replace(quality, flags=flags)
 
 
 def _check(
@@ -123,7 +125,7 @@ def _check(
     flags.loc[inside, list(some)] = quality.flags.to_numpy()
     channels = {name: replace(each, count=len(whole[name]), flagged=dict(_count_flags(flags[name])))
                 for name, each in quality.channels.items()}  # fmt: skip
-    return DataQuality(channels, quality.findings, flags)
+    return replace(quality, channels=channels, flags=flags)
 
 
 def _within(samples: Mapping[str, pd.Series[Any]], first: int, last: int) -> dict[str, pd.Series[Any]]:
@@ -150,7 +152,7 @@ def _check_stretch(
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
     faults = {
-        name: channel_faults(each, whole[name], rates.get(name), bounds, sources.get(name) == ASSUMED_SOURCES)
+        name: channel_faults(each, whole[name], rates.get(name), bounds, sources.get(name) == [ASSUMED])
         for name, each in samples.items()
     }
     rows = {name: rows_of(stamps, times_of(each)) for name, each in samples.items()}
@@ -162,7 +164,8 @@ def _check_stretch(
     findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
     flags = _merge_all_flags(faults, rows, checked, joined)
     channels = {name: each.quality(_is_about(findings, name), whole[name], jumps) for name, each in faults.items()}
-    return DataQuality(channels, tuple(sorted(findings, key=_severity)), flags)
+    missing = tuple(name for name in trial_channels(joined) if name not in faults)
+    return DataQuality(channels, tuple(sorted(findings, key=_severity)), flags, missing)
 
 
 def _possible(

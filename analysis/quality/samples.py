@@ -20,7 +20,8 @@ from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
 from analysis.tables.time_index import NANO, index_of, seconds_of, times_ns
 
-ASSUMED = ("assumed",)
+ASSUMED = "assumed"
+"""The source of a channel that a column map gave a value to."""
 
 
 @dataclass(frozen=True, slots=True, order=True)

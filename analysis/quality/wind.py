@@ -18,7 +18,7 @@ from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
-from analysis.quality.samples import jackknife_error
+from analysis.quality.samples import ASSUMED, jackknife_error
 from analysis.tables.time_index import NANO, seconds_of, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
@@ -94,7 +94,7 @@ class _Blocks:
 def _blocks(table: pd.DataFrame) -> _Blocks | None:
     """Block means of what is needed, or None where wind or motion is missing, assumed, or there is too little."""
     sources = table.attrs.get("sources", {})
-    if any(name not in table for name in _NEEDED) or any("assumed" in sources.get(name, ()) for name in JUDGED):
+    if any(name not in table for name in _NEEDED) or any(ASSUMED in sources.get(name, ()) for name in JUDGED):
         return None
     since_s = seconds_of(table)
     recorded, velocity, bow = _vectors(_side_by_side(table))

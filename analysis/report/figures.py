@@ -38,7 +38,7 @@ _PRINT_DPI = 150
 _NO_DATE: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None, "ModDate": None}}
 
 
-def filled(draw: Draw, size_inch: tuple[float, float]) -> Figure:
+def fill_figure(draw: Draw, size_inch: tuple[float, float]) -> Figure:
     """A figure of ``size_inch`` that ``draw`` has filled, in the house's style."""
     with mpl.rc_context(_PRINT):  # type: ignore[arg-type]
         figure = Figure(figsize=size_inch)

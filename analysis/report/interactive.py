@@ -1,41 +1,46 @@
 """A trial as one page to zoom into: the track and the time series, linked, in a file that needs no network.
 
-The values come from :mod:`analysis.report.interactive_data`; ``interactive.js`` beside this module draws
-them with plotly, which is embedded and is an extra of the installation.
+``interactive.js`` beside the page's template draws with plotly, which is embedded and is an extra of the
+installation. It draws plain values and computes none of them: thinned where there is too much, rounded, cut where
+an angle wraps. Times are seconds since the page's first row; a ``lift`` is a row before which a line must not be
+joined to the row before it.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from acquisition.core.channels import BY_NAME, NAMES, is_circular
-from acquisition.core.errors import ConfigurationError
-from acquisition.core.trial import software_version
-from analysis.report.interactive_data import DECIMALS, page_data, panels_of
+import numpy as np
+import pandas as pd
+from markupsafe import Markup
+
+from acquisition.core.angles import in_turn
+from acquisition.core.arrays import Floats, Ints
+from acquisition.core.channels import BY_NAME, is_circular
+from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from analysis.report.pages import duration_text
+from analysis.report.rendering import TEMPLATES, render
 from analysis.tables.files import atomic_file, expect_suffix
+from analysis.tables.table import table_actuators, trial_channels
+from analysis.tables.time_index import NANO, times_ns
+from analysis.windows.held import held_spans_ns
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from analysis.manoeuvres import Manoeuvre
 
-PANELS = {
-    "heading [deg]": ("heading_deg",),
-    "surge [m/s]": ("surge_mps",),
-    "sway [m/s]": ("sway_mps",),
-    "yaw rate [deg/s]": ("yaw_rate_dps",),
-    "thrusters [rpm]": ("port_rpm", "starboard_rpm", "tunnel_rpm"),
-    "azimuths [deg]": ("port_angle_deg", "starboard_angle_deg"),
-    "wind speed [m/s]": ("wind_speed_mps",),
-    "wind from [deg]": ("wind_direction_deg",),
-}
-"""The panels over the axis of time, from above; one without anything to show is left out."""
+MOST_ROWS = 20_000
+"""Rows that a browser draws at once without a pause; of more, those with extremes are kept."""
+MOST_PREDICTED = 12_000
+"""Rows of one method's predictions; of more, every second, third, ... window is kept."""
+PREDICTED = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
+DECIMALS = {"m": 2, "deg": 2, "m/s": 3, "deg/s": 3, "rpm": 1}
+"""Decimals by unit: finer than any sensor aboard, and a third of the digits of a double."""
 
+_MILLI = NANO // 1000
+_HOLE = 2.5  # a line is lifted where rows are further apart than this many of the usual steps
 _PANEL_PX, _FRAME_PX = 120, 104
 _TRACK_PX = (260, 640)  # a track to scale should fill its picture, within reason
 _TRACK_WIDTH_PX = 500
@@ -44,13 +49,9 @@ _NOTHING_LOADED = (
     "worker-src blob:"
 )
 """What the browser is told: nothing may be fetched from anywhere, not even by the embedded library."""
-_KEY = "Dark: measured. Blue shade: thrusters held. Orange: a manoeuvre; dotted, where its command changed."
 _KNOWN_METHODS = {"constant_velocity": 3, "reference": 4, "data_driven": 2, "hybrid": 0}
-_SHIP = (
-    '<g id="ship"><path id="hull" d="M0,-15 L5,-7 V12 H-5 V-7 Z"/>'
-    '<path id="dot" d="M-6,0a6,6 0 1 0 12,0a6,6 0 1 0 -12,0"/></g>'
-)
-"""The outline, pointing north; a dot where the heading is not known."""
+_ACTUATOR_COLOURS = (4, 2, 0, 1, 3, 5, 6)
+"""Places in the palette of a ship's actuators, in their order."""
 
 
 def interactive_page(
@@ -63,7 +64,7 @@ def interactive_page(
 ) -> str:
     """The whole page as text: track and time series of one trial, to be written with the suffix ``.html``.
 
-    ``table`` is indexed by UTC, as resampled to 1 Hz or faster, and holds any of the 13 channels in their own
+    ``table`` is indexed by UTC, as resampled to 1 Hz or faster, and holds any channels of a trial in their own
     units; above 20,000 rows it is thinned with all extremes kept, and the page says so. ``windows`` is the long
     table of this trial's held windows. ``predicted`` has by method's name a table indexed by UTC, with any of
     ``north_m``, ``east_m``, ``heading_deg``, ``surge_mps``, ``sway_mps``, ``yaw_rate_dps`` and the number of the
@@ -74,21 +75,17 @@ def interactive_page(
     """
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
-    data |= {"style": _style(data), "angles": [name for name in data["channels"] if is_circular(name)]}
-    heading = title or "Trial"
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_NOTHING_LOADED}">'
-        f'<meta name="viewport" content="width=device-width"><title>{escape(heading)}</title>'
-        f"<style>{_beside('interactive.css')}</style></head>\n<body>{_header(heading, subtitle, data)}\n"
-        f'<main><section>{_left(data)}</section>\n<section><div class="plot">'
-        f'<div id="series" style="height:{_FRAME_PX + _PANEL_PX * len(data["style"]["panels"])}px"></div>'
-        f'<div class="line" id="cursor" hidden></div><div class="line" id="hovered" hidden></div></div>'
-        f'<p class="soft">{_KEY}</p></section>'
-        f'</main>\n<footer class="soft">{escape(software_version())}</footer>\n'
-        f'<script type="application/json" id="data">{_json(data)}</script>\n'
-        f"<script>{library}</script>\n<script>{_beside('interactive.js')}</script></body></html>\n"
-    )
+    data["style"] = _style(data, table)
+    data["angles"] = [name for name in data["channels"] if is_circular(name)]
+    css, script = (Markup((TEMPLATES / f"interactive.{kind}").read_text("utf-8")) for kind in ("css", "js"))
+    # JSON that no text in it can end: what looks like markup is escaped.
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return render(
+        "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
+        figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
+        policy=Markup(_NOTHING_LOADED), css=css, library=Markup(library), script=script,
+        track_px=_track_px(data), series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
+    ).html  # fmt: skip
 
 
 def write_interactive(
@@ -123,67 +120,58 @@ def _plotly() -> str:
     return str(get_plotlyjs())
 
 
-def _beside(name: str) -> str:
-    return resources.files("analysis.report").joinpath(name).read_text(encoding="utf-8")
-
-
-def _json(data: Mapping[str, Any]) -> str:
-    """JSON that no text in it can end: what looks like markup is escaped."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
-def _style(data: Mapping[str, Any]) -> dict[str, Any]:
+def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     """Colours, panels, labels and decimals: what the page looks like, in the house's palette."""
-    from analysis.report.plots import FAINT, HELD, INK, PALETTE, label
+    from analysis.report.plots import FAINT, HELD, INK, PALETTE, control_groups, label
 
+    there, actuators = list(data["channels"]), table_actuators(table)
     spare = [number for number in range(len(PALETTE)) if number not in _KNOWN_METHODS.values()]
     methods = {
         name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
         for number, name in enumerate(data["predicted"])
     }
+    angles, shafts = control_groups(actuators)
+    panels = [
+        *((label(name), (name,)) for name in PREDICTED[2:]),
+        ("thrusters [rpm]", shafts), ("azimuths [deg]", angles),
+        (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
+    ]  # fmt: skip
+    shown = [{"title": title, "names": [name for name in names if name in there]} for title, names in panels]
+    controls = {
+        channel.name: {
+            "actuator": each.name.replace("_", " "),
+            "colour": PALETTE[_ACTUATOR_COLOURS[number % len(PALETTE)]],
+            "width": 1.2 if number else 2.6,  # a rim where others lie on it
+        }
+        for number, each in enumerate(actuators)
+        for channel in each.channels
+    }
     return {
-        "colours": {
-            "ink": INK, "faint": FAINT, "held": HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1],
-            "palette": PALETTE,
-            "thrusters": {"port": PALETTE[4], "starboard": PALETTE[2], "tunnel": PALETTE[0]},
-        },
+        "colours": {"ink": INK, "faint": FAINT, "held": HELD, "grid": "#E6E6E6", "manoeuvre": PALETTE[1],
+                    "palette": PALETTE},
+        "controls": controls,
         "methods": methods,
-        "panels": panels_of(data["channels"], PANELS),
-        "labels": {name: label(name) for name in NAMES},
-        "decimals": {name: DECIMALS[BY_NAME[name].unit] for name in NAMES},
+        "panels": [each for each in shown if each["names"]] or shown[:1],  # the cursor needs an axis of time
+        "labels": {name: label(name) for name in ("north_m", "east_m", *there)},
+        "decimals": {name: DECIMALS[BY_NAME[name].unit] for name in there},
     }  # fmt: skip
 
 
-def _header(title: str, subtitle: str, data: Mapping[str, Any]) -> str:
-    tiles = "".join(f"<div><b>{value}</b>{name}</div>" for name, value in _figures(data).items())
-    notes = "".join(f'<p class="note">{escape(text)}</p>' for text in _notes(data))
-    return (
-        f'<header><h1>{escape(title)}</h1><p class="soft">{escape(subtitle)}</p>'
-        f'<div class="tiles">{tiles}</div>{notes}'
-        f'<div class="bar">{_method_buttons(data)}<button id="whole">Whole trial</button>'
-        f'<button id="fit">Fit to stretch</button><span class="soft">shown: <b id="shown"></b></span>'
-        f'<span class="soft keys">Drag to zoom, double click for all, click to set the cursor; '
-        f"<kbd>←</kbd> <kbd>→</kbd> move it by 1 s, with <kbd>Shift</kbd> by 10 s.</span></div></header>"
-    )
-
-
-def _figures(data: Mapping[str, Any]) -> dict[str, str]:
-    hours, rest = divmod(round(data["time_s"][-1]), 3600)
-    duration = f"{hours} h {rest // 60:02d} min" if hours else f"{rest // 60} min {rest % 60:02d} s"
-    held_s = sum(end - begin for begin, end in data["held"])
+def _figures(data: Mapping[str, Any], channels: tuple[str, ...]) -> dict[str, str]:
     figures = {
-        "duration": duration,
+        "duration": duration_text(data["time_s"][-1]),
         "rows": f"{data['rows']:,}",
-        "channels": f"{len(data['channels'])} of {len(NAMES)}",
+        "channels": f"{len(data['channels'])} of {len(channels)}",
     }
     if data["held"]:
+        held_s = sum(end - begin for begin, end in data["held"])
         figures |= {"held": f"{held_s / 60:.1f} min", "legs": str(len(data["legs"]))}
     if data["manoeuvres"]:
         figures["manoeuvres"] = str(len(data["manoeuvres"]))
     return figures
 
 
-def _notes(data: Mapping[str, Any]) -> list[str]:
+def _notes(data: Mapping[str, Any], channels: tuple[str, ...]) -> list[str]:
     """What the reader has to know of the values that are shown."""
     notes = []
     shown = len(data["time_s"])
@@ -192,82 +180,176 @@ def _notes(data: Mapping[str, Any]) -> list[str]:
             f"Of {data['rows']:,} rows {shown:,} are shown: of every stretch the first, and each channel's least "
             "and greatest value."
         )
-    missing = [name for name in NAMES if name not in data["channels"]]
+    missing = [name for name in channels if name not in data["channels"]]
     if missing:
         notes.append(f"Without {', '.join(missing)}.")
     every = {method: each["every"] for method, each in data["predicted"].items()}
     for number in sorted(set(every.values()) - {1}):
-        which = ", ".join(_words(method) for method in every if every[method] == number)
+        which = ", ".join(method.replace("_", " ") for method in every if every[method] == number)
         notes.append(f"Of the predictions ({which}) one window in {number} is shown.")
     return notes
 
 
-def _words(method: str) -> str:
-    return method.replace("_", " ")
-
-
-def _method_buttons(data: Mapping[str, Any]) -> str:
-    colours = data["style"]["methods"]
-    return "".join(
-        f'<button data-method="{escape(name)}" aria-pressed="true" style="--colour:{colours[name]}">'
-        f"{escape(_words(name))}</button>"
-        for name in data["predicted"]
-    )
-
-
-def _left(data: Mapping[str, Any]) -> str:
-    """The track, the values at the cursor, the manoeuvres."""
-    there = {"north_m", "east_m"} <= set(data["channels"])
-    plot = (
-        f'<div class="plot"{"" if there else " hidden"}><div id="track" style="height:{_track_px(data)}px"></div>'
-        f'<svg id="overlay">{_SHIP}</svg><div id="tip" hidden></div></div>'
-    )
-    caption = (
-        "North up, to scale; a colour for each leg of held thrusters. The outline shows the heading, not the size."
-        if there
-        else "No positions were recorded, so there is no track."
-    )
-    return f'{plot}<p class="soft">{caption}</p>{_readout(data)}{_manoeuvre_table(data)}'
-
-
 def _track_px(data: Mapping[str, Any]) -> int:
-    """The height that a track to scale needs."""
-    extent = {}
-    for name in ("north_m", "east_m"):
-        known = [each for each in data["channels"].get(name, ()) if each is not None]
-        extent[name] = max(known, default=0.0) - min(known, default=0.0)
-    least, most = _TRACK_PX
-    return round(
-        min(max(80 + 1.1 * _TRACK_WIDTH_PX * extent["north_m"] / max(extent["east_m"], 1e-3), least), most)
-    )
+    """The height that a track to scale needs; 0 without positions."""
+    if not {"north_m", "east_m"} <= set(data["channels"]):
+        return 0
+    north, east = (np.ptp([x for x in data["channels"][name] if x is not None]) for name in ("north_m", "east_m"))
+    return round(float(np.clip(80 + 1.1 * _TRACK_WIDTH_PX * north / max(east, 1e-3), *_TRACK_PX)))
 
 
-def _readout(data: Mapping[str, Any]) -> str:
-    """The table of values at the cursor, in two columns; the script fills the cells."""
-    labels = data["style"]["labels"]
-    rows = [
-        f'<tr><td>{labels[name]}</td><td class="n" data-channel="{name}"></td></tr>' for name in data["channels"]
-    ]
-    rows.append('<tr><td>speed over ground [m/s]</td><td class="n" id="speed"></td></tr>')
-    half = -(-len(rows) // 2)
-    return (
-        f'<div id="readout"><h2>At <span id="time"></span></h2><table>{"".join(rows[:half])}</table>'
-        f"<table>{''.join(rows[half:])}</table></div>"
-    )
+def page_data(
+    table: pd.DataFrame,
+    windows: pd.DataFrame | None = None,
+    predicted: Mapping[str, pd.DataFrame] | None = None,
+    manoeuvres: Iterable[Manoeuvre] = (),
+) -> dict[str, Any]:
+    """Everything that the page draws, fit for JSON: NaN is null, times count from ``start_ms`` [ms since 1970].
+
+    ``table`` holds any of the channels of a trial, in order of time. ``windows`` is the long table of held windows,
+    ``predicted`` has a table of :data:`PREDICTED` by method, with the number of the ``window``.
+    Raises :class:`InputError` for a table that is not in order of time, :class:`DataShortageError` for one
+    without rows or without any channel.
+    """
+    time_ns = times_ns(table)
+    if time_ns.size == 0:
+        raise DataShortageError("the table has no row to show", fix="give a recording that holds samples")
+    if np.any(np.diff(time_ns) <= 0):
+        raise InputError("the table's times do not increase", fix="sort it and drop double times, or resample it")
+    channels = trial_channels(table)
+    names = [name for name in channels if name in table and table[name].notna().any()]
+    if not names:
+        raise DataShortageError(
+            f"the table has none of the {len(channels)} channels", fix="name its columns with a column map"
+        )
+    holes = holes_of(time_ns)
+    rows = select_rows({name: table[name].to_numpy(dtype=float) for name in names}, holes, time_ns.size)
+    start_ms = int(time_ns[0] // _MILLI)
+    return {
+        "start_ms": start_ms,
+        "rows": int(time_ns.size),
+        "time_s": seconds_since(time_ns[rows], start_ms),
+        **_columns(table.iloc[rows], names),
+        "holes": np.searchsorted(rows, holes).tolist(),
+        "legs": [] if windows is None else [
+            {"leg": str(name), "held": _held_s(part, start_ms)} for name, part in windows.groupby("leg", sort=False)
+        ],
+        "held": [] if windows is None else _held_s(windows, start_ms),
+        "predicted": {name: _prediction(each, start_ms) for name, each in (predicted or {}).items()},
+        "manoeuvres": [_manoeuvre(each, start_ms) for each in manoeuvres],
+    }  # fmt: skip
 
 
-def _manoeuvre_table(data: Mapping[str, Any]) -> str:
-    if not data["manoeuvres"]:
-        return ""
-    rows = "".join(_manoeuvre_row(number, each) for number, each in enumerate(data["manoeuvres"]))
-    return f'<div id="manoeuvres"><h2>Manoeuvres</h2><table>{rows}</table></div>'
+def _columns(table: pd.DataFrame, names: Iterable[str]) -> dict[str, Any]:
+    """The channels of a table, and of angles the rows at which a drawn line would cross the whole turn."""
+    shown = {name: round_values(name, table[name].to_numpy(dtype=float)) for name in names}
+    return {
+        "channels": {name: nullable(values) for name, values in shown.items()},
+        "lifts": {name: wraps_of(values) for name, values in shown.items() if is_circular(name)},
+    }
 
 
-def _manoeuvre_row(number: int, manoeuvre: Mapping[str, Any]) -> str:
-    side = f" to {manoeuvre['side']}" if manoeuvre["side"] and manoeuvre["side"] not in manoeuvre["name"] else ""
-    duration_s = manoeuvre["end_s"] - manoeuvre["start_s"]
-    return (
-        f'<tr data-number="{number}"><td>'
-        f'<button data-number="{number}" title="Zoom to it">{number + 1}</button></td>'
-        f'<td>{escape(manoeuvre["name"] + side)}</td><td class="n">{duration_s:.0f} s</td></tr>'
-    )
+def round_values(name: str, values: Floats) -> Floats:
+    """Values of a channel with the decimals of its unit; angles stay inside their turn."""
+    decimals = DECIMALS[BY_NAME[name].unit]
+    short = np.round(values, decimals)
+    return np.round(in_turn(name, short), decimals) + 0.0  # -0.0 is no news to anybody
+
+
+def nullable(values: Floats) -> list[float | int | None]:
+    """Numbers for JSON, whole ones without a point, None for NaN and infinities.
+
+    >>> nullable(np.array([1.0, 2.5, np.nan]))
+    [1, 2.5, None]
+    """
+    return [None if not np.isfinite(each) else int(each) if each.is_integer() else each for each in values.tolist()]
+
+
+def seconds_since(time_ns: Ints, start_ms: int) -> list[float | int | None]:
+    """Times as seconds since ``start_ms`` [ms since 1970], to the millisecond."""
+    return nullable((np.round(time_ns / _MILLI).astype(np.int64) - start_ms) / 1000.0)
+
+
+def holes_of(time_ns: Ints) -> Ints:
+    """The rows that come after a hole in time."""
+    step = np.diff(time_ns)
+    return np.flatnonzero(step > _HOLE * np.median(step)) + 1 if step.size else np.empty(0, dtype=np.int64)
+
+
+def wraps_of(angle_deg: Floats) -> list[int]:
+    """The rows at which a drawn line would cross the whole turn.
+
+    >>> wraps_of(np.array([350.0, 359.0, 1.0, np.nan, 359.0]))
+    [2]
+    """
+    with np.errstate(invalid="ignore"):
+        return (np.flatnonzero(np.abs(np.diff(angle_deg)) > 180.0) + 1).tolist()
+
+
+def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int = MOST_ROWS) -> Ints:
+    """The rows to show: all of them, or at most ``most`` with every channel's extremes.
+
+    The rows are cut into stretches of equal length, as many as fit. Of each stretch the first row is kept, each
+    channel's least and greatest and the first at which it is missing, so that no peak and no hole is lost.
+    """
+    if rows <= most:
+        return np.arange(rows)
+    length = -(-rows // most)
+    while True:
+        kept = np.zeros(rows, dtype=bool)
+        kept[::length] = True
+        kept[[0, rows - 1, *holes, *(holes - 1)]] = True
+        for values in columns.values():
+            kept[_telling(values, length)] = True
+        if kept.sum() <= most or length > rows:
+            return np.flatnonzero(kept)
+        length = max(length + 1, int(1.3 * length))
+
+
+def _telling(values: Floats, length: int) -> Ints:
+    """The rows of the least, the greatest and the first missing value of every stretch of ``length`` rows."""
+    padded = np.full(-(-values.size // length) * length, np.inf)
+    padded[: values.size] = values
+    first = np.arange(0, padded.size, length)
+    stretches = padded.reshape(-1, length)
+    known = np.isfinite(stretches)
+    least = np.where(known, stretches, np.inf).argmin(axis=1)
+    greatest = np.where(known, stretches, -np.inf).argmax(axis=1)
+    rows = np.concatenate([first + least, first + greatest, first + np.isnan(stretches).argmax(axis=1)])
+    return rows[rows < values.size]
+
+
+def _held_s(windows: pd.DataFrame, start_ms: int) -> list[list[float]]:
+    """Begin and end [s] of every stretch of held windows."""
+    seconds: list[list[float]] = np.round((held_spans_ns(windows) / _MILLI - start_ms) / 1000.0, 3).tolist()
+    return seconds
+
+
+def _prediction(predicted: pd.DataFrame, start_ms: int) -> dict[str, Any]:
+    """One method's predictions; ``every`` says that every n-th window was kept, ``holes`` where one begins."""
+    every = max(-(-len(predicted) // MOST_PREDICTED), 1)
+    number = _window_numbers(predicted)
+    chosen = np.flatnonzero(number % every == 0)
+    return {
+        "every": every,
+        "time_s": seconds_since(times_ns(predicted)[chosen], start_ms),
+        **_columns(predicted.iloc[chosen], [name for name in PREDICTED if name in predicted]),
+        "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
+    }
+
+
+def _window_numbers(predicted: pd.DataFrame) -> Ints:
+    """0, 1, 2, ... by window in the order of the rows; without a column ``window``, where time does not go on."""
+    if "window" in predicted:
+        return np.asarray(pd.factorize(predicted["window"])[0], dtype=np.int64)
+    time_ns = times_ns(predicted)
+    new = np.diff(time_ns) <= 0
+    new[holes_of(time_ns) - 1] = True
+    return np.cumsum(np.append(0, new)) if time_ns.size else np.empty(0, dtype=np.int64)
+
+
+def _manoeuvre(manoeuvre: Manoeuvre, start_ms: int) -> dict[str, Any]:
+    """Name, side, begin, end and changes of command [s] of a manoeuvre."""
+    times = (manoeuvre.start, manoeuvre.end, *manoeuvre.executes)
+    begin, end, *changes = (float(np.round(each.timestamp() - start_ms / 1000.0, 3)) for each in times)
+    return {"name": manoeuvre.name, "side": manoeuvre.side, "start_s": begin, "end_s": end, "executes_s": changes}

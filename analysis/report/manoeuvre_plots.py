@@ -1,11 +1,11 @@
-"""Manoeuvres on a page: a row for each, and pictures: a zigzag against time, a circle to scale, the rest as both.
+"""Pictures of manoeuvres: a zigzag against time, a circle to scale, the rest as both.
 
 Each function fills a figure; those that draw into one axes return the artists.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -23,7 +23,7 @@ from analysis.manoeuvres.measures import (
     smooth_motion,
 )
 from analysis.manoeuvres.motion import Motion
-from analysis.manoeuvres.report import index_cells, plain_name
+from analysis.manoeuvres.report import plain_name
 from analysis.manoeuvres.turning_circle import remove_current
 from analysis.report.plots import FAINT, PALETTE, ship
 
@@ -57,8 +57,7 @@ def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float |
 
 def title_of(manoeuvre: Manoeuvre) -> str:
     """Name, side and time in one line."""
-    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
-    return f"{manoeuvre.name}{side} · {manoeuvre.start:%Y-%m-%d %H:%M:%S} UTC"
+    return f"{manoeuvre.sided_name} · {manoeuvre.start:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
@@ -81,11 +80,10 @@ def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: 
     """From the heading at each execute to its extreme: a bar with the overshoot beside it."""
     start, end = seconds_of(motion, manoeuvre)
     executes = np.array([(each.value - motion.origin_ns) / 1e9 for each in manoeuvre.executes])
-    towards = 1.0 if manoeuvre.side == "starboard" else -1.0
     few = len(executes) <= 10
     artists: list[Artist] = [axes.axvline(0.0, color=FAINT, linewidth=0.8)]
     for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
-        side = towards if number % 2 else -towards
+        side = manoeuvre.sign if number % 2 else -manoeuvre.sign
         index = manoeuvre.indices.get(f"overshoot_{number}_deg")
         artists.append(axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":"))
         if index is None:
@@ -178,12 +176,11 @@ def _dimensions(
 ) -> list[Artist]:
     """Arrows for advance, transfer and tactical diameter with their values."""
     turned = np.abs(motion.heading_deg - ahead_deg)
-    side = 1.0 if manoeuvre.side == "starboard" else -1.0
     artists: list[Artist] = []
     quarter_s, half_s = (crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
     if np.isfinite(quarter_s):
         ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
-        away = -side * 0.12 * max(abs(ahead), abs(across))
+        away = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across))
         artists.append(_dimension(axes, (away, 0.0), (away, ahead), _said(manoeuvre, "advance_m" + suffix)))
         above = ahead - 0.12 * ahead
         artists.append(_dimension(axes, (0.0, above), (across, above), _said(manoeuvre, "transfer_m" + suffix)))
@@ -216,9 +213,9 @@ def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: flo
     above.plot(time_s, motion.surge_mps, color=BLUE, label="surge")
     above.plot(time_s, motion.sway_mps, color=ORANGE, label="sway")
     above.set_ylabel("speed [m/s]")
-    for name, colour in (("port_rpm", BLUE), ("starboard_rpm", ORANGE), ("tunnel_rpm", GREEN)):
-        if np.abs(getattr(motion, name)).max() > 0.0:
-            middle.plot(time_s, getattr(motion, name), color=colour, label=name.removesuffix("_rpm"))
+    for number, (name, rpm) in enumerate({**motion.drives, **motion.tunnels}.items()):
+        if np.abs(rpm).max() > 0.0:
+            middle.plot(time_s, rpm, color=PALETTE[number % len(PALETTE)], label=plain_name(name))
     middle.set_ylabel("shafts [rpm]")
     below.plot(time_s, motion.heading_deg - motion.at("heading_deg", start), color=PURPLE)
     below.set_ylabel("heading off\nthe start [deg]")
@@ -240,26 +237,3 @@ def drawer(
 ) -> tuple[Callable[[Figure], None], tuple[float, float]]:
     """What fills a page's figure with a manoeuvre, and the figure's size."""
     return (lambda figure: draw(figure, motion, manoeuvre, length_m)), SIZES_INCH.get(manoeuvre.kind, _OTHER_INCH)
-
-
-_FIRST_INDICES = 3
-_SECONDARY = ("half_command", "time_to_check", "initial_turning")  # left to the manoeuvre's own table
-
-
-def manoeuvre_line(manoeuvre: Manoeuvre) -> list[str]:
-    """A manoeuvre's row in the table of all."""
-    side = f" to {manoeuvre.side}" if manoeuvre.side and manoeuvre.side not in manoeuvre.name else ""
-    main = [each for each in manoeuvre.indices.items() if not any(part in each[0] for part in _SECONDARY)]
-    indices = ", ".join(f"{plain_name(name)} {index_cells(index)[0]}" for name, index in main[:_FIRST_INDICES])
-    seconds = (manoeuvre.end - manoeuvre.start).total_seconds()
-    return [f"{manoeuvre.start:%H:%M:%S}", f"{manoeuvre.name}{side}", f"{seconds:.0f} s", indices]
-
-
-def without_empty(header: Sequence[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
-    """A table without the columns that hold nothing.
-
-    >>> without_empty(["index", "limit"], [["reach", ""]])
-    (['index'], [['reach']])
-    """
-    kept = [place for place in range(len(header)) if not rows or any(row[place] for row in rows)]
-    return [header[place] for place in kept], [[row[place] for place in kept] for row in rows]

@@ -1,8 +1,10 @@
-"""Figures of tables and windows in one style: functions take axes and data and return the artists they drew."""
+"""Figures of tables and windows in one style: functions take axes and data and return the artists they drew.
+A trial is two figures of a page: its track, and its channels against time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import matplotlib.dates as dates
 import numpy as np
@@ -10,14 +12,18 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import difference
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import BY_NAME, is_circular
 from analysis.kinematics import mean_wind
+from analysis.tables.table import table_actuators
 from analysis.tables.time_index import utc_index
+from analysis.windows.held import held_spans_ns
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
 """The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""
@@ -190,7 +196,7 @@ def series(
         artists.append(held_shade(axes, windows))
     for name, colour in zip(names, PALETTE, strict=False):
         present = table[name].dropna()
-        shown = lifted(present) if BY_NAME[name].circular else present.to_numpy(dtype=float)
+        shown = break_at_wrap(present) if BY_NAME[name].circular else present.to_numpy(dtype=float)
         artists += axes.plot(present.index, shown, color=colour, label=label(name))
     units = sorted({BY_NAME[name].unit for name in names})
     axes.set_ylabel(label(names[0]) if len(names) == 1 else f"[{', '.join(units)}]")
@@ -203,7 +209,7 @@ def series(
     return artists
 
 
-def lifted(angle_deg: pd.Series) -> NDArray[np.float64]:
+def break_at_wrap(angle_deg: pd.Series) -> NDArray[np.float64]:
     """The values of an angle with NaN where the drawn line would cross the whole turn."""
     values = angle_deg.to_numpy(dtype=float)
     turned = np.abs(np.diff(values) - difference(values[1:], values[:-1])) > 1.0
@@ -212,21 +218,13 @@ def lifted(angle_deg: pd.Series) -> NDArray[np.float64]:
 
 def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     """A shade over the full height of the axes wherever a window is held."""
-    corners = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0)] for a, b in _held_stretches(windows)]
+    spans = dates.date2num(held_spans_ns(windows).astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
+    corners = [[(a, 0.0), (a, 1.0), (b, 1.0), (b, 0.0)] for a, b in spans]
     shade = PolyCollection(
         corners, facecolors=HELD, alpha=0.25, linewidths=0, label="held", transform=axes.get_xaxis_transform()
     )
     axes.add_collection(shade, autolim=False)
     return shade
-
-
-def _held_stretches(windows: pd.DataFrame) -> list[tuple[float, float]]:
-    """Begin and end of every stretch of windows that overlap or touch, as matplotlib's dates."""
-    begin = np.sort(dates.date2num(windows.groupby("window")["start"].first().to_numpy()))  # type: ignore[no-untyped-call]
-    end = begin + (float(windows["second"].max()) if len(windows) else 0.0) / 86400.0
-    first = np.append(True, begin[1:] > end[:-1] + 1e-9) if begin.size else np.empty(0, dtype=bool)
-    last = np.append(first[1:], True) if begin.size else first
-    return list(zip(begin[first].tolist(), end[last].tolist(), strict=True))
 
 
 def consistency(axes: Axes, channels: Mapping[str, Mapping[str, float]]) -> list[Artist]:
@@ -245,3 +243,71 @@ def consistency(axes: Axes, channels: Mapping[str, Mapping[str, float]]) -> list
     axes.set_ylim(bottom=0.0)
     axes.legend()
     return [expected, bounds, points]
+
+
+Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]
+"""What fills a figure, its size [in], and its caption."""
+_TICKS_S = (60.0, 120.0, 300.0, 600.0, 900.0, 1800.0, 3600.0, 7200.0, 21600.0)
+_TRACK_INCH = (3.0, 8.0)
+_MOST_TICKS = 10  # times of day along a track; more would lie on each other
+
+
+def _track_height_inch(table: pd.DataFrame) -> float:
+    """A height that fits a track to scale into a picture of 8 in."""
+    extents = {name: float(table[name].max() - table[name].min()) for name in ("north_m", "east_m")}
+    share = extents["north_m"] / max(extents["east_m"], 1e-3)
+    return min(max(0.8 + 7.0 * share, _TRACK_INCH[0]), _TRACK_INCH[1]) if np.isfinite(share) else _TRACK_INCH[1]
+
+
+def tick_every_s(table: pd.DataFrame) -> float:
+    """A round time between marks along the track that leaves at most ten of them."""
+    duration_s = float((table.index[-1] - table.index[0]).total_seconds()) if len(table) else 0.0
+    return next((step for step in _TICKS_S if duration_s / step <= _MOST_TICKS), _TICKS_S[-1])
+
+
+def track_figure(
+    table: pd.DataFrame,
+    windows: pd.DataFrame | None = None,
+    length_m: float | None = None,
+    executes: Sequence[pd.Timestamp] = (),
+) -> Drawing | None:
+    """The track of a 1 Hz table, None without positions; arguments as of :func:`analysis.report.plots.track`."""
+    if table.reindex(columns=["north_m", "east_m"]).dropna().empty:
+        return None
+
+    def draw(figure: Figure) -> None:
+        axes = figure.subplots()
+        track(axes, table, windows, tick_every_s(table), length_m, executes)
+        figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+
+    legs = 0 if windows is None else windows["leg"].nunique()
+    caption = f"The track, north up, one colour a leg of held thrusters ({legs} legs), time in UTC."
+    return draw, (8.0, _track_height_inch(table)), caption
+
+
+def channels_figure(table: pd.DataFrame, windows: pd.DataFrame | None = None) -> Drawing | None:
+    """The channels of a 1 Hz table against time, held windows shaded; None without any channel."""
+    motion = (("heading_deg",), ("surge_mps", "sway_mps"), ("yaw_rate_dps",))
+    wind = (("wind_speed_mps",), ("wind_direction_deg",))
+    groups = known_groups(table, (*motion, *control_groups(table_actuators(table)), *wind))
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, names in zip(grid, groups, strict=True):
+            series(axes, table, names, windows)
+            axes.label_outer()
+
+    caption = "The channels at 1 Hz; shaded where a window is held."
+    return (draw, (9.0, 1.2 + 1.5 * len(groups)), caption) if groups else None
+
+
+def control_groups(actuators: Actuators) -> tuple[list[str], list[str]]:
+    """The control channels of a ship in two groups: angles, shafts."""
+    names = control_names(actuators)
+    return [name for name in names if is_circular(name)], [name for name in names if not is_circular(name)]
+
+
+def known_groups(table: pd.DataFrame, groups: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Groups of channels without those that a table has no value of."""
+    known = [[name for name in names if name in table and table[name].notna().any()] for names in groups]
+    return [names for names in known if names]

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import NAMES
 from acquisition.core.frames import Quality
 from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
@@ -199,9 +198,8 @@ def print_quality(console: Console, quality: DataQuality) -> None:
 
 
 def missing_text(quality: DataQuality) -> str:
-    """Which of the 13 channels the recording lacks altogether, which no check can judge; empty if it has all."""
-    missing = [name for name in NAMES if name not in quality.channels]
-    return f"not in the recording: {', '.join(missing)}" if missing else ""
+    """Which channels of a trial the recording lacks altogether; empty if it has all."""
+    return f"not in the recording: {', '.join(quality.missing)}" if quality.missing else ""
 
 
 def finding_text(finding: Finding) -> str:

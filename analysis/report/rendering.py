@@ -51,17 +51,16 @@ def environment(*folders: Path) -> Environment:
     """Where templates are looked for: in ``folders``, then in this package's."""
     from analysis.manoeuvres import report
     from analysis.manoeuvres.motion import motion_of
-    from analysis.report import manoeuvre_plots, quality_page, trial_figures
-    from analysis.report.quality_page import missing_text
+    from analysis.report import manoeuvre_plots, plots, quality_page
 
     made = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": manoeuvre_plots.manoeuvre_line}
+    made.filters |= {"plain": lambda name: name.replace("_", " "), "manoeuvre_line": report.manoeuvre_line}
     made.globals |= {
         "version": software_version(), "level": 2, "subtitle": "", "body": "", "picture": picture,
-        "trial_figures": trial_figures, "quality_page": quality_page, "missing_text": missing_text,
+        "plots": plots, "quality_page": quality_page,
         "motion_of": motion_of, "manoeuvre_figures": manoeuvre_plots, "manoeuvre_report": report,
     }  # fmt: skip
     made.globals["ui"] = made.get_template("macros.html").module
@@ -75,14 +74,14 @@ def render(template: str, block: str = "", templates: Environment | None = None,
     ``chart`` the same of a function that draws into axes; without a name it is how the caption begins. ``level`` is
     that of headings.
     """
-    from analysis.report.figures import file_name, filled, png_of
+    from analysis.report.figures import file_name, fill_figure, png_of
 
     figures: dict[str, Figure] = {}
 
     def figure(
         draw: Callable[..., object], size_inch: tuple[float, float], caption: str, name: str = "", *what: Any
     ) -> Markup:
-        made = filled(lambda empty: draw(empty, *what), size_inch)
+        made = fill_figure(lambda empty: draw(empty, *what), size_inch)
         figures[name or file_name(caption)] = made
         return picture(png_of(made), caption)
 

@@ -57,7 +57,7 @@ def actuators_in_recording(recording: Recording) -> Actuators:
     return actuators_of(recording.series, {"trial": {"actuators": recording.trial.actuators}})
 
 
-def said_of(actuators: Actuators) -> dict[str, Any]:
+def actuator_attributes(actuators: Actuators) -> dict[str, Any]:
     """What the ``attrs`` of a table say of its ship's actuators: nothing for the default list."""
     text = as_text(actuators)
     return {"trial": {"actuators": text}} if text else {}

@@ -22,7 +22,7 @@ from acquisition.core.angles import difference
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import is_circular, trial_names
 from acquisition.core.errors import DataShortageError, InputError
-from analysis.tables.table import said_of, table_actuators
+from analysis.tables.table import actuator_attributes, table_actuators
 from analysis.tables.time_index import NANO, index_of, times_ns
 from analysis.windows.steady_controls import Sort, Tolerances, held, sort_of, tolerance_of
 
@@ -193,7 +193,7 @@ def _assembled(
         "start": index_of(np.repeat(time_ns[starts], second.size)),
     }
     rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
-    rows.attrs.update(said_of(actuators))
+    rows.attrs.update(actuator_attributes(actuators))
     candidates, dropped = account
     return HeldWindows(rows, candidates, int(starts.size), dropped, horizon_s, stride_s)
 
@@ -223,6 +223,15 @@ def _legs(
     between = starts[1:] - (starts[:-1] + horizon_s)
     same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
     return np.concatenate([[0], np.cumsum(~same_leg)])
+
+
+def held_spans_ns(windows: pd.DataFrame) -> Ints:
+    """Begin and end of every stretch of held windows that overlap or touch: [stretches, 2], ns since 1970."""
+    held = windows[windows["held"]] if "held" in windows else windows
+    begin = np.sort(pd.DatetimeIndex(held.groupby("window")["start"].first()).as_unit("ns").asi8)
+    end = begin + (int(held["second"].max()) if begin.size else 0) * NANO
+    new = np.append(True, begin[1:] > end[:-1])[: begin.size]
+    return np.column_stack([begin[new], end[np.append(new[1:], True)[: begin.size]]])
 
 
 def join_windows(parts: Sequence[HeldWindows]) -> HeldWindows:

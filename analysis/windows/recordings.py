@@ -29,7 +29,7 @@ from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
 from analysis.tables.provenance import provenance_of, refuse_duplicates
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import said_of, select, table_actuators, trial_channels
+from analysis.tables.table import actuator_attributes, select, table_actuators, trial_channels
 from analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
 
 
@@ -170,7 +170,7 @@ def write_windows(windows: HeldWindows, path: Path | str) -> None:
     }
     units = {name: BY_NAME[name].unit for name in trial_channels(windows.rows)} | {"second": "s"}
     provenance = {"provenance": json.dumps(windows.provenance)}
-    said = said_of(table_actuators(windows.rows)).get("trial", {})
+    said = actuator_attributes(table_actuators(windows.rows)).get("trial", {})
     write_parquet(windows.rows, path, units, {"windows": json.dumps(account), **provenance, **said})
     if windows.starts is not None:
         states = {f"{kind}{name}": unit for name, unit in units.items() for kind in ("", "slow_")}
@@ -190,7 +190,7 @@ def read_windows(path: Path | str) -> HeldWindows:
     columns = columns_for(actuators)
     if "windows" not in metadata or set(columns) - set(rows.columns):
         raise InputError("holds no windows", where=str(path), fix="make one with `seatrial windows`")
-    rows.attrs.update(said_of(actuators))
+    rows.attrs.update(actuator_attributes(actuators))
     names = [*columns, *(["held"] if "held" in rows else [])]
     return HeldWindows(
         rows[names], **json.loads(metadata["windows"]), starts=_starts_beside(rows, path),

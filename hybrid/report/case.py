@@ -18,7 +18,7 @@ from acquisition.core.errors import ConfigurationError, DataShortageError, Input
 from acquisition.recording.reader import read_trial
 from analysis.estimation.smoother import smooth
 from analysis.products import Options, Products, analyse
-from analysis.report.run_sheet import Ship
+from analysis.report.pages import Ship
 from analysis.tables.provenance import refuse_duplicates
 from analysis.tables.table import percent_of
 from analysis.windows.recordings import trial_names

@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull
 
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
-from analysis.report.plots import INK, PALETTE, held_shade, label, lifted
+from analysis.report.plots import INK, PALETTE, break_at_wrap, held_shade, label
 from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
 from hybrid.prediction.scores import Interval
 from hybrid.report.errors import QUANTITIES, Calibration, Errors
@@ -112,10 +112,10 @@ def compared(
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
     measured = table[name].dropna()
     circular = name in BY_NAME and BY_NAME[name].circular
-    artists += axes.plot(measured.index, lifted(measured) if circular else measured, color=INK, linewidth=1.0,
-                         label="measured")  # fmt: skip
+    shown = break_at_wrap(measured) if circular else measured
+    artists += axes.plot(measured.index, shown, color=INK, linewidth=1.0, label="measured")
     for method, motion in predicted.items():
-        shown = lifted(motion[name]) if circular else motion[name].to_numpy(dtype=float).copy()
+        shown = break_at_wrap(motion[name]) if circular else motion[name].to_numpy(dtype=float).copy()
         shown[np.append(True, np.diff(motion["window"]) != 0)] = np.nan
         artists += axes.plot(motion.index, shown, color=COLOUR[method], linewidth=1.2, label=plain(method))
     axes.set_ylabel("speed [m/s]" if name == "speed_mps" else label(name))

@@ -11,8 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats, Ints
-from analysis.report.plots import FAINT, INK, PALETTE, series
-from analysis.report.trial_figures import known_groups
+from analysis.report.plots import FAINT, INK, PALETTE, known_groups, series
 from hybrid.calibrators.adaptive.parameters import Parameters
 from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.prediction.scores import distances

@@ -10,7 +10,7 @@ import numpy as np
 
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from analysis.products import Products
-from analysis.report.run_sheet import events_of, run_sheet
+from analysis.report.pages import events_of, run_sheet
 from hybrid.prediction.scores import FEW_LEGS
 from hybrid.report.case import Case
 from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, error_rows

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
-from analysis.report.figures import ENDINGS, filled, write_figure
+from analysis.report.figures import ENDINGS, fill_figure, write_figure
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.report.plots import COLOUR, plain_numbers, start_frame
@@ -199,7 +199,7 @@ def write_drawn(shown: Shown, folder: Path) -> list[Path]:
     return [
         path
         for name, each in FIGURES.items()
-        for path in write_figure(filled(_filling(each, shown), each.size_inch), folder, name, WRITTEN)
+        for path in write_figure(fill_figure(_filling(each, shown), each.size_inch), folder, name, WRITTEN)
     ]
 
 

@@ -15,7 +15,7 @@ import pytest
 from acquisition.core.channels import NAMES as CHANNELS
 from acquisition.core.errors import StorageError
 from analysis.batch.batch import failures_of, gone_rows, index_table, read_index, write_index
-from analysis.report.index_page import index_page
+from analysis.report.pages import index_page
 from tests.browser import Browser, running_browser
 
 
@@ -88,7 +88,7 @@ def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None
     rows = [
         row(1, closed=False, cause="was not closed"),
         row(2, missing=["heading_deg"]),
-        row(3, missing=list(CHANNELS[:9])),
+        row(3, missing=list(CHANNELS[:9]), channels=4),
         row(4, status="gone", cause="its recording is not there any more"),
     ]
     page = index_page(rows, failures_of(rows), "batch")

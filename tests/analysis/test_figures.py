@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from acquisition.core.errors import StorageError
-from analysis.report.figures import file_name, filled, numbers_of, write_figure
+from analysis.report.figures import file_name, fill_figure, numbers_of, write_figure
 from analysis.report.plots import held_shade, series, track
 from analysis.report.rendering import environment, render
 from analysis.windows.held import held_windows
@@ -57,7 +57,7 @@ def test_bars_meshes_points_and_areas_are_numbers() -> None:
 
 def test_times_are_iso_8601_in_utc() -> None:
     table = steady_table(60)
-    figure = filled(lambda figure: series(figure.subplots(), table, ["surge_mps"]), SIZE)
+    figure = fill_figure(lambda figure: series(figure.subplots(), table, ["surge_mps"]), SIZE)
     (line,) = drawn_in(figure, "line")
     times = pd.to_datetime(pd.Series(line["x"]), utc=True)
     assert list(times) == list(table.index)
@@ -81,7 +81,7 @@ def test_files_are_what_they_are_called_and_the_same_each_time(tmp_path: Path) -
         return track(figure.subplots(), steady_table(120), tick_every_s=60.0, length_m=30.0)
 
     for name in ("a", "b"):
-        write_figure(filled(draw, SIZE), tmp_path / name, "track")
+        write_figure(fill_figure(draw, SIZE), tmp_path / name, "track")
     svg, pdf, numbers = (tmp_path / "a" / f"track.{ending}" for ending in ("svg", "pdf", "json"))
     assert svg.read_text().lstrip().startswith("<?xml")
     assert pdf.read_bytes().startswith(b"%PDF")

@@ -16,8 +16,15 @@ import pytest
 from acquisition.core.channels import CIRCULAR, NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from analysis.manoeuvres import Manoeuvre
-from analysis.report.interactive import interactive_page, write_interactive
-from analysis.report.interactive_data import MOST_PREDICTED, MOST_ROWS, kept_rows, page_data, rounded
+from analysis.report.interactive import (
+    MOST_PREDICTED,
+    MOST_ROWS,
+    interactive_page,
+    page_data,
+    round_values,
+    select_rows,
+    write_interactive,
+)
 from analysis.windows.held import held_windows
 from tests.analysis.conftest import START_S, steady_table, table_at
 from tests.browser import Browser, running_browser
@@ -106,8 +113,8 @@ def test_lines_are_lifted_at_the_wrap_at_holes_and_nowhere_else() -> None:
 
 
 def test_rounded_angles_stay_inside_their_turn() -> None:
-    assert rounded("heading_deg", np.array([359.999, 0.004])).tolist() == [0.0, 0.0]
-    assert rounded("port_angle_deg", np.array([-179.999, 180.0])).tolist() == [180.0, 180.0]
+    assert round_values("heading_deg", np.array([359.999, 0.004])).tolist() == [0.0, 0.0]
+    assert round_values("port_angle_deg", np.array([-179.999, 180.0])).tolist() == [180.0, 180.0]
 
 
 def test_missing_values_are_null() -> None:
@@ -140,7 +147,7 @@ def test_thinning_keeps_every_extreme_and_the_page_says_so() -> None:
 def test_thinning_keeps_the_ends_what_is_missing_and_the_rows_beside_holes(rows: int) -> None:
     values = {"north_m": np.random.default_rng(rows).standard_normal(rows)}
     values["north_m"][13] = np.nan
-    kept = kept_rows(values, np.array([7]), rows, 30)
+    kept = select_rows(values, np.array([7]), rows, 30)
     assert {0, 6, 7, 13, rows - 1} <= set(kept.tolist())
     assert {int(np.nanargmin(values["north_m"])), int(np.nanargmax(values["north_m"]))} <= set(kept.tolist())
     assert kept.size <= 30

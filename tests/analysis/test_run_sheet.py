@@ -12,7 +12,7 @@ from acquisition.core.trial import Trial
 from acquisition.recording.reader import read_recording
 from acquisition.recording.tables import write_table
 from analysis.manoeuvres.indices import Current, Manoeuvre
-from analysis.report.run_sheet import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
+from analysis.report.pages import BEAUFORT_MPS, UNKNOWN, Ship, beaufort, events_of, run_sheet, wind_words
 from analysis.tables.resample import resample
 from analysis.tables.table import table_of
 from tests.analysis.conftest import steady_table

@@ -7,10 +7,12 @@ import pandas as pd
 import pytest
 
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
-from analysis.manoeuvres.motion import AZIMUTHS, motion_of
+from analysis.manoeuvres.motion import motion_of
 from analysis.quality.commands import hold_orders
 from analysis.tables.provenance import add_step
 from tests.analysis.manoeuvres.conftest import Sail
+
+AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")
 
 
 @pytest.fixture(scope="module")

@@ -177,7 +177,7 @@ def swinging(amplitude_deg: float, sigma_deg: float, seed: int) -> tuple[Motion,
     noise = np.random.default_rng(seed).normal(0.0, sigma_deg, time_s.size)
     none, ones = np.zeros(time_s.size), np.ones(time_s.size, dtype=bool)
     motion = Motion(0, time_s, 5.0 * time_s, none, swing + noise, none + 5.0, none, np.gradient(swing, time_s),
-                    none, none, none, none, none, ones, ~ones)  # fmt: skip
+                    none, none, {"shaft_rpm": none}, {}, ones, ~ones)  # fmt: skip
     return motion, np.array([30.0, 35.0, 65.0, 95.0, 125.0, 155.0, 185.0])
 
 

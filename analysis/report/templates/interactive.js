@@ -1,5 +1,5 @@
 "use strict";
-// The page's values, as analysis/interactive_data.py writes them; here they are drawn, and nothing is computed.
+// The page's values, as analysis/report/interactive.py writes them; here they are drawn, and nothing is computed.
 const page = JSON.parse(document.getElementById("data").textContent);
 const {colours, panels, labels} = page.style;
 const byId = id => document.getElementById(id);
@@ -52,7 +52,7 @@ const methodColour = method => page.style.methods[method];
 
 // --- time series: a panel a quantity over one axis of time
 
-const sideOf = name => name.split("_")[0];  // port, starboard or tunnel where the channel is a thruster's
+const controls = page.style.controls;  // the actuator, colour and width of each control channel
 const axisName = number => "y" + (number ? number + 1 : "");
 
 function seriesTraces() {
@@ -60,8 +60,8 @@ function seriesTraces() {
   panels.forEach(({names}, number) => {
     for (const name of names) {
       const [x, y] = lifted([STAMPS, channel(name)], [...page.holes, ...(page.lifts[name] || [])]);
-      const width = sideOf(name) === "port" ? 2.6 : 1.2;  // a rim where starboard lies on it
-      traces.push(line(x, y, colours.thrusters[sideOf(name)] || colours.ink, width, {yaxis: axisName(number), meta: {channel: name}}));
+      const {colour, width} = controls[name] || {colour: colours.ink, width: 1.2};
+      traces.push(line(x, y, colour, width, {yaxis: axisName(number), meta: {channel: name}}));
     }
     for (const method of methods) {
       const data = page.predicted[method];
@@ -112,8 +112,8 @@ function manoeuvreNumbers() {
 }
 
 function keyOf(names, number) {  // which colour is which thruster, above the panel
-  const text = names.map(name => `<span style="color:${colours.thrusters[sideOf(name)]}">` +
-    `<b>${sideOf(name)}</b></span>`).join("   ");
+  const text = names.map(name => `<span style="color:${controls[name].colour}">` +
+    `<b>${controls[name].actuator}</b></span>`).join("   ");
   return {x: 1, y: domainOf(number)[1], xref: "paper", yref: "paper", xanchor: "right", yanchor: "bottom", text,
     showarrow: false, font: {size: 11}};
 }
@@ -128,7 +128,7 @@ function domainOf(number) {
 function seriesLayout() {
   const layout = {...common(), margin: {l: 74, r: 14, t: 60, b: 44}, shapes: shapes(),
     annotations: [...manoeuvreNumbers(),
-      ...panels.flatMap(({names}, number) => names.some(name => sideOf(name) in colours.thrusters) ? [keyOf(names, number)] : [])],
+      ...panels.flatMap(({names}, number) => names.some(name => name in controls) ? [keyOf(names, number)] : [])],
     xaxis: {type: "date", range: [stamp(0), stamp(Math.max(END_S, 1))], anchor: axisName(panels.length - 1),
       title: {text: "time, UTC"}, gridcolor: colours.grid}};
   panels.forEach(({title, names}, number) => {

@@ -1,7 +1,8 @@
-"""On a straight course: speed runs and their reciprocal pairs, acceleration, stopping."""
+"""Runs without helm: speed runs and their reciprocal pairs, acceleration, stopping, single drives, crabbing."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import pairwise
 
@@ -10,18 +11,30 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import circular_mean, difference, wrap_360
 from acquisition.core.arrays import Floats
-from analysis.manoeuvres.indices import TRACK_REACH_LENGTHS, Index, Manoeuvre, index_of, indices_of, with_limits
+from analysis.manoeuvres.indices import (
+    TRACK_REACH_LENGTHS,
+    Index,
+    Manoeuvre,
+    index_of,
+    indices_of,
+    side_of,
+    with_limits,
+)
 from analysis.manoeuvres.measures import (
+    Plateau,
     along_and_across,
     approach_settings,
     bootstrap_indices,
     crossing_s,
     distance_m,
+    execute_s,
     half_width_s,
     level_before,
+    means_of,
+    plateaus,
+    tolerance_of,
 )
 from analysis.manoeuvres.motion import Motion, noise_of, stretches
-from analysis.manoeuvres.segments import Plateau, execute_s, plateaus, tolerance_of
 
 _LOOK_S = 10.0
 _STRAIGHT_DEG = 3.0
@@ -37,8 +50,8 @@ REACHED_SHARE = 0.9
 
 
 def shaft_along(motion: Motion) -> Floats:
-    """The shaft speed of two alike drives that look ahead and give the same thrust along the bow [rpm]."""
-    return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / 2.0))
+    """The shaft speed of alike drives that look ahead and give the same thrust along the bow [rpm]."""
+    return np.asarray(np.sign(motion.thrust) * np.sqrt(np.abs(motion.thrust) / len(motion.drives)))
 
 
 def shaft_plateaus(motion: Motion, least_s: float = 5.0) -> list[Plateau]:
@@ -46,8 +59,7 @@ def shaft_plateaus(motion: Motion, least_s: float = 5.0) -> list[Plateau]:
     along = shaft_along(motion)
     largest = float(np.percentile(np.abs(along), 99))
     # An idle shaft's noise is magnified by the root of its square: it counts no more than a running one's.
-    noise = max(noise_of(motion.port_rpm), noise_of(motion.starboard_rpm))
-    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * noise, 1.0), least_s)
+    return plateaus(along, motion.step_s, max(0.03 * largest, 6.0 * motion.drive_noise_rpm, 1.0), least_s)
 
 
 def _changes(values: Floats, step_s: float) -> Floats:
@@ -96,12 +108,11 @@ def _speed_run(motion: Motion, first: int, end: int, length_m: float | None) -> 
     found["distance_m"] = (distance_m(part, *span), float("nan"))
     return Manoeuvre(
         kind="speed_run",
-        name=f"speed run {part.port_rpm.mean():.0f} rpm on {heading:.0f} deg",
+        name=f"speed run {part.main_rpm.mean():.0f} rpm on {heading:.0f} deg",
         start=motion.utc(span[0]),
         end=motion.utc(span[1]),
         side="",
-        settings={"port_rpm": float(part.port_rpm.mean()), "starboard_rpm": float(part.starboard_rpm.mean()),
-                  "heading_deg": heading, "duration_s": float(span[1] - span[0])},
+        settings={**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])},
         indices=indices_of(found, length_m),
     )  # fmt: skip
 
@@ -137,7 +148,7 @@ def _pair_reciprocal(runs: list[Manoeuvre]) -> list[Manoeuvre]:
 
 def _reciprocal(one: Manoeuvre, other: Manoeuvre) -> bool:
     apart = abs(float(difference(other.settings["heading_deg"], one.settings["heading_deg"])))
-    rpm = [each.settings["port_rpm"] + each.settings["starboard_rpm"] for each in (one, other)]
+    rpm = [sum(value for name, value in each.settings.items() if name.endswith("_rpm")) for each in (one, other)]
     soon = (other.start - one.end).total_seconds() < _LONGEST_BETWEEN_S
     return soon and abs(apart - 180.0) < _RECIPROCAL_DEG and abs(rpm[1] - rpm[0]) < _SAME_RPM_SHARE * abs(rpm[0])
 
@@ -260,4 +271,110 @@ def stopping_indices(motion: Motion, executes: Floats) -> dict[str, float]:
         "initial_speed_mps": motion.at("surge_mps", start),
         "final_speed_mps": motion.at("surge_mps", end),
         "heading_change_deg": motion.at("heading_deg", end) - heading,
+    }
+
+
+_RUNNING_SHARE = 0.2
+_NOISE_SIGMAS = 10.0
+_LEAST_RUNNING = 5.0
+_LEAST_S, _BRIDGE_S = 15.0, 5.0
+_CRAB_SHARE, _CRAB_LEAST_MPS, _CRAB_LEAST_S = 1.5, 0.15, 20.0
+_CRAB_TURN_DEG = 15.0
+_UNSURE_ROWS = 1.5  # a threshold, not a fitted step, says when a drive began to run
+
+
+def _running(values: Floats, largest: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Where a drive runs and where it stands, against the largest that any of its kind did."""
+    floor = max(_NOISE_SIGMAS * noise_of(values), _LEAST_RUNNING)
+    return np.abs(values) > max(_RUNNING_SHARE * largest, floor), np.abs(values) < max(_IDLE_SHARE * largest, floor)
+
+
+def _bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+    """``true`` with breaks of no more than ``rows`` closed."""
+    result = true.copy()
+    for first, end in stretches(~true):
+        if first > 0 and end < true.size and end - first <= rows:
+            result[first:end] = True
+    return result
+
+
+def find_thruster_tests(
+    motion: Motion, smooth: Motion, free: NDArray[np.bool_], length_m: float | None
+) -> list[Manoeuvre]:
+    """One of several main shafts alone for a quarter of a minute and more, and every run of a tunnel thruster."""
+    largest = max(float(np.percentile(np.abs(each), 99)) for each in motion.drives.values())
+    state = {name: _running(rpm, largest) for name, rpm in motion.drives.items()}
+    alike = _all(runs for runs, _ in state.values()) | _all(idle for _, idle in state.values())
+    for name, rpm in motion.tunnels.items():
+        state[name] = _running(rpm, float(np.percentile(np.abs(rpm), 99.5)))
+    cases = {}
+    for name in motion.drives if len(motion.drives) > 1 else ():
+        others = _all(idle for other, (_, idle) in state.items() if other != name)
+        cases[f"{_words(name)} thruster alone"] = state[name][0] & others
+    for name, rpm in motion.tunnels.items():
+        for sign in (1.0, -1.0):
+            cases[f"{_words(name)} thruster to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
+    crab = _crabbing_rows(smooth, ~_all(~runs for runs, _ in state.values()))
+    found = _tests_of(motion, "crabbing", "crabbing", _bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
+                      _CRAB_LEAST_S, length_m)  # fmt: skip
+    found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
+    for name, true in cases.items():
+        rows = _bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
+        found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S, length_m)
+    return found
+
+
+def _all(masks: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    return np.asarray(np.logical_and.reduce(list(masks)))
+
+
+def _words(shaft: str) -> str:
+    return shaft.removesuffix("_rpm").replace("_", " ")
+
+
+def _crabbing_rows(smooth: Motion, driven: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where the ship is driven and goes more to the side than ahead."""
+    sideways = np.abs(smooth.sway_mps)
+    return np.asarray(driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS))
+
+
+def _tests_of(
+    motion: Motion, kind: str, name: str, rows: NDArray[np.bool_], least_s: float, length_m: float | None
+) -> list[Manoeuvre]:
+    return [_test(motion, kind, name, first, end, length_m)
+            for first, end in stretches(rows, max(2, round(least_s / motion.step_s)))]  # fmt: skip
+
+
+def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: float | None) -> Manoeuvre:
+    span = np.array([motion.time_s[first], motion.time_s[end - 1]])
+    part = motion.around(span[0], span[1], 10.0)
+    inside = motion.rows(first, end)
+    width = half_width_s(part, (span[1] - span[0]) / 2.0)
+    found = bootstrap_indices(part, span, width, drift_indices, _UNSURE_ROWS)
+    turned, aside = found["heading_change_deg"][0], found["sway_mps"][0]
+    sideways = aside if kind == "crabbing" else turned
+    return Manoeuvre(
+        kind=kind,
+        name=f"{name} to {side_of(aside)}" if kind == "crabbing" else name,
+        start=motion.utc(span[0]),
+        end=motion.utc(span[1]),
+        side=side_of(sideways),
+        settings=means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])},
+        indices=indices_of(found, length_m),
+    )  # fmt: skip
+
+
+def drift_indices(motion: Motion, executes: Floats) -> dict[str, float]:
+    """Mean motion between two times [s], the rate of turn in the last third, and the way made good."""
+    start, end = float(executes[0]), float(executes[1])
+    inside = motion.between(start, end)
+    ahead, aside = along_and_across(motion, start, end, motion.at("heading_deg", start))
+    rates = inside.yaw_rate_dps
+    return {
+        "surge_mps": float(inside.surge_mps.mean()),
+        "sway_mps": float(inside.sway_mps.mean()),
+        "heading_change_deg": float(inside.heading_deg[-1] - inside.heading_deg[0]),
+        "last_yaw_rate_dps": float(rates[-max(1, rates.size // 3) :].mean()),
+        "way_ahead_m": ahead,
+        "way_to_starboard_m": aside,
     }
