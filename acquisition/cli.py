@@ -174,13 +174,18 @@ def import_(
     table: Annotated[Path, typer.Argument(help="A CSV, Parquet or .mat file.")],
     output: Output,
     columns: Annotated[Path | None, typer.Option(help="A column map: names and units of a foreign table.")] = None,
-    allow_missing: Annotated[bool, typer.Option(help="Accept a table without some of the 13 channels.")] = False,
+    allow_missing: Annotated[
+        bool, typer.Option(help="Accept a table without some of the ship's channels.")
+    ] = False,
     ignore_unknown: Annotated[bool, typer.Option(help="Pass over columns that are no channels.")] = False,
+    vessel: Annotated[
+        str | None, typer.Option(help="Whose thrusters the table tells of: a vessel's name, or its file.")
+    ] = None,
 ) -> None:
     """Turn a table into a recording."""
     from acquisition.tables.import_table import import_table
 
-    summary = import_table(table, output, columns, allow_missing=allow_missing, ignore_unknown=ignore_unknown)
+    summary = import_table(table, output, columns, allow_missing, ignore_unknown, vessel)
     typer.echo(str(summary), err=True)
     typer.echo(output)
 
@@ -239,16 +244,16 @@ def recover(
 def _channel_table(channels: dict[str, Any]) -> Table:
     from rich.table import Table
 
-    from acquisition.core.channels import BY_NAME
+    from acquisition.core.channels import actuators_of, channel_names, channel_unit
 
     table = Table(box=None, header_style="dim", padding=(0, 1, 0, 0))
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
                            ("gap s", "right"), ("sources", "left")):  # fmt: skip
         table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
-    order = {name: number for number, name in enumerate(BY_NAME)}
+    order = {name: number for number, name in enumerate(channel_names(actuators_of(channels)))}
     for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
-            name, BY_NAME[name].unit if name in BY_NAME else "", f"{each['count']:,}", f"{each['rate_hz']:.2f}",
+            name, channel_unit(name), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
             f"{each['longest_gap_s']:.2f}", ", ".join(each["sources"]),
         )  # fmt: skip
     return table

@@ -21,14 +21,15 @@ from acquisition.core.trial import Trial
 STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 
 
-def _known_channel(name: str) -> str:
+def check_channel(name: str) -> str:
+    """A channel's name as it is; :class:`ValueError` with what may be meant for another."""
     if name not in BY_NAME:
         near = get_close_matches(name, BY_NAME, n=1, cutoff=0.4) or list(NAMES)
         raise ValueError(f"is no channel; did you mean {' '.join(near)}?")
     return name
 
 
-ChannelName = Annotated[str, AfterValidator(_known_channel)]
+ChannelName = Annotated[str, AfterValidator(check_channel)]
 Clock = Literal["receiver", "source"]
 Port = Annotated[int, Field(ge=1, le=65_535)]
 FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]

@@ -95,9 +95,20 @@ def is_setting(name: str) -> bool:
     return name == "rudder_angle_deg" or (name not in _FIXED and channel_by_rule(name) is not None)
 
 
+def find_channel(name: str) -> Channel | None:
+    """The channel of this name, of whatever ship; None for a column that is no channel."""
+    return BY_NAME.get(name) or channel_by_rule(name)
+
+
+def channel_unit(name: str) -> str:
+    """The unit of a channel of whatever ship; empty for a column that is no channel."""
+    channel = find_channel(name)
+    return channel.unit if channel else ""
+
+
 def is_circular(name: str) -> bool:
     """Whether a column is an angle that wraps; a column that is no channel is none."""
-    channel = BY_NAME.get(name) or channel_by_rule(name)
+    channel = find_channel(name)
     return channel is not None and channel.circular
 
 

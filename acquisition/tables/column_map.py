@@ -19,16 +19,22 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.sections import ChannelName, RunSheet
+from acquisition.config.sections import RunSheet, check_channel
 from acquisition.config.toml_file import line_of, load_toml, read_text
 from acquisition.core.angles import in_turn, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.trial import Trial
 from acquisition.core.units import scale_to
 from acquisition.tables.table_files import RawTable, parse_numbers, parse_times
 
+
+def _of_any_ship(name: str) -> str:
+    return name if find_channel(name) else check_channel(name)
+
+
+AnyChannel = Annotated[str, AfterValidator(_of_any_ship)]
 _STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
 PERCENT, DEGREES_AND_MINUTES = "percent", "ddmm"
 
@@ -108,11 +114,11 @@ class ColumnMap:
     """A whole map. ``absent`` names channels that the table has not and that stay away."""
 
     time: TimeColumn
-    channels: dict[ChannelName, Column] = field(default_factory=dict)
+    channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
     trial: RunSheet = field(default_factory=RunSheet)
-    absent: tuple[ChannelName, ...] = ()
+    absent: tuple[AnyChannel, ...] = ()
 
 
 def load_column_map(path: Path | str) -> ColumnMap:
@@ -135,7 +141,7 @@ def _complaint(name: str, column: Column) -> str:
         return "" if column.full_scale else "percent needs full_scale, the value at 100 %"
     if column.unit is not None:
         try:
-            scale_to(BY_NAME[name].unit, column.unit)
+            scale_to(channel_unit(name), column.unit)
         except ConfigurationError as error:
             return str(error)
     return ""
@@ -143,7 +149,7 @@ def _complaint(name: str, column: Column) -> str:
 
 def factor(name: str, column: Column) -> float:
     """What the column's numbers are multiplied with to be in the channel's unit."""
-    house: Any = BY_NAME[name].unit
+    house: Any = channel_unit(name)
     if column.unit == PERCENT:
         return column.scale * (column.full_scale or 0.0) / 100.0
     return column.scale * (scale_to(house, column.unit) if column.unit else 1.0)

@@ -6,6 +6,7 @@ flagged bad, and what was found is counted.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -14,8 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import BY_NAME, NAMES
-from acquisition.core.errors import InputError
+from acquisition.config.toml_file import line_of, read_text
+from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text, load_actuators
+from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
+from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
@@ -90,12 +93,13 @@ def import_table(
     map_path: Path | str | None = None,
     allow_missing: bool = False,
     ignore_unknown: bool = False,
+    vessel: Path | str | None = None,
 ) -> ImportSummary:
-    """Write a table file as a recording and say what was found in it.
+    """Write a table file as a recording and say what was found in it; arguments as those of the reader.
 
     Raises as :func:`read_table_file`, and :class:`StorageError` when the recording cannot be written.
     """
-    file = read_table_file(path, map_path, allow_missing, ignore_unknown)
+    file = read_table_file(path, map_path, allow_missing, ignore_unknown, vessel)
     flags = quality_flags(file.table)
     samples = write_table(file.table, output, file.trial, file.sources, flags)
     step_ns = np.diff(pd.DatetimeIndex(file.table.index).as_unit("ns").asi8)
@@ -110,7 +114,7 @@ def import_table(
         times_backwards=int((step_ns < 0).sum()),
         times_twice=int((step_ns == 0).sum()),
         assumed=file.assumed,
-        missing=tuple(name for name in NAMES if name not in file.table),
+        missing=tuple(name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table),
         passed_over=file.passed_over,
     )
 
@@ -120,25 +124,30 @@ def read_table_file(
     map_path: Path | str | None = None,
     allow_missing: bool = False,
     ignore_unknown: bool = False,
+    vessel: Path | str | None = None,
 ) -> TableFile:
     """A CSV, Parquet or .mat file in the contract's columns and units.
 
-    Without a map the columns are named as the channels and ``time``. Raises :class:`InputError` for what
-    cannot be read, for columns that are no channels unless ``ignore_unknown``, and for a table that lacks
-    one of the 13 channels unless ``allow_missing``; :class:`ConfigurationError` for a wrong map.
+    Without a map the columns are named as the channels and ``time``. The ship's actuators are those of the file
+    ``vessel``, or as the table says, or as its columns are named (:func:`actuators_in_columns`). Raises
+    :class:`InputError` for what cannot be read, for columns that are no channels unless ``ignore_unknown``, and
+    for a table that lacks one of the ship's channels unless ``allow_missing``; :class:`ConfigurationError` for a
+    wrong map or vessel file.
     """
     raw = read_raw(path)
+    ship = None if vessel is None else load_actuators(vessel)
     if map_path is None:
-        file = _standard(raw, ignore_unknown)
+        file = _standard(raw, ignore_unknown, ship)
         fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
     else:
         columns = load_column_map(map_path)
         parts = apply_column_map(raw, columns, map_path)
-        trial = parts.trial if parts.trial.name else replace(parts.trial, name=raw.path.stem)
-        file = TableFile(_in_order(parts.table), trial, parts.sources, parts.passed_over)
-        allow_missing = allow_missing or set(NAMES) - set(file.table.columns) <= set(columns.absent)
+        ship = ship or actuators_in_columns([*parts.table, *columns.absent])
+        _check_mapped(columns.channels, ship, map_path)
+        file = _table_file(parts.table, parts.trial, ship, raw, parts.sources, parts.passed_over)
+        allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
         fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
-    missing = [name for name in NAMES if name not in file.table]
+    missing = [name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table]
     if missing and not allow_missing:
         raise InputError(f"has no {', '.join(missing)}", where=str(path), fix=fix)
     if file.table.columns.empty:
@@ -146,7 +155,31 @@ def read_table_file(
     return file
 
 
-def _standard(raw: RawTable, ignore_unknown: bool) -> TableFile:
+def actuators_in_columns(names: Iterable[str]) -> Actuators:
+    """The actuators that columns without a word about their ship are of.
+
+    R/V Gunnerus' where one of hers is among them, so that a misspelt one is found out; else by their names.
+    """
+    found = actuators_of(names)
+    return DEFAULT if {each.name for each in found} & {each.name for each in DEFAULT} else found
+
+
+def _check_mapped(names: Iterable[str], ship: Actuators, map_path: Path | str) -> None:
+    channels = channel_names(ship)
+    for name in names:
+        if name not in channels:
+            raise ConfigurationError(
+                f"{_with_hint(name, channels)} is no channel of the ship whose actuators are {_listed(ship)}",
+                where=f"{map_path}, line {line_of(read_text(map_path), ['channels', name])}",
+                fix="correct the name, or say whose thrusters these are with --vessel FILE",
+            )
+
+
+def _listed(ship: Actuators) -> str:
+    return ", ".join(each.name for each in ship)
+
+
+def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> TableFile:
     """A table whose columns are named as the channels."""
     given = list(map(str, raw.columns.columns))
     if "time" not in given:
@@ -157,32 +190,45 @@ def _standard(raw: RawTable, ignore_unknown: bool) -> TableFile:
             why=f"it has {', '.join(near or given[:6])}",
             fix="name it so, or say with a map which it is (--columns)",
         )
-    unknown = tuple(name for name in given if name not in BY_NAME and name != "time" and not _is_ours(name))
+    ship = ship or (from_text(raw.trial.actuators) if raw.trial.actuators else actuators_in_columns(given))
+    channels = channel_names(ship)
+    unknown = tuple(
+        name for name in given if name not in channels and name != "time" and not _is_ours(name, channels)
+    )
     if unknown and not ignore_unknown:
+        ships = "; say whose thrusters they are with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
         raise InputError(
-            f"has unknown columns {', '.join(_with_hint(name) for name in unknown)}",
+            f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}",
             where=str(raw.path),
-            fix="rename them, map them with --columns MAP.toml, or say --ignore-unknown",
+            fix=f"rename them, map them with --columns MAP.toml, or say --ignore-unknown{ships}",
         )
-    names = [name for name in BY_NAME if name in given]
+    names = [name for name in channels if name in given]
     table = pd.DataFrame({name: parse_numbers(raw, name) for name in names}, index=parse_times(raw, "time"))
-    trial = raw.trial if raw.trial.name else replace(raw.trial, name=raw.path.stem)
-    return TableFile(table, trial, dict.fromkeys(names, "table"), unknown)
+    return _table_file(table, raw.trial, ship, raw, dict.fromkeys(names, "table"), unknown)
 
 
-def _is_ours(name: str) -> bool:
+def _table_file(
+    table: pd.DataFrame,
+    trial: Trial,
+    ship: Actuators,
+    raw: RawTable,
+    sources: dict[str, str],
+    passed_over: tuple[str, ...],
+) -> TableFile:
+    """``table`` in the order of the ship's channels, its trial with a name and the ship's actuators."""
+    trial = replace(trial, name=trial.name or raw.path.stem, actuators=as_text(ship))
+    return TableFile(table[[name for name in channel_names(ship) if name in table]], trial, sources, passed_over)
+
+
+def _is_ours(name: str, channels: Collection[str]) -> bool:
     """Whether a column is one of our own exports that is no channel."""
     stems = {name, *(name.removesuffix(ending) for ending in BESIDE)}
-    return not stems.isdisjoint(LABELS) or (name not in BY_NAME and not stems.isdisjoint(BY_NAME))
+    return not stems.isdisjoint(LABELS) or (name not in channels and not stems.isdisjoint(channels))
 
 
-def _with_hint(name: str) -> str:
-    near = get_close_matches(name.lower(), BY_NAME, n=1, cutoff=0.5)
+def _with_hint(name: str, channels: Collection[str]) -> str:
+    near = get_close_matches(name.lower(), channels, n=1, cutoff=0.5)
     return f"{name} (did you mean {near[0]}?)" if near else name
-
-
-def _in_order(table: pd.DataFrame) -> pd.DataFrame:
-    return table[[name for name in BY_NAME if name in table]]
 
 
 def quality_flags(table: pd.DataFrame) -> dict[str, NDArray[np.uint8]]:

@@ -80,7 +80,16 @@ def _read_csv(path: Path) -> RawTable:
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
     nameless = [name for name in frame.columns if name.startswith("Unnamed:") and frame[name].isna().all()]
     frame = frame.drop(columns=nameless)  # what a delimiter at the end of every line leaves
-    return RawTable(path, frame)
+    return RawTable(path, frame, _trial_beside(path))
+
+
+def _trial_beside(path: Path) -> Trial:
+    """The trial that our own exports write beside a CSV file; an empty one where there is no such file."""
+    beside = path.with_name(f"{path.name}.json")
+    try:
+        return _trial(json.loads(beside.read_text(encoding="utf-8"))["trial"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return Trial()
 
 
 def _refuse_twins(names: list[str], path: Path) -> None:

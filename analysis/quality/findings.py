@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Ints
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import BY_NAME, channel_unit
 from acquisition.core.frames import Quality
 from analysis.quality.samples import Stretch, times_of
 from analysis.quality.time_checks import ClockJump
@@ -132,10 +132,6 @@ def _samples(found: list[Stretch]) -> str:
     return "1 sample" if count == 1 else f"{count:,.0f} samples"
 
 
-def _unit(channel: str) -> str:
-    return BY_NAME[channel].unit if channel in BY_NAME else ""
-
-
 def _who(channel: str) -> str:
     return "every channel" if channel == ALL else channel
 
@@ -158,7 +154,7 @@ WORDING: dict[str, Wording] = {
     ),
     "spike": Wording(
         lambda channel, found, largest: f"{_who(channel)} leaves its neighbours and returns {_times(len(found))}, "
-        f"the furthest by {largest.size:.3g} {_unit(channel)} at {_at(largest)}",
+        f"the furthest by {largest.size:.3g} {channel_unit(channel)} at {_at(largest)}",
         "The samples are flagged bad and stay out of resampling",
     ),
     "out_of_range": Wording(
@@ -186,7 +182,8 @@ WORDING: dict[str, Wording] = {
         lambda found, largest: {"seconds": largest.size},
     ),
     "quantised": Wording(
-        lambda channel, found, largest: f"{_who(channel)} moves in steps of {largest.size:.3g} {_unit(channel)}, "
+        lambda channel, found, largest: f"{_who(channel)} moves in steps of {largest.size:.3g} "
+        f"{channel_unit(channel)}, "
         "coarser than its noise",
         "What lies between the steps is lost; take it from a finer source if there is one",
         lambda found, largest: {"step": largest.size},

@@ -19,7 +19,7 @@ import pandas as pd
 
 from acquisition.core.angles import in_turn, unwrap
 from acquisition.core.arrays import Bools, Floats
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import BY_NAME, find_channel
 from acquisition.core.errors import InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
@@ -225,7 +225,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         if name in flags:
             bad = within & (np.asarray(flags[name]) == Quality.BAD)
             value[bad & ~seam_line_mask(table, name) if is_judged(table, name) else bad] = np.nan
-        if finding.code == "out_of_range" and name in BY_NAME:
+        if finding.code == "out_of_range" and find_channel(name):
             value[~is_possible(name, value)] = np.nan
         columns[name] = value
     return SingleRepair(_EMPTIED[finding.code], columns)

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
 
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.trial import software_version
 from analysis.kinematics import mean_wind
 from analysis.quality.samples import ASSUMED
@@ -82,17 +82,17 @@ def _findings(products: Products) -> tuple[list[list[str]], list[str]]:
     cells = []
     for finding in products.quality.findings:
         what, about, text = finding_cells(finding)
-        text = text if text.split(" ", 1)[0] in BY_NAME else text[:1].upper() + text[1:]
+        text = text if find_channel(text.split(" ", 1)[0]) else text[:1].upper() + text[1:]
         cells.append([what, about, text, repaired.pop((finding.code, finding.channel), "")])
     return cells, list(repaired.values())
 
 
 def _uncertainty(one_hz: pd.DataFrame) -> list[list[str]] | None:
     """How well the smoother knows each channel of the motion; None without it."""
-    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and name in BY_NAME]
+    names = [name for name in map(str, one_hz) if f"{name}{SIGMA_SUFFIX}" in one_hz and channel_unit(name)]
     halves = {name: 1.96 * one_hz[f"{name}{SIGMA_SUFFIX}"].dropna() for name in names}
     rows = [
-        [name, f"\u00b1 {half.median():.3g} {BY_NAME[name].unit}", f"\u00b1 {half.max():.3g} {BY_NAME[name].unit}",
+        [name, f"\u00b1 {half.median():.3g} {channel_unit(name)}", f"\u00b1 {half.max():.3g} {channel_unit(name)}",
          f"{len(one_hz) - len(half):,}"]
         for name, half in halves.items() if len(half)
     ]  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import channel_unit
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
 from analysis.tables.files import atomic_file, expect_suffix, write_parquet
@@ -52,7 +52,7 @@ def unit_of(column: str) -> str:
     if column.endswith(FLAG_SUFFIX):
         return FLAG_MEANING
     name = column.removesuffix(SIGMA_SUFFIX)
-    return BY_NAME[name].unit if name in BY_NAME else _RATE_UNITS.get(name, "")
+    return channel_unit(name) or _RATE_UNITS.get(name, "")
 
 
 def add_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float] | None = None) -> pd.DataFrame:

@@ -24,6 +24,7 @@ from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.vessel.actuators import angle_columns
+from hybrid.vessel.channels import check_ship
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
@@ -136,8 +137,10 @@ def linearise(
 ) -> Linearisation:
     """Make ``model`` linear along ``log``; ``effects`` are signatures that are at hand, else they are computed.
 
-    Raises :class:`ConfigurationError` for an effect whose bounds are too narrow for its ordinary size.
+    Raises :class:`ConfigurationError` for an effect whose bounds are too narrow for its ordinary size, and
+    :class:`InputError` for a log of a ship with other actuators than the model's.
     """
+    check_ship(log.actuators, model.base)
     linear = linear_model(log, model.plant())
     known = effects or signatures(log, model, linear.origin, list(model.catalogue))
     return Linearisation(log, model, tolerance, linear, tuple(known))

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_windows
 from hybrid.prediction.scores import distances, mean_distances
+from hybrid.vessel.channels import check_ship
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 
@@ -55,8 +56,10 @@ def present_motion_held(states: Floats, horizon_s: int) -> Floats:
 def reference(windows: PredictionWindows, plant: Plant) -> Floats:
     """The simulation model from the measured start, thrusters and wind held as they are at second 0.
 
-    Windows in which the model leaves its range are NaN from there on.
+    Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of a
+    ship with other actuators.
     """
+    check_ship(windows.actuators, plant)
     held = np.repeat(windows.control[:, None, :], windows.horizon_s, axis=1)
     return simulate_tracks(plant, windows.start, held, windows.wind)
 

@@ -23,7 +23,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from scipy.spatial import ConvexHull
 
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import is_circular
 from analysis.report.plots import INK, PALETTE, break_at_wrap, held_shade, label
 from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
 from hybrid.prediction.scores import Interval
@@ -111,7 +111,7 @@ def compared(
     """
     artists: list[Artist] = [] if windows is None else [held_shade(axes, windows)]
     measured = table[name].dropna()
-    circular = name in BY_NAME and BY_NAME[name].circular
+    circular = is_circular(name)
     shown = break_at_wrap(measured) if circular else measured
     artists += axes.plot(measured.index, shown, color=INK, linewidth=1.0, label="measured")
     for method, motion in predicted.items():

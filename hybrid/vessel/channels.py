@@ -13,10 +13,24 @@ from acquisition.core.channels import ENVIRONMENT, POSE, VELOCITY
 from acquisition.core.errors import InputError
 from analysis.tables.table import table_actuators
 from hybrid.vessel.actuators import angle_columns, control_units
+from hybrid.vessel.plant import Plant
 
 RPM_PER_RPS = 60.0
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
 WIND_UNITS = np.array([np.pi / 180.0, 1.0])
+
+
+def check_ship(recorded: Actuators, plant: Plant) -> None:
+    """Raise :class:`InputError` where a recording is of a ship with other actuators than the model has."""
+    if recorded != plant.layout:
+        raise InputError(
+            f"the recording is of a ship with {_listed(recorded)}, the model of one with {_listed(plant.layout)}",
+            fix="give the file of the ship that was recorded with --vessel",
+        )
+
+
+def _listed(actuators: Actuators) -> str:
+    return ", ".join(f"{each.name} ({each.kind})" for each in actuators)
 
 
 def states_of(table: pd.DataFrame) -> Floats:
