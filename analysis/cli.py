@@ -56,7 +56,7 @@ def check(
     quality = check_recording(recording, table)
     if output is not None:
         from analysis.report.quality_page import write_quality
-        from analysis.tables.provenance import provenance_of
+        from analysis.tables.table import provenance_of
 
         for path in write_quality(quality, output, recording.trial.as_metadata(), provenance_of(table)):
             typer.echo(path, err=True)
@@ -101,7 +101,7 @@ def export(
     from acquisition.recording.reader import read_recording
     from analysis.prepare import Preparation, prepare
     from analysis.tables.export import export_table
-    from analysis.tables.provenance import history_of
+    from analysis.tables.table import history_of
 
     expect_suffix(output, ".parquet", ".csv", ".mat")
     how = Preparation(rate, repair, remove_delays, smooth, flags)

@@ -14,9 +14,8 @@ import pandas as pd
 
 from acquisition.recording.reader import Recording
 from analysis.tables.export import SIGMA_SUFFIX, add_flags
-from analysis.tables.provenance import add_step
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import remove_delays, table_of
+from analysis.tables.table import add_step, remove_delays, table_of
 
 SMOOTHED_RATE_HZ = 1.0
 """The rate of a smoothed table for which none is given."""

@@ -16,9 +16,8 @@ from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.quality.check import DataQuality, check_recording
 from analysis.quality.repairs import Repair, RepairResult, repair
 from analysis.tables.export import SIGMA_SUFFIX
-from analysis.tables.provenance import add_step
 from analysis.tables.resample import resample
-from analysis.tables.table import require, table_of
+from analysis.tables.table import add_step, require, table_of
 from analysis.windows.held import HeldWindows, held_windows
 from analysis.windows.recordings import add_start_states
 

@@ -28,8 +28,7 @@ from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.products import Options, Products, analyse
 from analysis.tables.export import FLAG_MEANING, unit_of
 from analysis.tables.files import write_parquet
-from analysis.tables.provenance import history_of, provenance_of, sha256_of
-from analysis.tables.table import trial_channels
+from analysis.tables.table import history_of, provenance_of, sha256_of, trial_channels
 from analysis.windows.recordings import write_windows
 
 Row = dict[str, Any]

@@ -25,7 +25,7 @@ import pandas as pd
 from acquisition.core.angles import unwrap, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE, VELOCITY, is_circular
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, times_ns
 
 MOTION = (*POSE, *VELOCITY)
 HALF_WIDTH_S = 10.0

@@ -21,7 +21,7 @@ from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME
 from analysis.estimation.kalman import Start, Steps
 from analysis.tables.resample import own_gap_s
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, times_ns
 
 CHANNELS = ("heading_deg", "yaw_rate_dps", "north_m", "east_m", "surge_mps", "sway_mps")
 """The motion channels in the order in which each step takes them."""

@@ -45,10 +45,8 @@ from analysis.estimation.motion_model import (
 )
 from analysis.estimation.noise_levels import NoiseLevels, estimate_levels
 from analysis.tables.files import write_parquet
-from analysis.tables.provenance import add_step, provenance_of
 from analysis.tables.resample import grid, rate_fraction
-from analysis.tables.table import require
-from analysis.tables.time_index import NANO, index_of, require_plausible_span, times_ns
+from analysis.tables.table import NANO, add_step, index_of, provenance_of, require, require_plausible_span, times_ns
 
 _BLOCKS = 20
 _NORMAL_95 = 1.959964

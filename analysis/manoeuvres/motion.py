@@ -29,10 +29,8 @@ from analysis.estimation.local_polynomial import local_quadratic
 from analysis.kinematics import integrate, to_earth
 from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
 from analysis.quality.samples import runs, white_noise
-from analysis.tables.provenance import history_of
 from analysis.tables.resample import resample
-from analysis.tables.table import require, table_actuators, table_controls
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, history_of, require, table_actuators, table_controls, times_ns
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0

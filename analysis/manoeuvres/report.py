@@ -17,7 +17,7 @@ from acquisition.core.trial import software_version
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
 from analysis.tables.files import atomic_file
-from analysis.tables.provenance import provenance_of
+from analysis.tables.table import provenance_of
 
 if TYPE_CHECKING:
     from rich.console import Group

@@ -29,7 +29,7 @@ from analysis.quality.samples import (
     times_of,
 )
 from analysis.quality.time_checks import ClockJump, jitter_s
-from analysis.tables.time_index import NANO
+from analysis.tables.table import NANO
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0

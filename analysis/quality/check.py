@@ -34,8 +34,16 @@ from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, column_samples, rows_of, series_samples, times_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import check_wind
-from analysis.tables.table import actuators_in_recording, table_actuators, table_of, trial_channels
-from analysis.tables.time_index import index_of, main_stretch, times_ns, utc_index
+from analysis.tables.table import (
+    actuators_in_recording,
+    index_of,
+    main_stretch,
+    table_actuators,
+    table_of,
+    times_ns,
+    trial_channels,
+    utc_index,
+)
 
 CHECKS: tuple[Check, ...] = (check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_wind)
 """The checks across channels. Each gets the joined table with impossible values taken out."""

@@ -28,8 +28,7 @@ from analysis.quality.samples import (
     samples_of,
     set_flags,
 )
-from analysis.tables.table import table_actuators, table_controls
-from analysis.tables.time_index import utc_index
+from analysis.tables.table import table_actuators, table_controls, utc_index
 
 ORDER_INTERPOLATED = "order_interpolated"
 _FEWEST_STEPS = 3

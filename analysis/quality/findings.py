@@ -20,7 +20,7 @@ from acquisition.core.channels import BY_NAME, channel_unit
 from acquisition.core.frames import Quality
 from analysis.quality.samples import Stretch, times_of
 from analysis.quality.time_checks import ClockJump
-from analysis.tables.time_index import NANO, time_span_text
+from analysis.tables.table import NANO, time_span_text
 
 Flags = NDArray[np.uint8]
 

@@ -26,8 +26,7 @@ from analysis.quality.samples import (
     samples_of,
     set_flags,
 )
-from analysis.tables.table import table_controls
-from analysis.tables.time_index import utc_index
+from analysis.tables.table import table_controls, utc_index
 
 WRAP_INTERPOLATED = "heading_wrap_interpolated"
 _ALWAYS_JUDGED = ("heading_deg", "wind_direction_deg")

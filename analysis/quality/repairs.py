@@ -33,8 +33,7 @@ from analysis.quality.motion.reconstruction import reconstruct_heading, reconstr
 from analysis.quality.samples import is_possible, rows_of, samples_of
 from analysis.quality.wind import true_wind
 from analysis.tables.files import expect_suffix
-from analysis.tables.provenance import HISTORY_KEY, add_step, history_of
-from analysis.tables.time_index import main_stretch, seconds_of, times_ns, utc_index
+from analysis.tables.table import HISTORY_KEY, add_step, history_of, main_stretch, seconds_of, times_ns, utc_index
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from acquisition.core.frames import Quality
 from analysis.kinematics import to_earth
 from analysis.quality.findings import Flags
 from analysis.quality.samples import flags_where, runs_of_equal, sort_by_time, steps_between, times_of, white_noise
-from analysis.tables.time_index import NANO
+from analysis.tables.table import NANO
 
 _SHORTEST, _BESIDE = 8, 100
 _LIKELY = 1e-4

@@ -18,7 +18,7 @@ from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from analysis.tables.time_index import NANO, index_of, seconds_of, times_ns
+from analysis.tables.table import NANO, index_of, seconds_of, times_ns
 
 ASSUMED = "assumed"
 """The source of a channel that a column map gave a value to."""

@@ -17,7 +17,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints, Series
 from analysis.kinematics import to_earth
 from analysis.quality.samples import white_noise
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, times_ns
 
 MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 _IRREGULAR, _MOST_PLACES = 0.3, 200

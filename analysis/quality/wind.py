@@ -19,7 +19,7 @@ from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
 from analysis.quality.samples import ASSUMED, jackknife_error
-from analysis.tables.time_index import NANO, seconds_of, utc_index
+from analysis.tables.table import NANO, seconds_of, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
 _NEEDED = (*JUDGED, "heading_deg", "surge_mps", "sway_mps")

@@ -24,8 +24,7 @@ from acquisition.core.errors import ConfigurationError, DataShortageError, Input
 from analysis.report.pages import duration_text
 from analysis.report.rendering import TEMPLATES, render
 from analysis.tables.files import atomic_file, expect_suffix
-from analysis.tables.table import table_actuators, trial_channels
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, table_actuators, times_ns, trial_channels
 from analysis.windows.held import held_spans_ns
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from analysis.quality.samples import ASSUMED
 from analysis.report.quality_page import HEADER, channel_rows, finding_cells
 from analysis.report.rendering import Page, render
 from analysis.tables.export import SIGMA_SUFFIX
-from analysis.tables.provenance import sha256_of
+from analysis.tables.table import sha256_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,8 +21,7 @@ from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, is_circular
 from analysis.kinematics import mean_wind
-from analysis.tables.table import table_actuators
-from analysis.tables.time_index import utc_index
+from analysis.tables.table import table_actuators, utc_index
 from analysis.windows.held import held_spans_ns
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")

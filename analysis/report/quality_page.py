@@ -16,7 +16,7 @@ from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
 from analysis.report.rendering import Page, render
 from analysis.tables.files import atomic_file, write_parquet
-from analysis.tables.time_index import main_stretch, times_ns
+from analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,7 +43,7 @@ def write_quality(
 ) -> list[Path]:
     """Write ``quality.json``, ``flags.parquet`` and ``quality.html`` into a folder; it is made if need be.
 
-    ``provenance`` (:func:`analysis.tables.provenance.provenance_of`) goes into both of the files for programs.
+    ``provenance`` (:func:`analysis.tables.table.provenance_of`) goes into both of the files for programs.
 
     Raises :class:`StorageError` when they cannot be written.
     """

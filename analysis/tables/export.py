@@ -20,9 +20,7 @@ from acquisition.core.channels import channel_unit
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
 from analysis.tables.files import atomic_file, expect_suffix, write_parquet
-from analysis.tables.provenance import provenance_of
-from analysis.tables.table import delays_in_ns
-from analysis.tables.time_index import NANO, times_ns, utc_index
+from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
 
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"
 FLAG_MEANING = "QARTOD: 1 good, 2 not evaluated, 3 suspect, 4 bad, 9 missing"
@@ -37,7 +35,7 @@ def export_table(
 ) -> list[Path]:
     """Write a table as Parquet, CSV or .mat by the suffix of ``path`` and return the files that were written.
 
-    Units, trial and :func:`analysis.tables.provenance.provenance_of` go with it. A file appears under its
+    Units, trial and :func:`analysis.tables.table.provenance_of` go with it. A file appears under its
     name only when it is complete. Raises :class:`InputError` for another suffix and :class:`StorageError` when
     it cannot be written.
     """

@@ -27,9 +27,18 @@ from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import is_circular, is_setting
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
-from analysis.tables.provenance import add_step
-from analysis.tables.table import attributes_of, bounds_ns, channels_of, delays_in_ns, valid_values
-from analysis.tables.time_index import NANO, index_of, require_plausible_span, times_ns
+from analysis.tables.table import (
+    NANO,
+    add_step,
+    attributes_of,
+    bounds_ns,
+    channels_of,
+    delays_in_ns,
+    index_of,
+    require_plausible_span,
+    times_ns,
+    valid_values,
+)
 
 Samples = tuple[Ints, Floats]
 

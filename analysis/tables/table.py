@@ -1,9 +1,19 @@
-"""A recording as a table: one row a measured time, one column a channel, NaN where a channel has no sample."""
+"""A recording as a table: one row a measured time, one column a channel, NaN where a channel has no sample.
+
+Its times are a UTC index named ``time`` in nanoseconds. pandas counts in microseconds unless asked otherwise; the
+arithmetic here is done on int64 nanoseconds. A clock that starts in 1970 until it receives a satellite, or a stamp
+with a wrong year, would make any regular grid longer than memory holds: such stamps are told from the others by the
+silence between them, which no trial contains.
+
+Where a table comes from and what was done to it is carried in its ``attrs`` and written into every product. There
+is no time of day and no folder in it, so that the same input gives the same bytes anywhere.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,9 +27,8 @@ from acquisition.core.arrays import Floats, Ints, Series
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.frames import Quality
+from acquisition.core.trial import software_version
 from acquisition.recording.reader import Recording, read_recording
-from analysis.tables.provenance import HISTORY_KEY, add_step
-from analysis.tables.time_index import NANO, index_of, times_ns
 
 _LONGEST_DELAY_S = 3600.0
 
@@ -216,3 +225,158 @@ def _checked_part(low: float, high: float) -> tuple[float, float]:
     if not 0.0 <= low < high <= 100.0:
         raise InputError(f"part {low:g}..{high:g} is no part of 0..100", fix="write it like 0..70")
     return low, high
+
+
+NANO = 1_000_000_000
+
+
+def utc_index(table: pd.DataFrame) -> pd.DatetimeIndex:
+    """The table's index in UTC and nanoseconds.
+
+    Raises :class:`InputError` when the index is no time or has no zone.
+    """
+    index = table.index
+    if not isinstance(index, pd.DatetimeIndex):
+        raise InputError(f"the table is indexed by {index.dtype}, not by time", fix="give it a UTC DatetimeIndex")
+    if index.tz is None:
+        raise InputError("the table's times have no zone", fix="localise the index to UTC")
+    return index.tz_convert("UTC").as_unit("ns").rename("time")
+
+
+def times_ns(table: pd.DataFrame) -> NDArray[np.int64]:
+    """The table's times [ns since 1970], in the order of its rows."""
+    return utc_index(table).asi8
+
+
+def seconds_of(table: pd.DataFrame) -> Floats:
+    """The table's times [s] after its first row, in the order of its rows."""
+    time_ns = times_ns(table)
+    return np.asarray((time_ns - time_ns[:1]) / NANO)
+
+
+def index_of(time_ns: NDArray[np.int64]) -> pd.DatetimeIndex:
+    """Times [ns since 1970] as the index of a table."""
+    return pd.DatetimeIndex(time_ns.astype("datetime64[ns]"), name="time").tz_localize("UTC")
+
+
+LONGEST_DAYS = 31
+"""Of one recording; whoever claims more had his clock set while he recorded."""
+
+DAY_NS = 86_400 * NANO
+
+
+def main_stretch(time_ns: Ints) -> tuple[int, int]:
+    """The first and the last time [ns] of the recording proper: of the parts between silences of more than
+    :data:`LONGEST_DAYS`, the one with the most samples.
+
+    ``time_ns`` may be in any order, and holds one time at least.
+
+    >>> main_stretch(np.array([0, 1, 2, 400 * DAY_NS]))
+    (0, 2)
+    """
+    times = np.sort(time_ns)
+    if _within_limit(int(times[0]), int(times[-1])):
+        return int(times[0]), int(times[-1])
+    parts = np.split(times, np.flatnonzero(np.diff(times) > LONGEST_DAYS * DAY_NS) + 1)
+    longest = max(parts, key=len)
+    return int(longest[0]), int(longest[-1])
+
+
+def require_plausible_span(first_ns: int, last_ns: int, times: Iterable[Ints], where: str = "") -> None:
+    """Raise :class:`InputError` where a span [ns] is longer than one recording can be, and name the stamps.
+
+    ``times`` of all channels [ns] are only looked at to name them.
+    """
+    if _within_limit(first_ns, last_ns):
+        return
+    every = np.concatenate(list(times))
+    first, last = main_stretch(every)
+    stray = every[(every < first) | (every > last)]
+    days = (last_ns - first_ns) / DAY_NS
+    why = (
+        f"{stray.size:,} of {every.size:,} are stamped {time_span_text(stray)}"
+        if stray.size
+        else "its clock was set"
+    )
+    raise InputError(
+        f"its samples lie within {days:,.0f} days, more than the {LONGEST_DAYS} of one recording", where=where,
+        why=why, fix="see `seatrial check`; `check --repair OUT.mcap` takes a few such samples out",
+    )  # fmt: skip
+
+
+def time_span_text(time_ns: Ints) -> str:
+    """When samples are stamped, for people: one time, or from the first to the last."""
+    first, last = (pd.Timestamp(int(each), tz="UTC") for each in (time_ns.min(), time_ns.max()))
+    text = f"{first:%Y-%m-%d %H:%M:%S}"
+    return text if first == last else f"{text} to {last:%Y-%m-%d %H:%M:%S}"
+
+
+def _within_limit(first_ns: int, last_ns: int) -> bool:
+    return last_ns - first_ns <= LONGEST_DAYS * DAY_NS
+
+
+def provenance_of(
+    table: pd.DataFrame, options: Mapping[str, Any] | None = None, recording: Path | None = None
+) -> dict[str, Any]:
+    """How a table came about: software, recording with its SHA-256, options, trial, and the history step by step.
+
+    ``recording`` is the file it was read from, where the table's ``attrs`` do not say. One that is no longer
+    there has no hash (None).
+    """
+    said = table.attrs.get("recording")
+    path = recording or (Path(str(said)) if said else None)
+    trial = {key: value for key, value in table.attrs.get("trial", {}).items() if value not in (None, "")}
+    return {
+        "software_version": software_version(),
+        "recording": path.name if path else "",
+        "recording_sha256": sha256_of(path) if path else None,
+        "options": dict(options or {}),
+        "history": history_of(table),
+        "trial": trial,
+    }
+
+
+def sha256_of(path: Path) -> str | None:
+    """The SHA-256 of a file in hexadecimal; None where it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+HISTORY_KEY = "history"
+
+
+def add_step(table: pd.DataFrame, step: str, **options: Any) -> pd.DataFrame:
+    """``table`` with one more step in its history: its name, the version of Seatrial and the options.
+
+    The data are shared with ``table``; only the history is new.
+    """
+    result = table.copy(deep=False)
+    entry = {"step": step, "version": software_version(), "options": options}
+    result.attrs = {**table.attrs, HISTORY_KEY: [*history_of(table), entry]}
+    return result
+
+
+def history_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The steps so far, the oldest first."""
+    return list(table.attrs.get(HISTORY_KEY, []))
+
+
+def refuse_duplicates(paths: Sequence[Path]) -> list[str]:
+    """The SHA-256 of each recording, in their order; empty where one cannot be read, which its reader will say.
+
+    Raises :class:`InputError` where two files hold the same.
+    """
+    first: dict[str, Path] = {}
+    hashes = []
+    for path in paths:
+        digest = sha256_of(path) or ""
+        twin = first.setdefault(digest, path)
+        if digest and twin is not path:
+            raise InputError(
+                "is given twice", where=str(path), why=f"it is the same recording as {twin}", fix="give it once"
+            )
+        hashes.append(digest)
+    return hashes

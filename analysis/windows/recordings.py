@@ -27,9 +27,15 @@ from acquisition.recording.reader import read_recording
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
 from analysis.prepare import Preparation, prepare
 from analysis.tables.files import read_parquet, write_parquet
-from analysis.tables.provenance import provenance_of, refuse_duplicates
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import actuator_attributes, select, table_actuators, trial_channels
+from analysis.tables.table import (
+    actuator_attributes,
+    provenance_of,
+    refuse_duplicates,
+    select,
+    table_actuators,
+    trial_channels,
+)
 from analysis.windows.held import HeldWindows, columns_for, held_windows, join_windows, require_windows
 
 

@@ -28,8 +28,7 @@ from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, VELOCITY, is_
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.noise_levels import NoiseLevels
 from analysis.estimation.smoother import smooth
-from analysis.tables.table import require, table_actuators, table_controls
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, require, table_actuators, table_controls, times_ns
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.channels import STATE_UNITS
 

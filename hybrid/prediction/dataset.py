@@ -15,7 +15,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress
 from analysis.estimation.local_polynomial import smooth_motion
-from analysis.tables.provenance import refuse_duplicates
+from analysis.tables.table import refuse_duplicates
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
 from hybrid.prediction.baselines import reference

@@ -19,8 +19,7 @@ from acquisition.core.angles import difference, unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import POSE, VELOCITY, trial_names
 from acquisition.core.errors import DataShortageError
-from analysis.tables.table import table_actuators
-from analysis.tables.time_index import NANO
+from analysis.tables.table import NANO, table_actuators
 from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.channels import STATE_UNITS, WIND_UNITS
 from hybrid.vessel.sensors import HEADING

@@ -19,8 +19,7 @@ from acquisition.recording.reader import read_trial
 from analysis.estimation.smoother import smooth
 from analysis.products import Options, Products, analyse
 from analysis.report.pages import Ship
-from analysis.tables.provenance import refuse_duplicates
-from analysis.tables.table import percent_of
+from analysis.tables.table import percent_of, refuse_duplicates
 from analysis.windows.recordings import trial_names
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of

@@ -21,8 +21,7 @@ from acquisition.core.actuators import names_of
 from acquisition.core.angles import difference, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
-from analysis.tables.table import trial_channels
-from analysis.tables.time_index import NANO, index_of
+from analysis.tables.table import NANO, index_of, trial_channels
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, in_ship_axes
 from hybrid.prediction.scores import LegBootstrap, distances
 from hybrid.report.words import plain

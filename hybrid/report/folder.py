@@ -17,7 +17,7 @@ from typing import Any, Literal
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from acquisition.core.progress import Progress, part_of
 from analysis.tables.files import make_folder
-from analysis.tables.provenance import sha256_of
+from analysis.tables.table import sha256_of
 from hybrid.diagnosis.serialisation import read_json
 from hybrid.report.case import load_case
 from hybrid.report.notebook import run_notebook

@@ -27,8 +27,7 @@ from acquisition.core.frames import Quality
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import Recording
 from analysis.tables.resample import own_gap_s, resample_recording
-from analysis.tables.table import actuators_in_recording
-from analysis.tables.time_index import NANO
+from analysis.tables.table import NANO, actuators_in_recording
 from hybrid.calibrators.predict import Prediction, predict
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.vessel.plant import Plant

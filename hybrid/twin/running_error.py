@@ -18,9 +18,8 @@ from acquisition.core.actuators import control_names
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from analysis.tables.resample import MOTION_FILTER
-from analysis.tables.table import table_actuators, table_controls
-from analysis.tables.time_index import NANO, times_ns
-from analysis.windows.steady_controls import Tolerances, held
+from analysis.tables.table import NANO, table_actuators, table_controls, times_ns
+from analysis.windows.held import Tolerances, steady_mask
 from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
 
@@ -118,7 +117,7 @@ def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tole
     rules, rows = rule or Tolerances(), horizon_s + 1
     actuators = table_actuators(table)
     return not all(
-        held(name, table[name].to_numpy(dtype=float), rows, 1, rules, actuators)[row]
+        steady_mask(name, table[name].to_numpy(dtype=float), rows, 1, rules, actuators)[row]
         for name in control_names(actuators)
     )
 

@@ -21,8 +21,7 @@ from acquisition.core.trial import Trial
 from acquisition.logger.follow import Follower
 from acquisition.logger.requests import send_prediction
 from acquisition.recording.reader import Recording
-from analysis.tables.table import actuators_in_recording
-from analysis.tables.time_index import NANO
+from analysis.tables.table import NANO, actuators_in_recording
 from hybrid.prediction.prediction_windows import PAST_S
 from hybrid.twin.forecast import (
     Forecast,

@@ -15,8 +15,7 @@ from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
 from analysis.prepare import Preparation, prepare
-from analysis.tables.provenance import refuse_duplicates
-from analysis.tables.table import select
+from analysis.tables.table import refuse_duplicates, select
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.result import Diagnosis, Extras
 from hybrid.diagnosis.serialisation import write_shown

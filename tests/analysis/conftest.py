@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from acquisition.core.angles import difference
 from acquisition.core.channels import NAMES
-from analysis.tables.time_index import NANO, index_of
+from analysis.tables.table import NANO, index_of
 
 START_S = 1_573_287_600
 

@@ -25,9 +25,8 @@ from acquisition.tables.import_table import import_table
 from analysis.prepare import Preparation, prepare
 from analysis.quality.findings import CheckResult
 from analysis.tables.export import add_flags, export_table, matlab_name
-from analysis.tables.provenance import add_step, history_of, provenance_of
 from analysis.tables.resample import resample
-from analysis.tables.table import read_table
+from analysis.tables.table import add_step, history_of, provenance_of, read_table
 from seatrial import app
 from tests.analysis.conftest import steady_table, table_at
 

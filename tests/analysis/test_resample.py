@@ -16,9 +16,8 @@ from acquisition.core.channels import BY_NAME, is_setting
 from acquisition.core.errors import DataShortageError, InputError
 from acquisition.core.trial import Trial
 from acquisition.recording.reader import Recording
-from analysis.tables.provenance import history_of
 from analysis.tables.resample import resample, resample_recording
-from analysis.tables.table import remove_delays, select, table_of
+from analysis.tables.table import history_of, remove_delays, select, table_of
 from tests.analysis.conftest import START_S, table_at, turn_between
 
 RATES = st.sampled_from([0.4, 1.0, 2.0, 5.0, 10.0, 25.0])

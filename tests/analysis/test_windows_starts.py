@@ -17,7 +17,7 @@ from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
 from analysis.tables.resample import resample
-from analysis.windows.held import REASONS, columns_for, held_windows, join_windows
+from analysis.windows.held import REASONS, columns_for, feedback_of, held_windows, join_windows
 from analysis.windows.recordings import (
     START_COLUMNS,
     STATES,
@@ -28,7 +28,6 @@ from analysis.windows.recordings import (
     windows_of_recordings,
     write_windows,
 )
-from analysis.windows.steady_controls import feedback_of
 from hybrid.simulation.trial import simulate_trial
 from seatrial import app
 from tests.analysis.conftest import steady_table

@@ -14,9 +14,8 @@ import pandas as pd
 from acquisition.core.angles import unwrap
 from acquisition.core.channels import CIRCULAR, COMMAND, NAMES
 from analysis.estimation.noise_levels import noise_of
-from analysis.tables.time_index import index_of
-from analysis.windows.held import held_windows
-from analysis.windows.steady_controls import Tolerances, tolerance_of
+from analysis.tables.table import index_of
+from analysis.windows.held import Tolerances, held_windows, tolerance_of
 
 HOURS, HORIZON_S, STRIDE_S = 4, 15, 5
 

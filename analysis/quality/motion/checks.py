@@ -34,7 +34,7 @@ from analysis.quality.motion.jumps import PositionJump, flag_displaced, jump_fin
 from analysis.quality.motion.kinematics import NAMES, Kinematics, fit_kinematics, quantile, widen_by_parts
 from analysis.quality.motion.scales import heading_offset, speed_scale, yaw_rate_bias, yaw_rate_scale
 from analysis.quality.motion.series import GROUPS, MOTION
-from analysis.tables.time_index import utc_index
+from analysis.tables.table import utc_index
 
 _SMALLEST_DELAY_S = 0.2
 _SMALLEST_JITTER_S = 0.15

@@ -20,8 +20,7 @@ from acquisition.core.arrays import Complexes, Floats
 from analysis.kinematics import integrate
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS, STEP_S, Motion, block_starts, group_samples, outliers
-from analysis.tables.table import require
-from analysis.tables.time_index import utc_index
+from analysis.tables.table import require, utc_index
 
 _WINDOW_S = 10.0
 _LONG_S = 60.0

@@ -30,7 +30,7 @@ from analysis.quality.motion.series import (
     rotate,
 )
 from analysis.quality.samples import runs_of_equal
-from analysis.tables.time_index import NANO, seconds_of, utc_index
+from analysis.tables.table import NANO, seconds_of, utc_index
 
 if TYPE_CHECKING:
     from analysis.quality.motion.kinematics import Kinematics

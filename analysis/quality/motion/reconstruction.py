@@ -25,7 +25,7 @@ from analysis.quality.motion.jitter import (
 )
 from analysis.quality.motion.kinematics import Kinematics, fit_kinematics
 from analysis.quality.samples import samples_of
-from analysis.tables.time_index import seconds_of, utc_index
+from analysis.tables.table import seconds_of, utc_index
 
 POSITIONS = ("north_m", "east_m")
 _NEEDED = (*POSITIONS, "heading_deg", "surge_mps", "sway_mps")

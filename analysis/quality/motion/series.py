@@ -19,8 +19,7 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
 from analysis.kinematics import integrate, to_earth
 from analysis.quality.samples import runs, runs_of_equal
-from analysis.tables.table import require
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, require, times_ns
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "north_m": ("north_m", "east_m"),

@@ -9,7 +9,7 @@ import pytest
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.motion import motion_of
 from analysis.quality.commands import hold_orders
-from analysis.tables.provenance import add_step
+from analysis.tables.table import add_step
 from tests.analysis.manoeuvres.conftest import Sail
 
 AZIMUTHS = ("port_angle_deg", "starboard_angle_deg")

@@ -10,7 +10,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
 from analysis.manoeuvres import Manoeuvre, find_manoeuvres
 from analysis.manoeuvres.measures import merge_corrections, plateaus
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, times_ns
 from hybrid.simulation.manoeuvres import Leg
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import steady_table, table_at

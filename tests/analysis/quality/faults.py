@@ -14,7 +14,7 @@ import pandas as pd
 
 from acquisition.core.angles import unwrap, wrap_180, wrap_360
 from acquisition.core.channels import BY_NAME, CIRCULAR, COMMAND
-from analysis.tables.time_index import NANO, index_of, times_ns
+from analysis.tables.table import NANO, index_of, times_ns
 
 MOTION = {"position": ("north_m", "east_m"), "heading": ("heading_deg",), "speed": ("surge_mps", "sway_mps"),
           "yaw_rate": ("yaw_rate_dps",)}  # fmt: skip

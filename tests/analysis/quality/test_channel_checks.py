@@ -25,7 +25,7 @@ from analysis.quality.channel_checks import (
 )
 from analysis.quality.repeated_values import flag_stuck
 from analysis.quality.samples import series_samples, stretches_of
-from analysis.tables.time_index import NANO, index_of
+from analysis.tables.table import NANO, index_of
 
 HEADING, SURGE, RPM, NORTH = (BY_NAME[name] for name in ("heading_deg", "surge_mps", "port_rpm", "north_m"))
 AZIMUTH = BY_NAME["port_angle_deg"]

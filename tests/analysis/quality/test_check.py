@@ -18,8 +18,7 @@ from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from analysis.quality.channel_checks import grade_of
 from analysis.quality.check import DataQuality, check_recording, check_table, rows_of
-from analysis.tables.table import table_of
-from analysis.tables.time_index import times_ns
+from analysis.tables.table import table_of, times_ns
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.quality import faults
 from tests.analysis.quality.faults import Fault

@@ -15,8 +15,7 @@ from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
 from acquisition.core.frames import Quality
 from acquisition.tables.import_table import import_table
 from analysis.quality.heading_wrap import WRAP_INTERPOLATED, check_heading_wrap, seam_line_mask
-from analysis.tables.table import read_table
-from analysis.tables.time_index import NANO, times_ns
+from analysis.tables.table import NANO, read_table, times_ns
 from hybrid.simulation.trial import Noise, simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults

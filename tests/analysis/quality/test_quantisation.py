@@ -15,8 +15,7 @@ from acquisition.core.channels import BY_NAME
 from acquisition.tables.import_table import import_table
 from analysis.quality.check import DataQuality, check_table
 from analysis.quality.repeated_values import grid_step, quantisation_step
-from analysis.tables.table import read_table
-from analysis.tables.time_index import NANO, index_of
+from analysis.tables.table import NANO, index_of, read_table
 
 MAPS = Path(__file__).parents[3] / "trials" / "columns"
 NORTH, HEADING, SURGE = (BY_NAME[name] for name in ("north_m", "heading_deg", "surge_mps"))

@@ -24,8 +24,7 @@ from analysis.quality.findings import CheckResult, Finding
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.repairs import RepairResult, repair, write_repaired
 from analysis.quality.wind import check_wind
-from analysis.tables.provenance import history_of
-from analysis.tables.table import read_table, table_of
+from analysis.tables.table import history_of, read_table, table_of
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults

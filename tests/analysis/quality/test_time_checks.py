@@ -8,7 +8,7 @@ import pytest
 
 from acquisition.core.arrays import Series
 from analysis.quality.time_checks import clock_jumps, jitter_s, reception_jumps
-from analysis.tables.time_index import NANO, index_of, times_ns
+from analysis.tables.table import NANO, index_of, times_ns
 from hybrid.simulation.trial import simulate_trial
 
 RATE_HZ = 5.0
