@@ -90,7 +90,7 @@ def _sum_up(trial: TrialConfig, health: Health, paths: list[Path]) -> None:
     for _, level, text in health.events:  # the table that showed them is gone
         if level == "error" and sys.stderr.isatty():
             typer.echo(f"error: {text}", err=True)
-    silent = missing_channels(health.channels, frozenset(name for each in trial.sources for name in each.channels))
+    silent = missing_channels(health, trial.expected_channels)
     if silent:
         typer.echo(f"warning: nothing came of {', '.join(silent)}", err=True)
 
@@ -112,7 +112,7 @@ def _check_departure(
     if found.obstacles:
         typer.echo(f"not ready: {'; '.join(found.obstacles)}", err=True)
         raise typer.Exit(1)
-    typer.echo("ready: all 13 channels come", err=True)
+    typer.echo(f"ready: all {len(found.channels)} channels come", err=True)
 
 
 def mark(

@@ -254,7 +254,7 @@ def test_the_sensors_of_the_page_are_sources(tmp_path: Path) -> None:
         path = tmp_path / f"{number}.toml"
         path.write_text(f'[trial]\nname = "t"\n\n{text}', encoding="utf-8")
         assert load_config(path).sources[0].channels
-    assert len(blocks) == 2
+    assert len(blocks) == 3
 
 
 def test_the_column_map_of_the_page_imports(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from acquisition.config.sections import (
     FILE_SOURCES,
+    ActuatorSection,
     AnySource,
     CanFrames,
     LiveSection,
@@ -24,9 +25,11 @@ from acquisition.config.sections import (
     SerialSource,
     TrialSection,
     UdpSource,
+    parse_for_ship,
 )
-from acquisition.config.toml_file import line_of, parse_toml, read_text
-from acquisition.core.channels import AUXILIARY, BY_NAME, NAMES
+from acquisition.config.toml_file import line_of, read_text
+from acquisition.core.actuators import Actuators, as_text, from_text, order_channels, shafts
+from acquisition.core.channels import BY_NAME, MOTION, trial_names
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
 from acquisition.core.units import scale_to
@@ -39,6 +42,7 @@ CONFIGURATION = "configuration.toml"
 class _File:
     trial: TrialSection
     source: tuple[Annotated[AnySource, Discriminator("type")], ...]
+    actuator: tuple[ActuatorSection, ...] = ()
     recording: RecordingSection = field(default_factory=RecordingSection)
     live: LiveSection | None = None
     marks: MarkKeys = field(default_factory=dict)
@@ -68,10 +72,19 @@ class TrialConfig:
         return {CONFIGURATION: self.text.encode(), **dbc}
 
     @property
+    def actuators(self) -> Actuators:
+        """The ship's actuators."""
+        return from_text(self.trial.actuators)
+
+    @property
+    def expected_channels(self) -> frozenset[str]:
+        """The channels that some source provides."""
+        return frozenset(name for source in self.sources for name in source.channels)
+
+    @property
     def missing_channels(self) -> tuple[str, ...]:
-        """Those of the 13 channels that no source provides."""
-        provided = {name for source in self.sources for name in source.channels}
-        return tuple(name for name in NAMES if name not in provided)
+        """Those of the trial's channels (the 13 of R/V Gunnerus) that no source provides."""
+        return tuple(name for name in trial_names(self.actuators) if name not in self.expected_channels)
 
 
 def load_config(path: Path | str) -> TrialConfig:
@@ -87,20 +100,18 @@ def parse_config(text: str, path: Path | str, dbc_files: Mapping[str, Path] | No
 
     Raises :class:`ConfigurationError` naming the line.
     """
-    file = parse_toml(text, path, _File)
+    file, actuators = parse_for_ship(text, path, _File, dbc_files)
     if not file.source:
         raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
     _check_names(file.source, path)
     _check_units(file.source, text, path)
-    _check_channels(file.source, text, path)
+    _check_channels(file.source, actuators, text, path)
     _check_kinds(file.source, path)
     _check_inputs(file.source, text, path)
-    folder = Path(path).resolve().parent
+    _check_dbc(file.source, path)
     return TrialConfig(
-        trial=file.trial.as_trial(),
-        sources=tuple(
-            _resolved(source, folder, path, (dbc_files or {}).get(source.name)) for source in file.source
-        ),
+        trial=replace(file.trial.as_trial(), actuators=as_text(actuators)),
+        sources=file.source,
         recording=file.recording,
         text=text,
         path=Path(path),
@@ -139,10 +150,10 @@ def _check_units(sources: tuple[AnySource, ...], text: str, path: Path | str) ->
                 raise ConfigurationError(f"{channel}: {error}", where=f"{path}, line {line}") from error
 
 
-def _check_channels(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
+def _check_channels(sources: tuple[AnySource, ...], actuators: Actuators, text: str, path: Path | str) -> None:
     """Refuse a channel that no message of the source can carry: it would stay silent all day."""
     for number, source in enumerate(sources):
-        possible = channels_from_source(source)
+        possible = _channels_from(source, actuators)
         for channel in source.channels:
             if channel not in possible:
                 raise ConfigurationError(
@@ -161,6 +172,15 @@ def _check_kinds(sources: tuple[AnySource, ...], path: Path | str) -> None:
             where=str(path),
             fix="record the live sources and the log files with a configuration each",
         )
+
+
+def _check_dbc(sources: tuple[AnySource, ...], path: Path | str) -> None:
+    for source in sources:
+        where = f"{path}, source {source.name!r}"
+        if isinstance(source, CanFrames) and source.dbc is not None and not source.dbc.exists():
+            raise ConfigurationError(f"DBC file {source.dbc} does not exist", where=where)
+        if isinstance(source, CanFrames) and source.dbc is None and source.signals:
+            raise ConfigurationError("has signals but no dbc file", where=where, fix="add dbc = FILE")
 
 
 def _check_inputs(sources: tuple[AnySource, ...], text: str, path: Path | str) -> None:
@@ -196,7 +216,7 @@ _MAPPING_HINT = {
     "can": "say which DBC signal does in [source.signals], or take it off the source's channels",
     "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
 }
-_MOTION = frozenset(NAMES[:8]) | {
+_MOTION = frozenset(MOTION) | {
     "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
 }  # fmt: skip
 _ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
@@ -204,29 +224,13 @@ _NAUTICAL = frozenset({
     "speed_through_water_mps", "heading_magnetic_deg", "magnetic_variation_deg",
     "apparent_wind_angle_deg", "apparent_wind_speed_mps", "rudder_angle_deg",
 })  # fmt: skip
-_ORDERS = frozenset(channel.name for channel in AUXILIARY if "_order_" in channel.name)
 
 
-def channels_from_source(source: AnySource) -> frozenset[str]:
+def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
     """The channels that a source's protocol and its mapping can carry."""
     if isinstance(source, CanFrames):
         return _MOTION | _ATTITUDE | _NAUTICAL | source.signals.keys()
     if isinstance(source, MavlinkLinks):
-        return _MOTION | _ATTITUDE | {"port_rpm", "starboard_rpm"} | source.named_values.keys()
-    return _MOTION | _NAUTICAL | _ORDERS | set(NAMES)
-
-
-def _resolved(source: AnySource, folder: Path, path: Path | str, dbc_file: Path | None) -> AnySource:
-    """The source with its file paths made absolute and checked."""
-    if isinstance(source, FILE_SOURCES):
-        source = replace(source, path=folder / source.path)
-    if isinstance(source, CanFrames) and source.dbc is not None:
-        dbc = dbc_file or folder / source.dbc
-        if not dbc.exists():
-            raise ConfigurationError(f"DBC file {dbc} does not exist", where=f"{path}, source {source.name!r}")
-        return replace(source, dbc=dbc)
-    if isinstance(source, CanFrames) and source.signals:
-        raise ConfigurationError(
-            "has signals but no dbc file", where=f"{path}, source {source.name!r}", fix="add dbc = FILE"
-        )
-    return source
+        return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
+    orders = {channel.name for channel in order_channels(actuators)}
+    return _MOTION | _NAUTICAL | orders | set(trial_names(actuators))

@@ -7,35 +7,112 @@ default stamps them with the time of reception and keeps the source's own beside
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, ConfigDict, Field, PositiveFloat, PositiveInt, StringConstraints
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    StringConstraints,
+    ValidationInfo,
+    model_validator,
+)
 from pydantic.dataclasses import dataclass
 
-from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.config.toml_file import line_of, parse_toml, validate
+from acquisition.core.actuators import (
+    DEFAULT,
+    Actuator,
+    Actuators,
+    check_actuators,
+    control_channels,
+    shafts,
+    thruster_numbers,
+)
+from acquisition.core.channels import channel_names, trial_names
+from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
 
 STRICT = ConfigDict(extra="forbid", str_strip_whitespace=True)
+_MOST_LETTERS = 10  # of the name of a named value in MAVLink
+
+Model = TypeVar("Model")
 
 
-def check_channel(name: str) -> str:
-    """A channel's name as it is; :class:`ValueError` with what may be meant for another."""
-    if name not in BY_NAME:
-        near = get_close_matches(name, BY_NAME, n=1, cutoff=0.4) or list(NAMES)
+def _actuators(info: ValidationInfo) -> Actuators:
+    """The actuators that the file lists that is being read, else R/V Gunnerus'."""
+    known: Actuators = (info.context or {}).get("actuators", DEFAULT)
+    return known
+
+
+def _own_channel(name: str, info: ValidationInfo) -> str:
+    return check_channel(name, _actuators(info))
+
+
+def check_channel(name: str, actuators: Actuators = DEFAULT) -> str:
+    """The name of a channel of a ship; :class:`ValueError` with what may be meant for another."""
+    known = channel_names(actuators)
+    if name not in known:
+        near = get_close_matches(name, known, n=1, cutoff=0.4) or trial_names(actuators)
         raise ValueError(f"is no channel; did you mean {' '.join(near)}?")
     return name
 
 
-ChannelName = Annotated[str, AfterValidator(check_channel)]
+def _absolute(path: Path, info: ValidationInfo) -> Path:
+    """A path as the file means that is being read, or what stands in for a source's DBC file."""
+    context = info.context or {"folder": Path(), "dbc_files": {}}
+    standing_in = context["dbc_files"].get(info.data["name"]) if info.field_name == "dbc" else None
+    return Path(standing_in or context["folder"] / path)
+
+
+ChannelName = Annotated[str, AfterValidator(_own_channel)]
+AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
 Port = Annotated[int, Field(ge=1, le=65_535)]
 FiniteFloat = Annotated[float, Field(allow_inf_nan=False)]
 FinitePositive = Annotated[PositiveFloat, Field(allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=-180, le=360)]
 IsoName = Annotated[str, StringConstraints(pattern=r"^[0-9a-fA-F]{16}$", to_lower=True)]
+
+
+@dataclass(frozen=True, config=STRICT)
+class ActuatorSection:
+    """One of the ship's actuators, as in a vessel file: its name, and its kind."""
+
+    name: str
+    kind: str
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="ignore"))
+class _Ship:
+    actuator: tuple[ActuatorSection, ...] = ()
+
+
+def parse_for_ship(
+    text: str, path: Path | str, model: type[Model], dbc_files: Mapping[str, Path] | None = None
+) -> tuple[Model, Actuators]:
+    """A TOML text as ``model``, its channels those of the ship whose actuators it lists as ``[[actuator]]``.
+
+    Without such a list she is R/V Gunnerus. Paths in it are relative to the file's folder; ``dbc_files`` by source
+    stand in for those it names. Raises :class:`ConfigurationError` naming the line.
+    """
+    raw = parse_toml(text, path)
+    listed = validate({"actuator": raw.get("actuator", ())}, text, path, _Ship).actuator
+    try:
+        actuators = check_actuators(Actuator(each.name, each.kind) for each in listed) if listed else DEFAULT
+    except ConfigurationError as error:
+        where = f"{path}, line {line_of(text, ['actuator'])}"
+        raise ConfigurationError(error.what, where=where, why=error.why, fix=error.fix) from error
+    context = {"actuators": actuators, "folder": Path(path).resolve().parent, "dbc_files": dbc_files or {}}
+    return validate(raw, text, path, model, context), actuators
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -51,26 +128,43 @@ class Signal:
 class NamedValue:
     """One MAVLink NAMED_VALUE_FLOAT that carries a channel; MAVLink has room for ten letters."""
 
-    name: Annotated[str, Field(pattern=r"^[\x21-\x7e]{1,10}$")]
+    name: Annotated[str, Field(pattern=rf"^[\x21-\x7e]{{1,{_MOST_LETTERS}}}$")]
     unit: str
 
 
-@dataclass(frozen=True, config=STRICT)
-class Thrusters:
-    """The numbers that TRD and TRC sentences give the thrusters: odd at the bow, even at the stern.
+class Thrusters(BaseModel):
+    """The numbers that TRD and TRC sentences give the actuators, by name: unless given, odd at the bow, even aft.
 
     ``channels_from = "demand"`` fills the thruster channels from TRC, the orders, where a vessel sends no
     responses; the default takes the responses and keeps orders in channels of their own.
     """
 
-    port: int = 2
-    starboard: int = 4
-    tunnel: int = 1
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, int] = Field(init=False)
+
     channels_from: Literal["response", "demand"] = "response"
 
-    def __post_init__(self) -> None:
-        if len({self.port, self.starboard, self.tunnel}) < 3:
+    @property
+    def numbers(self) -> dict[str, int]:
+        """Each actuator's number."""
+        return self.__pydantic_extra__
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, given: Any, info: ValidationInfo) -> Any:
+        if not isinstance(given, dict):
+            return given
+        usual = thruster_numbers(_actuators(info))
+        unknown = given.keys() - usual.keys() - {"channels_from"}
+        if unknown:
+            raise ValueError(f"the ship has no actuator {', '.join(sorted(unknown))}; hers are {', '.join(usual)}")
+        return {**usual, **given}
+
+    @model_validator(mode="after")
+    def _check(self) -> Thrusters:
+        if len(set(self.numbers.values())) < len(self.numbers):
             raise ValueError("two thrusters have the same number")
+        return self
 
 
 @dataclass(frozen=True, config=STRICT)
@@ -123,7 +217,7 @@ class _CanFrames(_Source):
     """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file."""
 
     devices: tuple[Device, ...] = ()
-    dbc: Path | None = None
+    dbc: AbsolutePath | None = None
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
 
@@ -145,7 +239,7 @@ class CanFileSource(_CanFrames):
     """CAN frames from a log file: candump, BLF, ASC, TRC or canboat's text, told apart by what is in it."""
 
     type: Literal["can_file"]
-    path: Path
+    path: AbsolutePath
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -156,7 +250,7 @@ class _Sentences(_Source):
     not tell.
     """
 
-    thrusters: Thrusters = field(default_factory=Thrusters)
+    thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
     theoretical_wind: Literal["ground", "water"] = "ground"
 
 
@@ -192,15 +286,18 @@ class FileSource(_Sentences):
     """NMEA 0183 sentences from a text file, read once from beginning to end."""
 
     type: Literal["file"]
-    path: Path
+    path: AbsolutePath
 
 
-def _usual_named_values() -> dict[str, NamedValue]:
-    return {
-        "port_angle_deg": NamedValue(name="port_ang", unit="deg"),
-        "starboard_angle_deg": NamedValue(name="stbd_ang", unit="deg"),
-        "tunnel_rpm": NamedValue(name="tunnel_rpm", unit="rpm"),
-    }
+def _usual_named_values(given: Any, info: ValidationInfo) -> Any:
+    """Unless given, what MAVLink's RPM has no room for, by short names: ``port_ang``, ``stbd_ang``."""
+    if given is not None:
+        return given
+    actuators = _actuators(info)
+    carried = {f"{name}_rpm" for name in shafts(actuators)[:2]}
+    units = {each.name: each.unit for each in control_channels(actuators) if each.name not in carried}
+    short = {name: name.replace("starboard", "stbd").replace("_angle_deg", "_ang") for name in units}
+    return {name: {"name": each, "unit": units[name]} for name, each in short.items() if len(each) <= _MOST_LETTERS}
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -210,7 +307,9 @@ class _Mavlink(_Source):
     system_id: Annotated[int, Field(ge=1, le=255)] = 1
     component_id: Annotated[int, Field(ge=1, le=255)] | None = None
     messages: tuple[str, ...] | None = None
-    named_values: dict[ChannelName, NamedValue] = field(default_factory=_usual_named_values)
+    named_values: Annotated[dict[ChannelName, NamedValue], BeforeValidator(_usual_named_values)] = Field(
+        default=None, validate_default=True
+    )
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -245,7 +344,7 @@ class MavlinkFileSource(_Mavlink):
     """MAVLink from a telemetry log (.tlog): packets, each after its time."""
 
     type: Literal["mavlink_file"]
-    path: Path
+    path: AbsolutePath
 
 
 CanFrames = CanSource | CanFileSource

@@ -34,22 +34,24 @@ def load_toml(path: Path | str, model: type[Model]) -> Model:
 
     Raises :class:`ConfigurationError` whose text names file, line and key of the first complaint.
     """
-    return parse_toml(read_text(path), path, model)
+    text = read_text(path)
+    return validate(parse_toml(text, path), text, path, model)
 
 
-def parse_toml(text: str, path: Path | str, model: type[Model]) -> Model:
-    """As :func:`load_toml`, of a text that came from ``path``."""
+def parse_toml(text: str, path: Path | str) -> dict[str, Any]:
+    """The tables of a TOML text that came from ``path``. Raises :class:`ConfigurationError`."""
     try:
-        raw = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError("is not valid TOML", where=str(path), why=str(error)) from error
-    return validate(raw, text, path, model)
 
 
-def validate(raw: dict[str, Any], text: str, path: Path | str, model: type[Model]) -> Model:
-    """Validate parsed TOML as ``model``; ``text`` is what the lines are counted in."""
+def validate(
+    raw: dict[str, Any], text: str, path: Path | str, model: type[Model], context: dict[str, Any] | None = None
+) -> Model:
+    """Parsed TOML as ``model``; ``text`` is what the lines are counted in, ``context`` what validators ask."""
     try:
-        return TypeAdapter(model).validate_python(raw)
+        return TypeAdapter(model).validate_python(raw, context=context)
     except ValidationError as error:
         first = min(error.errors(), key=lambda each: each["type"] not in _UNKNOWN_KEY)
         keys = [key for key in first["loc"] if not _is_union_tag(key, raw, first["loc"])]

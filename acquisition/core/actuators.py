@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 
 from acquisition.core.channel import Channel, circle
@@ -37,6 +38,11 @@ class Actuator:
     def channels(self) -> tuple[Channel, ...]:
         """The control channels of this actuator."""
         return tuple(make(self.name) for make in KINDS[self.kind])
+
+    @property
+    def is_at_bow(self) -> bool:
+        """Whether it is a tunnel thruster whose name does not say that it is aft."""
+        return self.kind == "tunnel" and _end(self.name) == "bow"
 
     @property
     def orders(self) -> tuple[Channel, ...]:
@@ -69,9 +75,12 @@ def _azimuth(name: str) -> Channel:
     return circle(f"{name}_angle_deg", "command", meaning, -180.0)
 
 
+def _end(name: str) -> str:
+    return "stern" if "stern" in name or "aft" in name else "bow"
+
+
 def _tunnel(name: str) -> Channel:
-    end = "stern" if "stern" in name or "aft" in name else "bow"
-    meaning = f"{_words(name)} thruster, positive pushes the {end} to starboard"
+    meaning = f"{_words(name)} thruster, positive pushes the {_end(name)} to starboard"
     return Channel(f"{name}_rpm", "rpm", -_HIGHEST_RPM, _HIGHEST_RPM, "command", meaning)
 
 
@@ -101,7 +110,7 @@ def channel_by_rule(name: str) -> Channel | None:
     return None
 
 
-def checked(actuators: Iterable[Actuator]) -> Actuators:
+def check_actuators(actuators: Iterable[Actuator]) -> Actuators:
     """``actuators`` as a list that can be one ship's.
 
     Raises :class:`ConfigurationError` for no actuator at all, an unknown kind, a name that cannot be part of a
@@ -129,6 +138,17 @@ def checked(actuators: Iterable[Actuator]) -> Actuators:
 def names_of(actuators: Actuators, kind: str) -> tuple[str, ...]:
     """The names of the actuators of one kind."""
     return tuple(each.name for each in actuators if each.kind == kind)
+
+
+def shafts(actuators: Actuators) -> tuple[str, ...]:
+    """The names of the propulsors, which protocols know by a number; of a pair the port one is listed first."""
+    return tuple(each.name for each in actuators if each.kind != "tunnel")
+
+
+def thruster_numbers(actuators: Actuators) -> dict[str, int]:
+    """The number of each actuator in TRD and TRC (IEC 61162-1), in order: odd at the bow, even at the stern."""
+    stern, bow = count(2, 2), count(1, 2)
+    return {each.name: next(bow if each.is_at_bow else stern) for each in actuators}
 
 
 @lru_cache(maxsize=64)
@@ -179,7 +199,7 @@ def from_text(text: str) -> Actuators:
     if not text:
         return DEFAULT
     parts = [part.strip().partition(":") for part in text.split(",")]
-    return checked(Actuator(name, kind) for name, _, kind in parts)
+    return check_actuators(Actuator(name, kind) for name, _, kind in parts)
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
@@ -195,7 +215,7 @@ def load_actuators(vessel: str | Path) -> Actuators:
         own = {each["name"]: Actuator(each["name"], each.get("kind", "")) for each in tree.get("actuator", ())}
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise ConfigurationError("is no vessel file", where=str(vessel), why=str(error)) from error
-    return checked((base | {name: each for name, each in own.items() if name not in base}).values())
+    return check_actuators((base | {name: each for name, each in own.items() if name not in base}).values())
 
 
 DEFAULT: Actuators = load_actuators(DEFAULT_VESSEL)

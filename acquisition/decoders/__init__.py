@@ -24,6 +24,7 @@ from collections import Counter, deque
 from typing import Protocol
 
 from acquisition.config.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.frames import Frame, Group
 
 Notices = deque[tuple[str, str]]
@@ -42,8 +43,8 @@ class Decoder(Protocol):
         """The samples in one frame, a group a message; empty where there is nothing for us in it."""
 
 
-def make_decoders(config: AnySource) -> list[Decoder]:
-    """The decoders that a source's frames go through."""
+def make_decoders(config: AnySource, actuators: Actuators = DEFAULT) -> list[Decoder]:
+    """The decoders that a source's frames go through, on a ship with these actuators."""
     if isinstance(config, CanFrames):
         from acquisition.decoders.dbc import DbcDecoder
         from acquisition.decoders.nmea2000 import Nmea2000Decoder
@@ -55,7 +56,7 @@ def make_decoders(config: AnySource) -> list[Decoder]:
     if isinstance(config, MavlinkLinks):
         from acquisition.decoders.mavlink import MavlinkDecoder
 
-        return [MavlinkDecoder(config)]
+        return [MavlinkDecoder(config, actuators)]
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
 
-    return [Nmea0183Decoder(config.thrusters, config.clock, config.theoretical_wind)]
+    return [Nmea0183Decoder(config.thrusters, config.clock, config.theoretical_wind, actuators)]

@@ -15,7 +15,8 @@ from typing import Any
 import pymap3d
 
 from acquisition.config.sections import MavlinkFileSource, MavlinkLinks
-from acquisition.core.channels import BY_NAME
+from acquisition.core.actuators import DEFAULT, Actuators, shafts
+from acquisition.core.channels import BY_NAME, channel_names
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.frames import Frame, Group
 from acquisition.core.units import DEG_PER_RAD, scale_to
@@ -38,7 +39,6 @@ _QUIET_NS = 60 * 10**9
 _WRAP_MS = 2**32  # time since boot begins anew after 49.7 days
 _NEAR_WRAP_MS = 60_000
 _LARGEST_ANGLE_DEG = 360.01  # a whole turn, and what rounding adds to it
-_ANGLES = frozenset(name for name, channel in BY_NAME.items() if channel.circular)
 
 
 def _known(value: int, unit: float) -> float:
@@ -99,22 +99,15 @@ def _wind_vector(message: Any) -> Values:
     return [("wind_direction_deg", from_deg), ("wind_speed_mps", speed_mps)]
 
 
-def _one_shaft(message: Any) -> Values:
-    shaft = {0: "port_rpm", 1: "starboard_rpm"}.get(message.index)
-    return [(shaft, message.frequency)] if shaft else []  # its unit is rpm, whatever the field is called
-
-
 _READERS: dict[str, Callable[[Any], Values]] = {
     "ATTITUDE": _attitude,
     "GLOBAL_POSITION_INT": _global_position,
     "GPS_RAW_INT": _satellite_position,
     "LOCAL_POSITION_NED": _local_velocity,
-    "RPM": lambda message: [("port_rpm", message.rpm1), ("starboard_rpm", message.rpm2)],
-    "RAW_RPM": _one_shaft,
     "WIND": _wind,
     "WIND_COV": _wind_vector,
 }
-_WANTED = (*_READERS, "NAMED_VALUE_FLOAT")
+_WANTED = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")
 _CONTEXT = ("SYSTEM_TIME", "GPS_GLOBAL_ORIGIN")  # they give no samples but make sense of the others: always read
 _NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_WANTED, *_CONTEXT)}
 
@@ -122,7 +115,7 @@ _NAMES = {getattr(dialect, f"MAVLINK_MSG_ID_{name}"): name for name in (*_WANTED
 class MavlinkDecoder:
     """One link; ``time_boot_ms`` becomes UTC by the last SYSTEM_TIME."""
 
-    def __init__(self, config: MavlinkLinks) -> None:
+    def __init__(self, config: MavlinkLinks, actuators: Actuators = DEFAULT) -> None:
         """Raises :class:`ConfigurationError` where ``messages`` names one that nobody reads."""
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
@@ -133,6 +126,8 @@ class MavlinkDecoder:
             entry.name: (channel, scale_to(BY_NAME[channel].unit, entry.unit))
             for channel, entry in config.named_values.items()
         }
+        self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
+        self._angles = frozenset(name for name in channel_names(actuators) if BY_NAME[name].circular)
         self._boot_ns: dict[int, int] = {}  # by component: each counts from its own start
         self._last_boot_ms: dict[int, int] = {}
         self._quiet_until_ns = 0
@@ -186,6 +181,10 @@ class MavlinkDecoder:
                 return []
             case "NAMED_VALUE_FLOAT":
                 return [(kind, self._named_value(message))]
+            case "RPM":
+                return [(kind, list(zip(self._shafts, (message.rpm1, message.rpm2), strict=False)))]
+            case "RAW_RPM":  # its unit is rpm, whatever the field is called
+                return [(kind, [(name, message.frequency) for name in self._shafts[message.index :][:1]])]
             case "LOCAL_POSITION_NED":
                 return [(kind, _local_velocity(message)), ("GPS_GLOBAL_ORIGIN", self._local_position(message))]
             case "GPS_RAW_INT" if message.fix_type < _FIX_IN_SPACE:
@@ -199,7 +198,7 @@ class MavlinkDecoder:
         for name, value in values:
             if isnan(value):
                 self.refused["not available"] += 1
-            elif not isfinite(value) or (name in _ANGLES and abs(value) > _LARGEST_ANGLE_DEG):
+            elif not isfinite(value) or (name in self._angles and abs(value) > _LARGEST_ANGLE_DEG):
                 self.refused["impossible value"] += 1
             else:
                 possible.append((name, value))

@@ -14,6 +14,7 @@ from operator import xor
 from typing import Literal
 
 from acquisition.config.sections import Clock, Thrusters
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.frames import Frame, Group
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
@@ -96,11 +97,12 @@ class Nmea0183Decoder:
         thrusters: Thrusters | None = None,
         stamps: Clock = "receiver",
         theoretical_wind: Literal["ground", "water"] = "ground",
+        actuators: Actuators = DEFAULT,
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
-        self._readers = readers(thrusters or Thrusters(), theoretical_wind)
+        self._readers = readers(thrusters or Thrusters(), theoretical_wind, actuators)
 
     def decode(self, frame: Frame) -> list[Group]:
         tagged = split_tag(frame.payload)

@@ -15,6 +15,7 @@ from functools import partial
 from typing import Literal
 
 from acquisition.config.sections import Thrusters
+from acquisition.core.actuators import Actuators, name_of_order, shafts
 from acquisition.core.frames import Quality
 from acquisition.core.units import KNOT_MPS
 
@@ -88,6 +89,8 @@ class Reading:
 
 
 Reader = Callable[[Fields], Reading]
+Controls = dict[float, tuple[str, ...]]
+"""The control channels of each actuator, shaft speed first, by its number in TRD and TRC."""
 
 
 def _present(*pairs: tuple[str, float | None]) -> Values:
@@ -259,34 +262,35 @@ def _rsa(fields: Fields) -> Reading:
     return Reading(refused=_NOT_VALID)
 
 
-def _rpm(fields: Fields) -> Reading:
+def _rpm(fields: Fields, shafts: tuple[str, ...]) -> Reading:
+    """Shafts are numbered from the centre line: odd to starboard, even to port, 0 for a single one."""
     source, number = fields.text(0), fields.number(1)
     if source != "S":
         return Reading(refused="engine rpm" if source == "E" else "rpm of no shaft")
-    if not number or not number.is_integer():
+    if number is None or not number.is_integer() or len(shafts) != (2 if number else 1):
         return Reading(refused="rpm of a single or unknown shaft")
     if fields.text(4) != "A":
         return Reading(refused=_NOT_VALID)
-    side = "starboard" if number % 2 else "port"
-    return Reading(_present((f"{side}_rpm", fields.number(2))), f"shaft {number:.0f}")
+    shaft = shafts[int(number) % 2]
+    return Reading(_present((f"{shaft}_rpm", fields.number(2))), f"shaft {number:.0f}")
 
 
-def _thruster(fields: Fields, names: dict[float, str]) -> Reading:
+def _thruster(fields: Fields, controls: Controls) -> Reading:
     """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust."""
     number = fields.number(0)
-    name = None if number is None else names.get(number)
-    if name is None:
+    names = None if number is None else controls.get(number)
+    if names is None:
         return Reading(refused="thruster not understood")
-    rpm, mode = _present((f"{name}_rpm", fields.number(1))), fields.text(2)
-    angle = [] if name == "tunnel" else _present((f"{name}_angle_deg", fields.number(5)))
+    rpm, mode = _present((names[0], fields.number(1))), fields.text(2)
+    angle = _present(*((name, fields.number(5)) for name in names[1:]))
     if mode == "R" or not rpm:
         return Reading(rpm + angle)
     return Reading(angle, refused="thruster in percent" if mode == "P" else _NOT_VALID)
 
 
-def _order(fields: Fields, names: dict[float, str], fills_channels: bool) -> Reading:
-    reading = _thruster(fields, names)
-    orders = [(name.replace("_", "_order_", 1), value) for name, value in reading.values]
+def _order(fields: Fields, controls: Controls, fills_channels: bool) -> Reading:
+    reading = _thruster(fields, controls)
+    orders = [(name_of_order(name), value) for name, value in reading.values]
     return replace(reading, values=orders + (reading.values if fills_channels else []))
 
 
@@ -309,20 +313,24 @@ _READERS: dict[str, Reader] = {
     "VHW": _vhw,
     "MWD": _mwd,
     "RSA": _rsa,
-    "RPM": _rpm,
 }
 
 
-def readers(thrusters: Thrusters, theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
-    """The reader of each sentence, by its last three letters, on a vessel with these settings."""
+def readers(
+    thrusters: Thrusters, theoretical_wind: Literal["ground", "water"], actuators: Actuators
+) -> dict[str, Reader]:
+    """The reader of each sentence, by its last three letters, on a vessel with these settings and actuators."""
     theoretical = "theoretical" if theoretical_wind == "ground" else "water"
-    names: dict[float, str] = {thrusters.port: "port", thrusters.starboard: "starboard", thrusters.tunnel: "tunnel"}
+    controls: Controls = {
+        thrusters.numbers[each.name]: tuple(channel.name for channel in each.channels) for each in actuators
+    }
     demand = thrusters.channels_from == "demand"
     return {
         **_READERS,
+        "RPM": partial(_rpm, shafts=shafts(actuators)),
         "MWV": partial(_mwv, theoretical=theoretical),
         "VWR": partial(_obsolete_wind, reference="apparent"),
         "VWT": partial(_obsolete_wind, reference=theoretical),
-        "TRD": _unwanted_response if demand else partial(_thruster, names=names),
-        "TRC": partial(_order, names=names, fills_channels=demand),
+        "TRD": _unwanted_response if demand else partial(_thruster, controls=controls),
+        "TRC": partial(_order, controls=controls, fills_channels=demand),
     }

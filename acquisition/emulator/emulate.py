@@ -92,7 +92,7 @@ def emulate(
     try:
         for section in config.sources:
             moments = list(moments_of(recording, section.channels, origin))
-            players.append(_Player(moments, make_encoder(section), open_transmitter(section)))
+            players.append(_Player(moments, make_encoder(section, config.actuators), open_transmitter(section)))
         schedule = _schedule(players)
         if not schedule:
             raise InputError("holds none of the channels that the configuration plays", where=str(path))

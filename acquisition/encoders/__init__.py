@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from acquisition.config.sections import AnySource, CanFrames, MavlinkLinks
+from acquisition.core.actuators import DEFAULT, Actuators
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +58,8 @@ class Encoder(Protocol):
         """The packets that carry the moment's values, the announcement of the time first if it is wanted."""
 
 
-def make_encoder(config: AnySource) -> Encoder:
-    """The encoder for what a configuration section would receive."""
+def make_encoder(config: AnySource, actuators: Actuators = DEFAULT) -> Encoder:
+    """The encoder for what a configuration section would receive, on a ship with these actuators."""
     if isinstance(config, CanFrames):
         from acquisition.encoders.can_frames import CanEncoder
 
@@ -66,7 +67,7 @@ def make_encoder(config: AnySource) -> Encoder:
     if isinstance(config, MavlinkLinks):
         from acquisition.encoders.mavlink import MavlinkEncoder
 
-        return MavlinkEncoder(config)
+        return MavlinkEncoder(config, actuators)
     from acquisition.encoders.nmea0183 import Nmea0183Encoder
 
     return Nmea0183Encoder(config.thrusters, announces=config.clock == "source")

@@ -8,6 +8,7 @@ from math import cos, nan, pi, radians, sin
 from typing import Any
 
 from acquisition.config.sections import MavlinkLinks
+from acquisition.core.actuators import Actuators, shafts
 from acquisition.core.angles import wrap_180
 from acquisition.core.channels import BY_NAME
 from acquisition.core.units import scale_to
@@ -23,13 +24,14 @@ _UNKNOWN_COURSE = 65535
 class MavlinkEncoder:
     """Attitude, velocity, position, wind, rpm and named values of one system."""
 
-    def __init__(self, config: MavlinkLinks) -> None:
+    def __init__(self, config: MavlinkLinks, actuators: Actuators) -> None:
         self._link = dialect.MAVLink(None, srcSystem=config.system_id, srcComponent=1)
         self._announces = config.clock == "source"
         self._named = {
             channel: (entry.name.encode("ascii"), scale_to(BY_NAME[channel].unit, entry.unit))
             for channel, entry in config.named_values.items()
         }
+        self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._boot_ns: int | None = None
         self._heading_rad: float | None = None
 
@@ -81,8 +83,9 @@ class MavlinkEncoder:
         if wind := moment.present("wind_direction_deg", "wind_speed_mps"):
             direction_deg = float(wrap_180(values.get("wind_direction_deg", nan)))
             yield wind, self._link.wind_encode(direction_deg, values.get("wind_speed_mps", nan), 0.0)
-        if rpm := moment.present("port_rpm", "starboard_rpm"):
-            yield rpm, self._link.rpm_encode(values.get("port_rpm", nan), values.get("starboard_rpm", nan))
+        if rpm := moment.present(*self._shafts):
+            first, second, *_ = (*(values.get(name, nan) for name in self._shafts), nan, nan)
+            yield rpm, self._link.rpm_encode(first, second)
         for channel, (name, scale) in self._named.items():
             if channel in values:
                 message = self._link.named_value_float_encode(boot_ms, name, values[channel] / scale)

@@ -38,11 +38,7 @@ class Nmea0183Encoder:
 
     def __init__(self, thrusters: Thrusters, announces: bool) -> None:
         self._announces = announces
-        self._thrusters = {
-            "port": thrusters.port,
-            "starboard": thrusters.starboard,
-            "tunnel": thrusters.tunnel,
-        }
+        self._thrusters = thrusters.numbers
 
     def encode(self, moment: Moment) -> list[Packet]:
         packets = self._navigation(moment) + self._wind(moment) + self._thruster_responses(moment)

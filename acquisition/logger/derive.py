@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from acquisition.config.sections import Mounting
-from acquisition.core.channels import BY_NAME
+from acquisition.core.actuators import from_text
+from acquisition.core.channel import Channel
+from acquisition.core.channels import BY_NAME, channel_names
 from acquisition.core.frames import Group, Quality, Sample
 from acquisition.core.kinematics import (
     TangentPlane,
@@ -37,7 +39,6 @@ _KINDS = {
     **{f"wind_angle_{kind}_deg": "apparent_wind_angle_deg" for kind in _BOW_WINDS},
     **{f"wind_speed_{kind}_mps": "wind_speed_mps" for kind in _BOW_WINDS},
 }
-_LIMITS = {**BY_NAME, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
 _PAIRS = (
     ("latitude_deg", "longitude_deg"),
     ("north_m", "east_m"),
@@ -83,6 +84,8 @@ class Derivation:
         self._positions_from = positions_from
         self._mountings = {line: each for line, each in (mountings or {}).items() if each != _AS_FITTED}
         self._variation_deg = variation_deg
+        self._channels = {name: BY_NAME[name] for name in channel_names(from_text(trial.actuators))}
+        self._limits = {**self._channels, **{quantity: BY_NAME[channel] for quantity, channel in _KINDS.items()}}
         self._headings: dict[str, Sample] = {}  # by line, admitted or not
         self._ship: Quantities = {}  # the last of each that became the ship's channel
 
@@ -98,12 +101,12 @@ class Derivation:
 
     def channels(self, group: Group) -> tuple[list[Sample], int]:
         """The channel samples in a group, angles wrapped, and how many values no channel can hold."""
-        sound, impossible = _possible(group)
+        sound, impossible = _possible(group, self._limits)
         told = _SPEAKS_OF_MORE.intersection([sample.quantity for sample in sound])
         if told:
-            sound, more = _possible(self._derived(sound, told))
+            sound, more = _possible(self._derived(sound, told), self._limits)
             impossible += more
-        return [sample for sample in sound if sample.quantity in BY_NAME], impossible
+        return [sample for sample in sound if sample.quantity in self._channels], impossible
 
     def _derived(self, group: Group, told: frozenset[str]) -> list[Sample]:
         """The group's samples, corrected for their mounting, and what follows from what they have ``told``."""
@@ -263,7 +266,7 @@ class Derivation:
         return wind_over_ground(felt_deg, felt_mps, surge, sway, heading_deg)
 
 
-def _possible(samples: Group) -> tuple[Group, int]:
+def _possible(samples: Group, limits: Mapping[str, Channel]) -> tuple[Group, int]:
     """The samples that can be true, angles within their turn, and how many cannot.
 
     Where one of a pair is impossible the other is not believed either: what comes of both, and the direction of
@@ -271,7 +274,7 @@ def _possible(samples: Group) -> tuple[Group, int]:
     """
     possible = []
     for sample in samples:
-        channel = _LIMITS.get(sample.quantity)
+        channel = limits.get(sample.quantity)
         if channel is None or channel.holds(sample.value):
             possible.append(sample)
         elif channel.circular and abs(sample.value) <= _WHOLE_TURN_DEG:

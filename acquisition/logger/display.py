@@ -19,7 +19,7 @@ from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from acquisition.core.channels import BY_NAME, NAMES
+from acquisition.core.channels import BY_NAME
 from acquisition.logger.health import ChannelHealth, Health
 from acquisition.logger.preflight import ChannelReport, PreflightReport
 from acquisition.logger.requests import Mark
@@ -50,7 +50,7 @@ class Picture:
         yield _second_line(self.health, self.marks)
         yield _channel_table(self.health, self.expected, now_ns, options.max_width)
         yield _source_table(self.health, now_ns)
-        taken = 2 + 1 + len(NAMES) + 1 + len(self.health.sources)
+        taken = 2 + 1 + len(self.health.names) + 1 + len(self.health.sources)
         rows = (options.height or console.height) - taken - 1  # the cursor wants a line of its own
         yield from _events(self.health, rows)
 
@@ -120,7 +120,7 @@ def _channel_table(health: Health, expected: frozenset[str], now_ns: int, width:
         table.add_column(title, justify="right", min_width=least, no_wrap=True)
     table.add_column("grade", min_width=6, no_wrap=True)
     table.add_column("source")
-    for name in NAMES:
+    for name in health.names:
         value, *rest = _channel_row(health.channels[name], name in expected, now_ns)
         table.add_row(name, value, *([BY_NAME[name].unit] if with_unit else []), *rest)
     return table
@@ -147,7 +147,7 @@ def _channel_row(channel: ChannelHealth, is_expected: bool, now_ns: int) -> tupl
 
 def _source_table(health: Health, now_ns: int) -> Table:
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
-    table.add_column("line", min_width=len("starboard_angle_deg"), no_wrap=True, overflow="ellipsis")
+    table.add_column("line", min_width=max(map(len, health.names)), no_wrap=True, overflow="ellipsis")
     table.add_column("state", min_width=9, no_wrap=True)
     for title in ("frames", "refused", "dropped"):
         table.add_column(title, justify="right", min_width=8, no_wrap=True)
@@ -169,29 +169,29 @@ def status(health: Health) -> str:
     """A few words for a supervisor's status line."""
     if health.trouble:
         return f"PAUSED: {health.trouble}"
-    good = sum(health.channels[name].grade(time.monotonic_ns()) == "good" for name in NAMES)
-    return f"recording {health.part}: {good} of 13 channels good, {health.samples:,} samples"
+    good = sum(health.channels[name].grade(time.monotonic_ns()) == "good" for name in health.names)
+    return f"recording {health.part}: {good} of {len(health.names)} channels good, {health.samples:,} samples"
 
 
 def summary(health: Health, paths: Sequence[Path]) -> str:
     """One line for the end of a recording."""
-    seen = sum(channel.count > 0 for name, channel in health.channels.items() if name in NAMES)
+    seen = sum(health.channels[name].count > 0 for name in health.names)
     dropped = sum(source.dropped for source in health.sources.values())
     frames = sum(source.frames for source in health.sources.values())
     name = paths[0].name if len(paths) == 1 else f"{paths[0].name} and {len(paths) - 1} more parts"
     return (
         f"{name}: {_clock((time.monotonic_ns() - health.started_ns) // 1_000_000_000)}, {frames:,} frames, "
-        f"{health.samples:,} samples, {seen} of 13 channels, {dropped:,} dropped"
+        f"{health.samples:,} samples, {seen} of {len(health.names)} channels, {dropped:,} dropped"
     )
 
 
-def missing_channels(channels: dict[str, ChannelHealth], expected: frozenset[str]) -> list[str]:
+def missing_channels(health: Health, expected: frozenset[str]) -> list[str]:
     """Channels that a source was to provide and of which nothing came."""
-    return [name for name in NAMES if name in expected and channels[name].count == 0]
+    return [name for name in health.names if name in expected and health.channels[name].count == 0]
 
 
 def preflight_table(found: PreflightReport) -> Group:
-    """The 13 channels and what is wrong with them; then what was told while listening, and the room on the disk."""
+    """The channels and what is wrong with them; then what was told while listening, and the room on the disk."""
     table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
     for title, justify in (("", "left"), ("channel", "left"), ("rate Hz", "right"), ("value", "right"),
                            ("unit", "left"), ("source, or what is wrong", "left")):  # fmt: skip

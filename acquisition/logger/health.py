@@ -123,7 +123,8 @@ class Health:
     """The state of a recording in progress."""
 
     sources: dict[str, SourceHealth]
-    channels: dict[str, ChannelHealth] = field(default_factory=lambda: {name: ChannelHealth() for name in NAMES})
+    names: tuple[str, ...] = NAMES  # of the trial's channels; what else comes is counted too
+    channels: dict[str, ChannelHealth] = field(default_factory=dict)
     events: deque[tuple[int, str, str]] = field(default_factory=lambda: deque(maxlen=8))
     started_ns: int = field(default_factory=time.monotonic_ns)
     samples: int = 0
@@ -135,6 +136,9 @@ class Health:
     part: str = ""  # the name of the file that is being written
     free_bytes: int | None = None
     bytes_per_s: float = 0.0  # what the recording grows by
+
+    def __post_init__(self) -> None:
+        self.channels = {name: ChannelHealth() for name in self.names} | self.channels
 
     def saw(self, sample: Sample) -> None:
         """A sample was recorded."""

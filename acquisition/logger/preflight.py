@@ -16,7 +16,6 @@ from typing import Any
 
 from acquisition.config.configuration import TrialConfig
 from acquisition.config.sections import RecordingSection
-from acquisition.core.channels import NAMES
 from acquisition.logger.health import ENOUGH_RATE, SILENT_NS, Health
 from acquisition.logger.pipeline import Recorder
 from acquisition.recording.parts import RecordingParts
@@ -81,7 +80,7 @@ def check_before_departure(
                 if (stop or threading.Event()).wait(0.05):
                     break
             now_ns = time.monotonic_ns()
-            channels = [_report(name, config, recorder.health, now_ns) for name in NAMES]
+            channels = [_report(name, config, recorder.health, now_ns) for name in recorder.health.names]
             sources = [source.as_message(now_ns) for source in recorder.health.sources.values()]
             recorder.stop()
         finally:

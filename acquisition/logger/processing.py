@@ -130,7 +130,9 @@ class FrameProcessor:
         self._trial = config.trial
         self._writer = writer
         self._health = health
-        self._decoders: dict[str, list[Decoder]] = {each.name: make_decoders(each) for each in config.sources}
+        self._decoders: dict[str, list[Decoder]] = {
+            each.name: make_decoders(each, config.actuators) for each in config.sources
+        }
         for name, decoders in self._decoders.items():
             health.sources[name].refusals = [each.refused for each in decoders]
         self._derivation = Derivation(

@@ -147,8 +147,7 @@ def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
     from rich.console import Console
     from rich.live import Live
 
-    expected = frozenset(name for source in config.sources for name in source.channels)
-    picture = Picture(recorder.health, expected, config.marks)
+    picture = Picture(recorder.health, config.expected_channels, config.marks)
     with (
         mark_on_keys(recorder.mark, config.marks),
         Live(

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.config.toml_file import line_of, read_text, validate
-from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, checked
+from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
 from acquisition.core.errors import ConfigurationError, storage_error
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
@@ -59,7 +59,7 @@ def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
     vessel = validate(_with_tuples(merged), text, path, Vessel)
     _check_numbers(vessel, text, path)
     try:
-        checked(vessel.actuators)
+        check_actuators(vessel.actuators)
     except ConfigurationError as error:
         raise ConfigurationError(error.what, where=str(path), why=error.why, fix=error.fix) from error
     return vessel
