@@ -22,19 +22,32 @@ if TYPE_CHECKING:
 Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object to stdout.")]
 
+ABOARD, RECORDINGS, TRIALS, PREDICTIONS, DIAGNOSIS = (
+    "Aboard", "Recordings", "Trials", "Predictions", "What the model lacks"
+)  # fmt: skip
+"""The groups of commands in ``seatrial --help``."""
+
 _AS_IT_IS: dict[str, Any] = {"highlight": False, "markup": False, "soft_wrap": True}
 """For text that comes from files: brackets in it are no markup, and a path is not broken at 80 columns."""
 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
-    app.command("record", help="Record a trial; SIGINT and SIGTERM end it cleanly.")(record)
-    app.command("emulate", help="Play a recording onto the buses and lines of a configuration.")(emulate)
-    app.command("import", help="Turn a table (CSV, Parquet or .mat) into a recording.")(import_)
-    app.command("mark", help="Set an event mark in the running recording.")(mark)
-    app.command("redecode", help="Rebuild a recording's channels from its raw input.")(redecode)
-    app.command("info", help="Say what is in a recording.")(info)
-    app.command("recover", help="Save what is intact of a damaged recording into a new one.")(recover)
+    app.command("record", help="Record a trial; SIGINT and SIGTERM end it cleanly.", rich_help_panel=ABOARD)(record)
+    app.command("emulate", help="Play a recording onto the buses of a configuration.", rich_help_panel=ABOARD)(
+        emulate
+    )
+    app.command("import", help="Turn a table (CSV, Parquet or .mat) into a recording.", rich_help_panel=RECORDINGS)(
+        import_
+    )
+    app.command("mark", help="Set an event mark in the running recording.", rich_help_panel=ABOARD)(mark)
+    app.command("redecode", help="Rebuild a recording's channels from its raw input.", rich_help_panel=ABOARD)(
+        redecode
+    )
+    app.command("info", help="Say what is in a recording.", rich_help_panel=RECORDINGS)(info)
+    app.command(
+        "recover", help="Save what is intact of a damaged recording into a new one.", rich_help_panel=ABOARD
+    )(recover)
 
 
 def record(

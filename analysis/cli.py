@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson, Output
+from acquisition.cli import RECORDINGS, AsJson, Output
 from analysis.tables.files import expect_suffix
 
 RebuildPositions = Annotated[
@@ -23,12 +23,20 @@ RebuildPositions = Annotated[
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
-    app.command("check", help="Say what is wrong with a recording, channel by channel.")(check)
-    app.command("export", help="Write a recording as a table: Parquet, CSV or .mat.")(export)
-    app.command("windows", help="Cut the windows in which the thrusters were held.")(windows)
-    app.command("manoeuvres", help="Find the manoeuvres and their indices.")(manoeuvres)
-    app.command("smooth", help="The ship's motion from a Kalman smoother, with its covariance.")(smooth)
-    app.command("batch", help="All of it for every recording below a folder, with one index; resumes.")(batch)
+    app.command(
+        "check", help="Say what is wrong with a recording, channel by channel.", rich_help_panel=RECORDINGS
+    )(check)
+    app.command("export", help="Write a recording as a table: Parquet, CSV or .mat.", rich_help_panel=RECORDINGS)(
+        export
+    )
+    app.command("windows", help="Cut the windows in which the thrusters were held.", rich_help_panel=RECORDINGS)(
+        windows
+    )
+    app.command("manoeuvres", help="Find the manoeuvres and their indices.", rich_help_panel=RECORDINGS)(manoeuvres)
+    app.command(
+        "smooth", help="Smooth the motion by a Kalman smoother, with covariance.", rich_help_panel=RECORDINGS
+    )(smooth)
+    app.command("batch", help="Analyse every recording below a folder; resumes.", rich_help_panel=RECORDINGS)(batch)
 
 
 def check(

@@ -8,13 +8,15 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import TRIALS, AsJson
 from hybrid.cli.options import WorkersOption
 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's command to the command line."""
-    app.command("campaign", help="Simulate many trials: every vessel in every sea, manoeuvre and seed.")(campaign)
+    app.command("campaign", help="Simulate many trials: vessels, seas, manoeuvres, seeds.", rich_help_panel=TRIALS)(
+        campaign
+    )
 
 
 def campaign(

@@ -8,16 +8,16 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import DIAGNOSIS, AsJson
 from analysis.cli import RebuildPositions
 from hybrid.cli.options import EffectsOption, PartOption, Recordings, RepairOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
-    app.command("diagnose", help="Find, name and add the effect that the model lacks, and show the gap shrink.")(
-        diagnose
-    )
+    app.command(
+        "diagnose", help="Name what the model lacks, add it, and show the gap shrink.", rich_help_panel=DIAGNOSIS
+    )(diagnose)
 
 
 def diagnose(

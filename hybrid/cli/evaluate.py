@@ -8,14 +8,16 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import PREDICTIONS, AsJson
 from analysis.cli import RebuildPositions
 from hybrid.cli.options import Recordings, RepairOption, StrideOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's command to the command line."""
-    app.command("evaluate", help="Say what each method is worth on recordings like these, honestly.")(evaluate)
+    app.command(
+        "evaluate", help="Judge each method on recordings like these, with intervals.", rich_help_panel=PREDICTIONS
+    )(evaluate)
 
 
 def evaluate(

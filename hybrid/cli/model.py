@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import DIAGNOSIS, PREDICTIONS, TRIALS, AsJson
 from analysis.cli import RebuildPositions
 from hybrid.cli import campaign as truth_commands
 from hybrid.cli import diagnose as diagnosis
@@ -34,12 +34,18 @@ SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trial
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line."""
-    app.command("demo", help="The whole chain on this machine: from simulated buses to a report.")(demo)
-    app.command("simulate", help="Simulate a trial as its sensors would have recorded it.")(simulate)
-    app.command("train", help="Train a calibrator on a reference model.")(train)
-    app.command("validate", help="Score every method on recordings that none has seen.")(validate)
-    app.command("predict", help="Predict one track from one instant of a recording.")(predict)
-    app.command("effects", help="List the effects that a model may lack.")(effects)
+    app.command("demo", help="Run the whole chain: from simulated buses to a report.", rich_help_panel=TRIALS)(demo)
+    app.command("simulate", help="Simulate a trial as its sensors would have recorded it.", rich_help_panel=TRIALS)(
+        simulate
+    )
+    app.command("train", help="Train a calibrator on a reference model.", rich_help_panel=PREDICTIONS)(train)
+    app.command(
+        "validate", help="Score every method on recordings that none has seen.", rich_help_panel=PREDICTIONS
+    )(validate)
+    app.command("predict", help="Predict one track from one instant of a recording.", rich_help_panel=PREDICTIONS)(
+        predict
+    )
+    app.command("effects", help="List the effects that a model may lack.", rich_help_panel=DIAGNOSIS)(effects)
     twin.mount(app)
     evaluation.mount(app)
     diagnosis.mount(app)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import TRIALS, AsJson
 from hybrid.cli.options import EffectsOption, SeaStateOption, VesselOption
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ MANOEUVRES = (
 
 def mount(app: typer.Typer) -> None:
     """Add this module's command to the command line."""
-    app.command("plan", help="Before a trial: what it would show, what not, and a better programme.")(plan)
+    app.command("plan", help="Say what a trial would show, and propose a better one.", rich_help_panel=TRIALS)(plan)
 
 
 def plan(

@@ -8,15 +8,15 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import RECORDINGS, AsJson
 from hybrid.cli.options import PartOption, VesselOption
 
 
 def mount(app: typer.Typer) -> None:
     """Add this package's command to the command line."""
-    app.command("report", help="A notebook report as one HTML page: of a trial, a diagnosis, the paper, a batch.")(
-        report
-    )
+    app.command(
+        "report", help="Write one HTML page of a trial, a diagnosis or a batch.", rich_help_panel=RECORDINGS
+    )(report)
 
 
 def report(

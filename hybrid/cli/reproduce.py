@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import PREDICTIONS, AsJson
 from hybrid.cli.options import SeaStateOption, WorkersOption
 
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder for the results.")]
@@ -21,7 +21,9 @@ def mount(app: typer.Typer) -> None:
     reproduce.command("table3", help="Table III on sequences never seen, beside the random split.")(table3)
     reproduce.command("figures", help="The figures of the paper, in our own style.")(figures)
     reproduce.command("fidelity", help="How bad may the reference be before it stops helping?")(fidelity)
-    app.add_typer(reproduce, name="reproduce", help="The paper's results, from scratch.")
+    app.add_typer(
+        reproduce, name="reproduce", help="The paper's results, from scratch.", rich_help_panel=PREDICTIONS
+    )
 
 
 def table3(

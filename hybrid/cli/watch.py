@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquisition.cli import AsJson
+from acquisition.cli import ABOARD, AsJson
 from acquisition.core.process import stop_on_signals
 
 if TYPE_CHECKING:
@@ -22,7 +22,9 @@ _NICENESS = 5  # the logger goes first
 
 def mount(app: typer.Typer) -> None:
     """Add this package's command to the command line."""
-    app.command("watch", help="Predict beside the running recorder, and say how far off it was before.")(watch)
+    app.command(
+        "watch", help="Predict beside the running recorder, and judge what it said.", rich_help_panel=ABOARD
+    )(watch)
 
 
 def watch(
