@@ -24,10 +24,10 @@ beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
-from hybrid.diagnosis.serialisation import read_shown
+from hybrid.diagnosis.serialisation import read_diagnosis
 from hybrid.report.notebook import links, sections
 
-diagnosis, extras = read_shown(folder)
+diagnosis, extras = read_diagnosis(folder)
 show = sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)
 show("question")
 

@@ -67,14 +67,14 @@ def diagnose(
                 repair=repair, rebuild_positions=rebuild_positions, seed=seed, progress=progress,
             )  # fmt: skip
         diagnosed = replace(diagnosed, extras=replace(diagnosed.extras, ladder=ladder))
-    written = write_diagnosis(diagnosed, ship, output)
+    page = write_diagnosis(diagnosed, ship, output)
     diagnosis = diagnosed.diagnosis
     if as_json:
         typer.echo(json.dumps(diagnosis.as_dict()))
         return
     from rich.console import Console
 
-    from hybrid.report.diagnosis_terminal import summary
+    from hybrid.report.diagnosis_words import summary
 
     Console().print(summary(diagnosis, diagnosed.extras.ladder))
-    typer.echo(str(written.report))
+    typer.echo(str(page))

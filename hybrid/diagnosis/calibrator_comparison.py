@@ -8,7 +8,7 @@ is trained and judged is :mod:`hybrid.evaluation.study`'s, as for ``seatrial eva
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from hybrid.calibrators.train import METHOD
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.result import Ladder
+from hybrid.diagnosis.result import Ladder, Ratio
 from hybrid.diagnosis.select_effects import Coordinates
 from hybrid.diagnosis.verdict import Conclusion
 from hybrid.evaluation.splits import Draw, with_stopping
@@ -155,5 +155,9 @@ def _together(
         int(result.held_out.sum()),
         legs.legs,
         {name: legs.mean(each) for name, each in mean_m.items()},
-        {(one, other): legs.ratio(mean_m[one], mean_m[other]) for one, other in pairs if one in mean_m},
+        tuple(
+            Ratio(one, other, **asdict(legs.ratio(mean_m[one], mean_m[other])))
+            for one, other in pairs
+            if one in mean_m
+        ),
     )

@@ -24,7 +24,7 @@ from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrice
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import WIND_MPS, wind_errors
-from hybrid.diagnosis.result import Place
+from hybrid.diagnosis.result import FORCES, Map, Place
 from hybrid.vessel.actuators import control_units
 
 LEAST_S = 20
@@ -164,7 +164,6 @@ def _places(origin: Floats) -> list[Cell]:
     return found
 
 
-FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
 MOTIONS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 SIGNIFICANT = 0.05
@@ -175,23 +174,6 @@ _ENOUGH_LEGS = 10
 _SLOW_S = 60.0
 _DEGREES = np.array([1.0, 1.0, np.degrees(1.0), 1.0, 1.0, np.degrees(1.0)])
 _WIDE = 10.0  # times the force range: what a cell's force may be before any data
-
-
-@dataclass(frozen=True, slots=True)
-class Map:
-    """All cells of both spaces, and the force that the model lacks second by second.
-
-    ``force`` [T, 3] is the reconstructed slow force [N, N, N m], ``quantities`` [T] what the cells are of.
-    """
-
-    places: tuple[Place, ...]
-    force: Floats
-    quantities: dict[str, Floats]
-
-
-def where(equations: NormalEquations) -> tuple[Place, ...]:
-    """The notable cells of the model without its added effects, the surest first."""
-    return notable_places(map_of(equations).places)
 
 
 def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:

@@ -1,18 +1,20 @@
-"""What a diagnosis comes to, as plain values: the contract's JSON, and what its report shows beside it."""
+"""What a diagnosis comes to: results that print, and go to JSON and back (:mod:`acquisition.core.serialisation`).
+
+The fields that are not left out, in their order, are ``diagnosis.json`` and ``ladder.json``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import isfinite
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, computed_field
 
 from acquisition.core.arrays import Floats, Ints
+from acquisition.core.serialisation import Number, to_json
 from analysis.estimation.likelihood import correlated_pairs
 from hybrid.prediction.scores import Interval
-
-if TYPE_CHECKING:
-    from hybrid.diagnosis.map import Map
 
 Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 
@@ -21,14 +23,10 @@ Verdict = Literal["named", "nothing_missing", "unknown", "indistinguishable"]
 class Estimate:
     """A parameter's value with its 95 % interval, in its unit."""
 
-    value: float
-    low: float
-    high: float
+    value: Number
+    low: Number
+    high: Number
     unit: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +39,9 @@ class Suspect:
 
     name: str
     family: str
-    evidence: float
-    p_value: float
-    limit: float
+    evidence: Number
+    p_value: Number
+    limit: Number
     unit: str
 
 
@@ -54,17 +52,11 @@ class NamedEffect:
     name: str
     family: str
     kind: str
-    parameters: Mapping[str, Estimate]
-    share_of_gap: float
-    p_value: float
-    evidence: float
+    share_of_gap: Number
+    p_value: Number
     sentence: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        keys = ("name", "family", "kind", "share_of_gap", "p_value", "sentence")
-        plain = {key: getattr(self, key) for key in keys}
-        return {**plain, "parameters": {name: each.as_dict() for name, each in self.parameters.items()}}
+    parameters: Mapping[str, Estimate]
+    evidence: Annotated[Number, Field(exclude=True)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +65,14 @@ class Rival:
 
     instead_of: str
     name: str
-    evidence: float
+    evidence: Number
 
 
 @dataclass(frozen=True, slots=True)
 class UnknownCause:
     """What no effect of the catalogue explains: its share of the gap, on what it depends, what it looks like."""
 
-    share_of_gap: float
+    share_of_gap: Number
     where: tuple[str, ...]
     looks_like: str
 
@@ -92,30 +84,26 @@ class Place:
     channel: str
     cell: Mapping[str, tuple[float, float]]
     windows: int
-    error: float
-    z: float
+    error: Number
+    z: Number
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
     """Mean distance of predicted from measured tracks [m], over windows that took no part in naming or fitting."""
 
-    before_m: float
-    after_m: float
-    floor_m: float
+    before_m: Number
+    after_m: Number
+    floor_m: Number
     held_out_windows: int
-    horizon_s: int
+    horizon_s: Annotated[int, Field(exclude=True)]
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def closed(self) -> float:
         """The share of what could be closed that is."""
         could = self.before_m - self.floor_m
         return (self.before_m - self.after_m) / could if could > 0.0 else 1.0
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        plain = {key: getattr(self, key) for key in ("before_m", "after_m", "floor_m", "held_out_windows")}
-        return {**plain, "closed": self.closed}
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,34 +125,36 @@ class Tracks:
 
 
 @dataclass(frozen=True, slots=True)
+class Ratio:
+    """The mean distance ``of`` one rung over that of another, ``to``, paired, with its 95 % interval."""
+
+    of: str
+    to: str
+    value: Number
+    low: Number
+    high: Number
+
+
+@dataclass(frozen=True, slots=True)
 class Ladder:
     """What a calibrator adds: mean distances [m] by rung, with 95 % intervals by legs, on held windows of legs that
     took no part.
 
-    ``rungs`` are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the named
-    model only where something was named. ``ratios`` are paired, of the first rung's mean distance to the second's.
-    Without rungs ``why_not`` says why there are none.
+    The rungs are constant_velocity, reference, named, reference_calibrated and named_calibrated, those of the named
+    model only where something was named. Without rungs ``why_not`` says why there are none.
     """
 
     horizon_s: int
     method: str
     windows: int = 0
     legs: int = 0
-    rungs: Mapping[str, Interval] = field(default_factory=dict)
-    ratios: Mapping[tuple[str, str], Interval] = field(default_factory=dict)
-    why_not: str = ""
+    mean_distance_m: Mapping[str, Interval] = field(default_factory=dict)
+    ratios: tuple[Ratio, ...] = ()
+    why_not: str | None = None
 
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "horizon_s": self.horizon_s,
-            "method": self.method,
-            "windows": self.windows,
-            "legs": self.legs,
-            "mean_distance_m": {name: each.as_dict() for name, each in self.rungs.items()},
-            "ratios": [{"of": one, "to": other, **each.as_dict()} for (one, other), each in self.ratios.items()],
-            "why_not": self.why_not or None,
-        }
+    def ratio(self, of: str, to: str) -> Ratio:
+        """The ratio of two rungs. Raises :class:`StopIteration` where it is none of :attr:`ratios`."""
+        return next(each for each in self.ratios if (each.of, each.to) == (of, to))
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +165,7 @@ class Correlation:
     names: tuple[str, ...]
     matrix: Floats
 
-    def entangled(self) -> list[tuple[str, str, float]]:
+    def correlated_pairs(self) -> list[tuple[str, str, float]]:
         """Pairs that these data cannot tell apart in size, and their correlation."""
         return correlated_pairs(self.names, self.matrix)
 
@@ -186,13 +176,13 @@ class Manoeuvre:
 
     what: str
     separates: tuple[str, str]
-    expected_evidence: float
-    minutes: float
+    expected_evidence: Number
+    minutes: Annotated[float, Field(exclude=True)]
 
 
 @dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The whole of it."""
+    """The whole of it: what is named or not, how sure that is, and what it changes; ``diagnosis.json``."""
 
     verdict: Verdict
     tolerance: float
@@ -203,54 +193,49 @@ class Diagnosis:
     where: tuple[Place, ...]
     gap: Gap
     next_manoeuvre: Manoeuvre | None
-    suspects: tuple[Suspect, ...] = ()
-    tracks: Tracks | None = None
+    suspects: Annotated[tuple[Suspect, ...], Field(exclude=True)] = ()
+    tracks: Annotated[Tracks | None, Field(exclude=True)] = None
     remarks: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """The contract's JSON object; numbers that are not finite become null."""
-        return cast(dict[str, Any], finite(self._plain()))
+        """The contract's JSON object; numbers that are not finite are None."""
+        return dict(to_json(self))
 
-    def _plain(self) -> dict[str, Any]:
-        unknown, after = self.unknown, self.next_manoeuvre
-        return {
-            "verdict": self.verdict,
-            "tolerance": self.tolerance,
-            "effects": [each.as_dict() for each in self.effects],
-            "rivals": [
-                {"instead_of": each.instead_of, "name": each.name, "evidence": each.evidence}
-                for each in self.rivals
-            ],
-            "indistinguishable": [list(group) for group in self.indistinguishable],
-            "unknown": None
-            if unknown is None
-            else {
-                "share_of_gap": unknown.share_of_gap,
-                "where": list(unknown.where),
-                "looks_like": unknown.looks_like,
-            },
-            "where": [
-                {
-                    "channel": each.channel,
-                    "cell": {name: list(span) for name, span in each.cell.items()},
-                    "windows": each.windows,
-                    "error": each.error,
-                    "z": each.z,
-                }
-                for each in self.where
-            ],
-            "gap": self.gap.as_dict(),
-            "next_manoeuvre": None
-            if after is None
-            else {
-                "what": after.what,
-                "separates": list(after.separates),
-                "expected_evidence": after.expected_evidence,
-            },
-            "remarks": list(self.remarks),
-            "provenance": dict(self.provenance),
-        }
+    def __str__(self) -> str:
+        """The verdict, the effects with their 95 % intervals and the gap, as a short table."""
+        lines = [f"{self.verdict.replace('_', ' ')}, {100.0 * self.tolerance:g} % of the force range granted"]
+        rows = [
+            (each.name, name, f"{size.value:.4g}", f"{size.low:.4g} to {size.high:.4g}", size.unit)
+            for each in self.effects
+            for name, size in each.parameters.items()
+        ]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines += ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+        if self.unknown is not None:
+            lines.append(f"unknown: {self.unknown.looks_like}")
+        gap = self.gap
+        lines.append(
+            f"mean distance over {gap.horizon_s} s: {gap.before_m:.3f} m before, {gap.after_m:.3f} m after, "
+            f"{gap.floor_m:.3f} m at best ({gap.held_out_windows} windows that took no part)"
+        )
+        return "\n".join(lines)
+
+
+FORCES = ("surge_force_n", "sway_force_n", "yaw_moment_nm")
+"""The forces of a map, along the ship, across and in yaw."""
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """Where model and trial disagree: all cells, and the force that the model lacks second by second.
+
+    ``force`` [T, 3] is the reconstructed slow force [N, N, N m], ``quantities`` [T] what the cells are of.
+    """
+
+    places: tuple[Place, ...]
+    force: Floats
+    quantities: dict[str, Floats]
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,9 +247,9 @@ class Consistency:
     """
 
     effect: str
-    free: tuple[float, ...]
-    standard_errors: tuple[float, ...]
-    p_value: float
+    free: tuple[Number, ...]
+    standard_errors: tuple[Number, ...]
+    p_value: Number
     alike: tuple[str, ...]
     sentence: str
 
@@ -277,17 +262,11 @@ class Extras:
 
     map: Map | None = None
     map_after: Map | None = None
-    consistency: Sequence[Consistency] | None = None
+    consistency: tuple[Consistency, ...] | None = None
     ladder: Ladder | None = None
     correlation: Correlation | None = None
 
-
-def finite(value: Any) -> Any:
-    """``value`` with everything in it that JSON knows."""
-    if isinstance(value, dict):
-        return {str(key): finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(each) for each in value]
-    if isinstance(value, float):
-        return float(value) if isfinite(value) else None
-    return value
+    @property
+    def maps(self) -> dict[str, Map | None]:
+        """Both maps, before and after."""
+        return {"before": self.map, "after": self.map_after}

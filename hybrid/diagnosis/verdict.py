@@ -14,8 +14,8 @@ from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import HeldOutGap, gap_on_unseen_legs, with_noise_floor
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.map import Map, map_of
-from hybrid.diagnosis.result import Estimate, Manoeuvre, Rival, Suspect, Verdict
+from hybrid.diagnosis.map import map_of
+from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Rival, Suspect, Verdict
 from hybrid.diagnosis.select_effects import CLOSE, fitted_coordinates, linear_about, rivals_of
 from hybrid.diagnosis.sensor_consistency import find_contradictions
 from hybrid.effects import Effect

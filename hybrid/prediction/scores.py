@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
+from acquisition.core.serialisation import Number
 from hybrid.prediction.prediction_windows import difference_rad
 
 DRAWS = 2000
@@ -69,9 +70,9 @@ def score(predicted: Floats, measured: Floats) -> Score:
 class Interval:
     """A figure and the 95 % interval about it; NaN bounds where one leg alone cannot say."""
 
-    value: float
-    low: float
-    high: float
+    value: Number
+    low: Number
+    high: Number
 
     def as_dict(self) -> dict[str, float | None]:
         """For JSON, which knows no NaN."""

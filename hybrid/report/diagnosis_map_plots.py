@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.diagnosis.map import FORCES, Map
-from hybrid.diagnosis.result import Place
+from hybrid.diagnosis.result import FORCES, Map, Place
 
 QUANTITIES = {
     "speed_mps": "speed [m/s]",

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
@@ -17,7 +17,7 @@ from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Sus
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import FAMILIES
 from hybrid.prediction.scores import Interval, distances
-from hybrid.report.diagnosis_phrases import parameter_title
+from hybrid.report.diagnosis_words import parameter_title
 from hybrid.report.plots import interval_bar, logarithmic, plain_numbers, start_frame
 from hybrid.report.words import plain
 
@@ -28,6 +28,18 @@ BEFORE, AFTER, HELD = PALETTE[4], PALETTE[0], PALETTE[3]
 
 _LINEAR = 10.0  # log evidence up to which the axis is linear: differences matter there, sizes beyond
 _SHOWN = 15
+
+
+def overview_figure(diagnosis: Diagnosis) -> Figure:
+    """The parameters that were named, where there are any, and below them the gap, before and after."""
+    rows = sum(len(each.parameters) for each in diagnosis.effects)
+    heights = [0.35 + 0.75 * rows, 1.0 + 0.34 * (3 + len(diagnosis.effects))][0 if rows else 1 :]
+    figure = Figure(figsize=(8.0, sum(heights)), layout="constrained")
+    places = figure.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    if rows:
+        parameters(places[0], diagnosis.effects)
+    gap(places[-1].subplots(), diagnosis)
+    return figure
 
 
 def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> list[Artist]:
@@ -53,7 +65,7 @@ def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> li
     return [*bars]
 
 
-def parameters(figure: Figure, effects: Sequence[NamedEffect]) -> list[Artist]:
+def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> list[Artist]:
     """Every parameter of the named effects with its 95 % interval, each on an axis of its own from zero or one."""
     every = [(each, name, estimate) for each in effects for name, estimate in each.parameters.items()]
     artists: list[Artist] = []

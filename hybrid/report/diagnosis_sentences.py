@@ -19,7 +19,7 @@ from hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
 from hybrid.effects import Effect
 from hybrid.effects.catalogue import VERSION
-from hybrid.report.diagnosis_phrases import DEPENDS, number, parameter_title
+from hybrid.report.diagnosis_words import DEPENDS, number, parameter_title
 from hybrid.report.words import listed, plain
 
 Parameters = Mapping[str, Estimate]
@@ -219,10 +219,8 @@ def _named_effect(conclusion: Conclusion, name: str) -> NamedEffect:
     log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(
         [n for n in accepted.names if n != name]
     )
-    return NamedEffect(
-        name, effect.family, effect.kind, parameters, share, test.p_value, log_odds,
-        sentence(effect, parameters, share),
-    )  # fmt: skip
+    words = sentence(effect, parameters, share)
+    return NamedEffect(name, effect.family, effect.kind, share, test.p_value, words, parameters, log_odds)
 
 
 def unknown_cause(

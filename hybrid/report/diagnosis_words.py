@@ -1,15 +1,103 @@
-"""What a diagnosis's page says, in words and rows; ``templates/diagnosis.html`` puts it onto the page."""
+"""What a diagnosis's page and terminal say: words, numbers, rows. ``templates/diagnosis.html`` makes the page."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import inf, isfinite
+from pathlib import Path
 from typing import Any
 
-from hybrid.diagnosis.result import Correlation, Diagnosis, Estimate, Ladder, NamedEffect, Place, Suspect
+from rich.console import Group
+from rich.text import Text
+
+from analysis.report.rendering import Page, render
+from hybrid.diagnosis.result import (
+    Correlation,
+    Diagnosis,
+    Estimate,
+    Extras,
+    Ladder,
+    NamedEffect,
+    Place,
+    Ratio,
+    Suspect,
+)
 from hybrid.prediction.scores import FEW_LEGS, Interval
-from hybrid.report.diagnosis_phrases import DEPENDS, alternatives, chance, number, parameter_title, percent
+from hybrid.report.notebook import templates
 from hybrid.report.words import listed, plain
+
+_SMALL = 0.001
+
+DEPENDS = {
+    "heading": "the heading",
+    "place": "the place",
+    "time": "time",
+    "azimuth": "large azimuth angles",
+    "operating point": "speed and thrusters",
+    "speed": "the speed",
+    "drift": "the speed sideways",
+    "turning": "the yaw rate",
+    "thrust": "the thrust ahead",
+    "side thrust": "the thrust sideways",
+}
+"""What something unknown may depend on."""
+
+
+ONE_OF_THEM = "one effect of their family that is not in the catalogue"
+"""What all effects of a group may stand for that are named together."""
+
+
+def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -> str:
+    """Effects of which the data do not tell which it is; or, where all are named, that may be one unknown.
+
+    >>> alternatives(["trim", "skeg"], ["trim"])
+    'trim or skeg'
+    >>> alternatives(["trim", "skeg"], ["skeg", "trim"], "from")
+    'trim and skeg from one effect of their family that is not in the catalogue'
+    """
+    words = [plain(name) for name in group]
+    return f"{listed(words)} {last} {ONE_OF_THEM}" if set(group) <= set(named) else listed(words, last)
+
+
+def number(value: float) -> str:
+    """Three figures, without exponents where people read none.
+
+    >>> number(-0.01234), number(12345.6), number(inf)
+    ('−0.0123', '12,346', 'no end')
+    """
+    if value == inf:
+        return "no end"
+    size = abs(value)
+    text = f"{value:,.0f}" if size >= 100.0 else f"{value:.3g}"
+    return text.replace("-", "\u2212") if "e" not in text else text
+
+
+def percent(share: float) -> str:
+    """A share in whole percent, or one figure below ten.
+
+    >>> percent(0.834), percent(0.01)
+    ('83 %', '1 %')
+    """
+    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{100.0 * share:.2g} %"
+
+
+def chance(p_value: float) -> str:
+    """The chance of something where there is nothing.
+
+    >>> chance(0.012), chance(1e-9)
+    ('p = 0.012', 'p < 0.001')
+    """
+    return f"p < {_SMALL:g}" if p_value < _SMALL else f"p = {p_value:.2g}"
+
+
+def parameter_title(name: str, unit: str) -> str:
+    """A parameter's name without its unit.
+
+    >>> parameter_title("time_constant_s", "s"), parameter_title("resistance_factor", "1")
+    ('time constant', 'resistance factor')
+    """
+    return plain(name if unit == "1" or "_" not in name else name.rsplit("_", 1)[0])
+
 
 __all__ = ["FEW_LEGS"]  # for the template
 
@@ -117,27 +205,27 @@ def dependence(where: Sequence[str]) -> str:
 
 def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
     """The mean distances of a comparison of calibrators, by title."""
-    return {_TITLES[name]: each for name, each in ladder.rungs.items()}
+    return {_TITLES[name]: each for name, each in ladder.mean_distance_m.items()}
 
 
 def ladder_rows(ladder: Ladder) -> tuple[list[list[str]], int]:
     """A row a rung, and which is the best."""
     rows = [[_TITLES[name], number(each.value), _span(each) if isfinite(each.low) else "", _gain(ladder, name)]
-            for name, each in ladder.rungs.items()]  # fmt: skip
-    return rows, min(range(len(rows)), key=lambda row: list(ladder.rungs.values())[row].value)
+            for name, each in ladder.mean_distance_m.items()]  # fmt: skip
+    return rows, min(range(len(rows)), key=lambda row: list(ladder.mean_distance_m.values())[row].value)
 
 
 def ladder_sentence(ladder: Ladder) -> str:
     """What a calibrator adds, and whether it gains from what was named, in one sentence; or why nobody can say."""
-    rungs, ratios = ladder.rungs, ladder.ratios
+    rungs = ladder.mean_distance_m
     if not rungs:
         return f"No calibrator was trained: {ladder.why_not}."
     errors = {name: f"{number(each.value)} m" for name, each in rungs.items()}
     reference = f"On legs that took no part the reference errs by {errors['reference']}"
     if "named" not in rungs:
-        change = change_of(ratios["reference_calibrated", "reference"])
+        change = change_of(ladder.ratio("reference_calibrated", "reference"))
         return f"{reference}, with a calibrator on top by {errors['reference_calibrated']}: {change}."
-    ratio = ratios["named_calibrated", "reference_calibrated"]
+    ratio = ladder.ratio("named_calibrated", "reference_calibrated")
     helps = "what was named helps the calibrator"
     if ratio.low > 1.0:
         helps = "what was named does not help the calibrator"
@@ -149,7 +237,7 @@ def ladder_sentence(ladder: Ladder) -> str:
     )
 
 
-def change_of(ratio: Interval) -> str:
+def change_of(ratio: Interval | Ratio) -> str:
     """A ratio of errors in words, with its 95 % interval.
 
     >>> change_of(Interval(0.8, 0.7, 0.9)), change_of(Interval(0.98, 0.95, 1.02))
@@ -171,7 +259,7 @@ def _more(change: float) -> str:
 
 def _gain(ladder: Ladder, name: str) -> str:
     base = name.removesuffix("_calibrated")
-    return change_of(ladder.ratios[name, base]) if name != base else ""
+    return change_of(ladder.ratio(name, base)) if name != base else ""
 
 
 def cell_row(place: Place) -> list[str]:
@@ -230,3 +318,60 @@ def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:
 
 def _span(interval: Estimate | Interval) -> str:
     return f"{number(interval.low)} to {number(interval.high)}"
+
+
+PAGE_FILE = "report.html"
+
+
+def write_report(diagnosis: Diagnosis, extras: Extras, folder: Path) -> Path:
+    """Write the page into ``folder`` and return its path. Raises :class:`StorageError`."""
+    return page_of(diagnosis, extras).write(folder / PAGE_FILE)
+
+
+def page_of(diagnosis: Diagnosis, extras: Extras) -> Page:
+    """The page, not yet written."""
+    known = diagnosis.provenance
+    parts = [
+        "Diagnosis",
+        str(known.get("recordings", "")),
+        f"vessel {known['vessel']}" if "vessel" in known else "",
+    ]
+    return render(
+        "diagnosis.html", templates=templates(), title=verdict_sentence(diagnosis),
+        subtitle="; ".join(each for each in parts if each), diagnosis=diagnosis, extras=extras,
+    )  # fmt: skip
+
+
+_VERDICTS = {
+    "named": "The model lacks what is named here.",
+    "nothing_missing": "Nothing is missing beyond the tolerance.",
+    "unknown": "Something is missing that the catalogue does not explain.",
+    "indistinguishable": "Something is missing, and these data do not tell which of several causes it is.",
+}
+
+
+def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
+    """The diagnosis in some lines, and what a calibrator adds where one was trained."""
+    lines = [Text(_VERDICTS[diagnosis.verdict], style="bold")]
+    lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
+    names = [each.name for each in diagnosis.effects]
+    lines += [
+        Text(f"These data cannot tell {alternatives(group, names, 'from')}.")
+        for group in diagnosis.indistinguishable
+    ]
+    if diagnosis.unknown is not None:
+        lines.append(Text(f"What remains looks like {diagnosis.unknown.looks_like}."))
+    gap = diagnosis.gap
+    if gap.held_out_windows:
+        lines.append(
+            Text(
+                f"Mean distance over {gap.horizon_s} s on {gap.held_out_windows} windows that took no part: "
+                f"{gap.before_m:.3f} m before, {gap.after_m:.3f} m after, {gap.floor_m:.3f} m at best."
+            )
+        )
+    if ladder is not None:
+        lines.append(Text(ladder_sentence(ladder)))
+    if diagnosis.next_manoeuvre is not None:
+        lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
+    lines += [Text(f"note: {each}", style="dim") for each in diagnosis.remarks]
+    return Group(*lines)

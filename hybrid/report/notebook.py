@@ -71,7 +71,7 @@ def _note(text: str) -> Page:
 @cache
 def templates() -> Environment:
     """The templates of this package, with what they call."""
-    from hybrid.diagnosis.serialisation import read_shown
+    from hybrid.diagnosis.serialisation import read_diagnosis
     from hybrid.report import (
         diagnosis_map_plots,
         diagnosis_plots,
@@ -80,14 +80,14 @@ def templates() -> Environment:
         trial_plots,
         trial_sections,
     )
-    from hybrid.report.diagnosis_phrases import chance, percent
+    from hybrid.report.diagnosis_words import chance, percent
 
     made = environment(Path(__file__).parent / "templates")
     made.filters |= {"percent": percent, "chance": chance, "cell_row": diagnosis_words.cell_row}
     made.globals |= {
         "trial": trial_sections, "trial_plots": trial_plots, "diagnosis_words": diagnosis_words,
         "diagnosis_plots": diagnosis_plots, "map_plots": diagnosis_map_plots, "evaluation": evaluation_page,
-        "read_shown": read_shown,
+        "read_diagnosis": read_diagnosis,
     }  # fmt: skip
     return made
 

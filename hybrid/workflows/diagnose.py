@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from acquisition.core.errors import storage_error
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
@@ -18,23 +16,16 @@ from analysis.prepare import Preparation, prepare
 from analysis.tables.table import refuse_duplicates, select
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.result import Diagnosis, Extras
-from hybrid.diagnosis.serialisation import write_shown
+from hybrid.diagnosis.serialisation import write_figure_data
 from hybrid.diagnosis.verdict import Conclusion
 from hybrid.effects import CATALOGUE, Catalogue
-from hybrid.report.diagnosis_page import PAGE_FILE, write_report
 from hybrid.report.diagnosis_sentences import describe
+from hybrid.report.diagnosis_words import write_report
 from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 
-
-@dataclass(frozen=True, slots=True)
-class DiagnosisFiles:
-    """Where the files of a diagnosis are."""
-
-    json: Path
-    vessel: Path
-    report: Path
-    ladder: Path
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +35,15 @@ class DiagnosisRun:
     diagnosis: Diagnosis
     conclusion: Conclusion
     extras: Extras
+
+    def __str__(self) -> str:
+        return str(self.diagnosis)
+
+    def plot(self) -> Figure:
+        """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
+        from hybrid.report.diagnosis_plots import overview_figure
+
+        return overview_figure(self.diagnosis)
 
 
 def diagnose_tables(
@@ -97,30 +97,15 @@ def diagnose_files(
     )
 
 
-def write_diagnosis(diagnosed: DiagnosisRun, vessel: Vessel, folder: Path) -> DiagnosisFiles:
+def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
     """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
-    calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Raises :class:`StorageError`.
+    calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Returns the page's path.
+
+    Raises :class:`StorageError`.
     """
-    ladder = diagnosed.extras.ladder
-    written = DiagnosisFiles(
-        folder / "diagnosis.json", folder / "vessel.toml", folder / PAGE_FILE, folder / "ladder.json"
-    )
-    _write_json(diagnosed.diagnosis.as_dict(), written.json)
-    if ladder is None:
-        written.ladder.unlink(missing_ok=True)
-    else:
-        _write_json(ladder.as_dict(), written.ladder)
-    save_vessel(vessel_with_effects(vessel, diagnosed.diagnosis), written.vessel)
-    write_shown(diagnosed.diagnosis, diagnosed.extras, folder)
-    write_report(diagnosed.diagnosis, diagnosed.extras, folder)
-    return written
-
-
-def _write_json(values: Mapping[str, Any], path: Path) -> None:
-    try:
-        path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
+    write_figure_data(run.diagnosis, run.extras, folder)
+    save_vessel(vessel_with_effects(vessel, run.diagnosis), folder / "vessel.toml")
+    return write_report(run.diagnosis, run.extras, folder)
 
 
 def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:

@@ -6,15 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from hybrid.diagnosis.map import FORCES, Map
 from hybrid.diagnosis.result import (
+    FORCES,
     Diagnosis,
     Estimate,
     Gap,
     Ladder,
     Manoeuvre,
+    Map,
     NamedEffect,
     Place,
+    Ratio,
     Rival,
     Suspect,
     Tracks,
@@ -24,12 +26,12 @@ from hybrid.prediction.scores import Interval
 
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",
-    {"speed_mps": Estimate(0.35, 0.34, 0.36, "m/s"), "direction_deg": Estimate(205.0, 203.0, 207.0, "deg")},
-    0.6, 1e-9, 812.0, "The ship drifts with a current of 0.350 m/s towards 205 deg (0.340-0.360; 203-207).",
+    0.6, 1e-9, "The ship drifts with a current of 0.350 m/s towards 205 deg (0.340-0.360; 203-207).",
+    {"speed_mps": Estimate(0.35, 0.34, 0.36, "m/s"), "direction_deg": Estimate(205.0, 203.0, 207.0, "deg")}, 812.0,
 )  # fmt: skip
 BIAS = NamedEffect(
-    "heading_bias", "sensor", "sensor", {"angle_deg": Estimate(-1.5, -1.7, -1.3, "deg")}, 0.3, 2e-4, 31.0,
-    "The compass reads 1.50 deg too little (-1.70 to -1.30).",
+    "heading_bias", "sensor", "sensor", 0.3, 2e-4, "The compass reads 1.50 deg too little (-1.70 to -1.30).",
+    {"angle_deg": Estimate(-1.5, -1.7, -1.3, "deg")}, 31.0,
 )  # fmt: skip
 SUSPECTS = (
     Suspect("ocean_current", "environment", 800.0, 1e-9, 0.01, "m/s"),
@@ -106,12 +108,12 @@ def a_ladder(both: tuple[float, float, float] = (0.7, 0.6, 0.8)) -> Ladder:
     return Ladder(
         15, "adaptive", 93, 32,
         {name: Interval(size, 0.8 * size, 1.3 * size) for name, size in sizes.items()},
-        {
-            ("named", "reference"): Interval(0.25, 0.2, 0.3),
-            ("reference_calibrated", "reference"): Interval(1 / 3, 0.3, 0.4),
-            ("named_calibrated", "named"): Interval(4 / 3 * both[0], 0.7, 1.1),
-            ("named_calibrated", "reference_calibrated"): Interval(*both),
-        },
+        (
+            Ratio("named", "reference", 0.25, 0.2, 0.3),
+            Ratio("reference_calibrated", "reference", 1 / 3, 0.3, 0.4),
+            Ratio("named_calibrated", "named", 4 / 3 * both[0], 0.7, 1.1),
+            Ratio("named_calibrated", "reference_calibrated", *both),
+        ),
     )  # fmt: skip
 
 

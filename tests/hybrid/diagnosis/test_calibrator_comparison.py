@@ -120,15 +120,15 @@ def climbed(plant: Plant, monkeypatch: pytest.MonkeyPatch) -> Climbed:
 def test_each_rung_stands_on_its_own_model(climbed: Climbed, plant: Plant) -> None:
     """The named model is the truth, so it errs by nothing; one that adds nothing errs as what is below it."""
     found, windows = climbed("standing", dict.fromkeys(range(FOLDS), CURRENT))
-    rungs = {name: each.value for name, each in found.rungs.items()}
+    rungs = {name: each.value for name, each in found.mean_distance_m.items()}
     alone = score(reference(windows, plant), windows.track).mean_distance_m
     assert list(rungs) == ["constant_velocity", "reference", "named", "reference_calibrated", "named_calibrated"]
     assert alone > 0.1
     assert [rungs["reference"], rungs["reference_calibrated"]] == pytest.approx([alone, alone])
     assert [rungs["named"], rungs["named_calibrated"]] == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert found.ratios["named", "reference"].high < 1e-6
+    assert found.ratio("named", "reference").high < 1e-6
     assert (found.windows, found.legs) == (84, 12)
-    assert found.rungs["reference"].low < alone < found.rungs["reference"].high
+    assert found.mean_distance_m["reference"].low < alone < found.mean_distance_m["reference"].high
 
 
 def test_what_a_fold_does_not_know_is_not_lent_to_it(climbed: Climbed, plant: Plant) -> None:
@@ -136,16 +136,16 @@ def test_what_a_fold_does_not_know_is_not_lent_to_it(climbed: Climbed, plant: Pl
     found, windows = climbed("standing", {0: CURRENT, 1: CURRENT, 2: {}, 3: {}})
     off_m = distances(reference(windows, plant), windows.track).mean(axis=1)
     left = np.arange(len(windows)) // 7 % FOLDS >= 2
-    assert found.rungs["named"].value == pytest.approx((off_m * left).mean())
+    assert found.mean_distance_m["named"].value == pytest.approx((off_m * left).mean())
 
 
 def test_without_a_name_there_are_three_rungs(climbed: Climbed) -> None:
     """And a calibrator that holds the present motion is that baseline, one that knows all errs by nothing."""
     holding, oracle = (climbed(method, None)[0] for method in ("holding", "oracle"))
-    assert list(holding.rungs) == ["constant_velocity", "reference", "reference_calibrated"]
-    assert holding.rungs["reference_calibrated"] == holding.rungs["constant_velocity"]
-    assert oracle.rungs["reference_calibrated"].value == 0.0
-    assert list(oracle.ratios) == [("reference_calibrated", "reference")]
+    assert list(holding.mean_distance_m) == ["constant_velocity", "reference", "reference_calibrated"]
+    assert holding.mean_distance_m["reference_calibrated"] == holding.mean_distance_m["constant_velocity"]
+    assert oracle.mean_distance_m["reference_calibrated"].value == 0.0
+    assert [(each.of, each.to) for each in oracle.ratios] == [("reference_calibrated", "reference")]
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_the_sentence_says_whether_the_name_helps(both: tuple[float, float, floa
 def test_the_sentence_without_rungs_or_names() -> None:
     """What the calibrator does to the reference; or why there is none."""
     whole = a_ladder()
-    kept = [name for name in whole.rungs if "named" not in name]
-    bare = replace(whole, rungs={name: whole.rungs[name] for name in kept})
+    kept = [name for name in whole.mean_distance_m if "named" not in name]
+    bare = replace(whole, mean_distance_m={name: whole.mean_distance_m[name] for name in kept})
     assert ladder_sentence(bare).endswith("with a calibrator on top by 0.4 m: 67 % less error (60 to 70 %).")
     assert ladder_sentence(Ladder(15, "adaptive", why_not="no leg")) == "No calibrator was trained: no leg."

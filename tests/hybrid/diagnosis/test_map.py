@@ -22,7 +22,6 @@ from hybrid.diagnosis.map import (
     notable_places,
     quantities,
     round_edges,
-    where,
 )
 from hybrid.diagnosis.result import Place
 from hybrid.effects import CATALOGUE
@@ -96,7 +95,7 @@ def test_repaired_nothing_is_left(turned: NormalEquations) -> None:
 
 def test_where_is_the_notable_part_of_the_reference_models_map(turned: NormalEquations, turned_map: Map) -> None:
     """The surest first, all beyond chance."""
-    found = where(turned)
+    found = notable_places(map_of(turned).places)
     assert found == notable_places(turned_map.places)
     assert [abs(each.z) for each in found] == sorted((abs(each.z) for each in found), reverse=True)
     assert {each.channel for each in found} <= {"yaw_moment_nm", "yaw_rate_dps", "heading_deg", "sway_mps"}

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
-from hybrid.report.diagnosis_page import page_of, verdict_sentence, write_report
+from hybrid.report.diagnosis_words import page_of, verdict_sentence, write_report
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
@@ -116,7 +116,7 @@ def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
 def test_the_ladder_is_drawn_as_it_stands() -> None:
     """A point a rung at its mean distance, the first on top."""
     figure = Figure()
-    rungs = a_ladder().rungs
+    rungs = a_ladder().mean_distance_m
     points = plots.ladder(figure.subplots(), rungs)
     drawn = [np.asarray(each.get_xydata())[0] for each in points if isinstance(each, Line2D)]
     assert np.array(drawn) == pytest.approx(
@@ -222,3 +222,21 @@ def test_json_has_the_contracts_keys() -> None:
     } <= set(plain)
     assert isinstance(named(), Diagnosis)
     assert "tracks" not in plain
+
+
+def test_a_diagnosis_prints_as_a_short_table() -> None:
+    assert str(named()).splitlines() == [
+        "named, 1 % of the force range granted",
+        "ocean_current  speed_mps      0.35  0.34 to 0.36  m/s",
+        "ocean_current  direction_deg  205   203 to 207    deg",
+        "heading_bias   angle_deg      -1.5  -1.7 to -1.3  deg",
+        "mean distance over 15 s: 1.400 m before, 0.190 m after, 0.060 m at best (110 windows that took no part)",
+    ]
+    assert str(of_verdict("nothing_missing")).startswith("nothing missing, 1 % of the force range granted\nmean")
+    assert "unknown: a yaw moment of some 4000 N m" in str(of_verdict("unknown"))
+
+
+@pytest.mark.parametrize(("verdict", "parts"), [("named", 3 + 1), ("nothing_missing", 1)])
+def test_the_overview_shows_parameters_and_gap(verdict: str, parts: int) -> None:
+    diagnosis = named() if verdict == "named" else of_verdict(verdict)
+    assert len(plots.overview_figure(diagnosis).axes) == parts

@@ -11,8 +11,8 @@ import pytest
 
 from acquisition.core.errors import InputError
 from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Extras, Tracks
-from hybrid.diagnosis.serialisation import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_shown, write_shown
-from hybrid.report.diagnosis_page import page_of
+from hybrid.diagnosis.serialisation import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_diagnosis, write_figure_data
+from hybrid.report.diagnosis_words import page_of
 from tests.hybrid.diagnosis.made_up import a_ladder, a_map, named, of_verdict
 
 SENSORS = Consistency("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")
@@ -22,11 +22,8 @@ ALL = Extras(a_map(), a_map(), (SENSORS,), a_ladder(), CORRELATION)
 
 def back(diagnosis: Diagnosis, extras: Extras, folder: Path) -> tuple[Diagnosis, Extras]:
     """Through the files, as ``seatrial diagnose`` writes them."""
-    (folder / DIAGNOSIS).write_text(json.dumps(diagnosis.as_dict()))
-    if extras.ladder is not None:
-        (folder / LADDER).write_text(json.dumps(extras.ladder.as_dict()))
-    write_shown(diagnosis, extras, folder)
-    return read_shown(folder)
+    write_figure_data(diagnosis, extras, folder)
+    return read_diagnosis(folder)
 
 
 @pytest.mark.parametrize("verdict", ["named", "nothing_missing", "unknown", "indistinguishable"])
@@ -61,6 +58,38 @@ def test_what_is_not_there_is_none_and_an_older_file_of_it_goes(tmp_path: Path) 
     assert not (tmp_path / TRACKS).exists()
 
 
+def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
+    diagnosis = replace(of_verdict("indistinguishable"), gap=replace(named().gap, after_m=float("nan")))
+    back(diagnosis, ALL, tmp_path)
+    said = json.loads((tmp_path / DIAGNOSIS).read_text())
+    assert list(said) == [
+        "verdict", "tolerance", "effects", "rivals", "indistinguishable", "unknown", "where", "gap",
+        "next_manoeuvre", "remarks", "provenance",
+    ]  # fmt: skip
+    assert list(said["effects"][0]) == [
+        "name", "family", "kind", "share_of_gap", "p_value", "sentence", "parameters",
+    ]  # fmt: skip
+    assert said["effects"][0]["parameters"]["speed_mps"] == {
+        "value": 0.35,
+        "low": 0.34,
+        "high": 0.36,
+        "unit": "m/s",
+    }
+    assert said["gap"] == {
+        "before_m": 1.4,
+        "after_m": None,
+        "floor_m": 0.06,
+        "held_out_windows": 110,
+        "closed": None,
+    }
+    assert list(said["next_manoeuvre"]) == ["what", "separates", "expected_evidence"]
+    ladder = json.loads((tmp_path / LADDER).read_text())
+    assert list(ladder) == [
+        "horizon_s", "method", "windows", "legs", "mean_distance_m", "ratios", "why_not",
+    ]  # fmt: skip
+    assert ladder["ratios"][0] == {"of": "named", "to": "reference", "value": 0.25, "low": 0.2, "high": 0.3}
+
+
 def test_estimates_that_cannot_be_told_apart_are_said_to_be(tmp_path: Path) -> None:
     assert "cannot be told apart" in page_of(named(), ALL).html
     loose = replace(ALL, correlation=Correlation(CORRELATION.names, np.eye(2)))
@@ -69,10 +98,10 @@ def test_estimates_that_cannot_be_told_apart_are_said_to_be(tmp_path: Path) -> N
 
 def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
-        read_shown(tmp_path)
+        read_diagnosis(tmp_path)
     back(named(), ALL, tmp_path)
     shown = json.loads((tmp_path / SHOWN).read_text())
     del shown["evidence"]
     (tmp_path / SHOWN).write_text(json.dumps(shown))
     with pytest.raises(InputError, match=r"not what this version writes.*evidence"):
-        read_shown(tmp_path)
+        read_diagnosis(tmp_path)
