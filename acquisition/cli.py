@@ -229,7 +229,7 @@ def info(
     part = recording.metadata.get("part", {})
     if part.get("follows"):
         console.print(f"part {part['number']}, follows {part['follows']}: {part['reason']}", **_AS_IT_IS)
-    console.print(_channel_table(found["channels"]))
+    console.print(_channel_table(found["channels"], found["trial"]))
     for topic, count in found["raw"].items():
         console.print(f"{topic}: {count:,} raw messages", **_AS_IT_IS)
     if recording.predictions:
@@ -254,7 +254,7 @@ def recover(
     typer.echo(output)
 
 
-def _channel_table(channels: dict[str, Any]) -> Table:
+def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
 
     from acquisition.core.channels import actuators_of, channel_names, channel_unit
@@ -263,7 +263,7 @@ def _channel_table(channels: dict[str, Any]) -> Table:
     for title, justify in (("channel", "left"), ("unit", "left"), ("count", "right"), ("rate Hz", "right"),
                            ("gap s", "right"), ("sources", "left")):  # fmt: skip
         table.add_column(title, justify=justify, no_wrap=title != "sources", overflow="fold")  # type: ignore[arg-type]
-    order = {name: number for number, name in enumerate(channel_names(actuators_of(channels)))}
+    order = {name: number for number, name in enumerate(channel_names(actuators_of(channels, {"trial": trial})))}
     for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
             name, channel_unit(name), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
