@@ -168,7 +168,7 @@ def emulate(
     """Play a recording onto buses and lines."""
     from acquisition.config.configuration import load_config
     from acquisition.core.progress import bar
-    from acquisition.emulator.emulate import emulate as run
+    from acquisition.emulator import emulate as run
 
     with bar("playing") as progress:
         played = run(recording, load_config(config), speed, progress)
@@ -208,10 +208,10 @@ def info(
     as_json: AsJson = False,
 ) -> None:
     """Say what is in a recording."""
-    from acquisition.recording.reader import describe_recording, read_recording
+    from acquisition.recording.reader import describe, read_recording
 
     recording = read_recording(file)
-    found = describe_recording(recording)
+    found = describe(recording)
     if as_json:
         typer.echo(json.dumps(found))
         return

@@ -8,7 +8,7 @@ default stamps them with the time of reception and keeps the source's own beside
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -243,6 +243,14 @@ class CanFileSource(_CanFrames):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
+class _Port(_Source):
+    """A port of UDP or TCP: of this address, that datagrams are sent to or that we connect to."""
+
+    port: Port
+    address: str = "127.0.0.1"
+
+
+@dataclass(frozen=True, config=STRICT, kw_only=True)
 class _Sentences(_Source):
     """What every line of NMEA 0183 says.
 
@@ -264,21 +272,17 @@ class SerialSource(_Sentences):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class UdpSource(_Sentences):
+class UdpSource(_Port, _Sentences):
     """NMEA 0183 in UDP datagrams that are sent to this address and port."""
 
     type: Literal["udp"]
-    port: Port
-    address: str = "127.0.0.1"
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class TcpSource(_Sentences):
+class TcpSource(_Port, _Sentences):
     """NMEA 0183 from a TCP server, a multiplexer or gateway, that we connect to."""
 
     type: Literal["tcp"]
-    port: Port
-    address: str = "127.0.0.1"
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -313,21 +317,17 @@ class _Mavlink(_Source):
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class MavlinkSource(_Mavlink):
+class MavlinkSource(_Port, _Mavlink):
     """MAVLink in UDP datagrams that are sent to this address and port, from one system."""
 
     type: Literal["mavlink"]
-    port: Port
-    address: str = "127.0.0.1"
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
-class MavlinkTcpSource(_Mavlink):
+class MavlinkTcpSource(_Port, _Mavlink):
     """MAVLink from a TCP server that we connect to."""
 
     type: Literal["mavlink_tcp"]
-    port: Port
-    address: str = "127.0.0.1"
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
@@ -408,19 +408,10 @@ class RunSheet:
 
     def as_trial(self) -> Trial:
         """The run sheet as a recording carries it."""
-        return Trial(
-            name=self.name,
-            vessel=self.vessel,
-            place=self.place,
-            origin_latitude_deg=self.origin.latitude_deg if self.origin else None,
-            origin_longitude_deg=self.origin.longitude_deg if self.origin else None,
-            water_depth_m=self.water_depth_m,
-            draught_m=self.draught_m,
-            trim_m=self.trim_m,
-            loading=self.loading,
-            sea_state=self.sea_state,
-            crew_notes=self.crew_notes,
-        )
+        said: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(RunSheet)}
+        origin = said.pop("origin")
+        place = (None, None) if origin is None else (origin.latitude_deg, origin.longitude_deg)
+        return Trial(**said, origin_latitude_deg=place[0], origin_longitude_deg=place[1])
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

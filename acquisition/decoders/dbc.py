@@ -61,11 +61,6 @@ def frame_key(message: DbcMessage) -> tuple[bool, int]:
     return False, message.frame_id
 
 
-def is_sentinel(raw: float, signal: DbcSignal) -> bool:
-    """Whether a raw value means "not available" or "error" by the rule of J1939-71 and NMEA 2000."""
-    return missing_by_rule(raw, signal) is not None
-
-
 def missing_by_rule(raw: float, signal: DbcSignal) -> str | None:
     """Why a raw value is no value by the rule of J1939-71 and NMEA 2000; None if it is one.
 

@@ -198,10 +198,6 @@ def _together(values: Values) -> Values:
     return missing or values
 
 
-def _clock(_message: Message) -> Reading:
-    return Reading([])
-
-
 def group_time(message: Message) -> int | None:
     """A message's date and time as ns since 1970; None if it does not say."""
     days, seconds = message["date"], message["time"]
@@ -237,23 +233,6 @@ def _deviated_deg(heading: Value, deviation: Value) -> Value:
     if abs(deviation) > pi:
         return "impossible deviation"
     return (heading + deviation) * DEG_PER_RAD % 360.0
-
-
-def _rate_of_turn(message: Message) -> Reading:
-    return Reading([("yaw_rate_dps", message.degrees("rate"))])
-
-
-def _attitude(message: Message) -> Reading:
-    """Roll and pitch; the yaw does not say which north it refers to."""
-    return Reading([("roll_deg", message.degrees("roll")), ("pitch_deg", message.degrees("pitch"))])
-
-
-def _variation(message: Message) -> Reading:
-    return Reading([("magnetic_variation_deg", message.degrees("variation"))])
-
-
-def _speed(message: Message) -> Reading:
-    return Reading([("speed_through_water_mps", message["speedWaterReferenced"])])
 
 
 def _position(message: Message) -> Reading:
@@ -311,17 +290,18 @@ def _wind(message: Message) -> Reading:
 
 
 READERS: dict[int, Callable[[Message], Reading]] = {
-    SYSTEM_TIME: _clock,
+    SYSTEM_TIME: lambda message: Reading([]),
     127245: _rudder,
     127250: _heading,
-    127251: _rate_of_turn,
-    127257: _attitude,
-    127258: _variation,
-    128259: _speed,
+    127251: lambda message: Reading([("yaw_rate_dps", message.degrees("rate"))]),
+    # the yaw does not say which north it refers to
+    127257: lambda message: Reading([(f"{name}_deg", message.degrees(name)) for name in ("roll", "pitch")]),
+    127258: lambda message: Reading([("magnetic_variation_deg", message.degrees("variation"))]),
+    128259: lambda message: Reading([("speed_through_water_mps", message["speedWaterReferenced"])]),
     129025: _position,
     129026: _course_and_speed,
     GNSS_POSITION: _gnss_position,
-    TIME_AND_DATE: _clock,
+    TIME_AND_DATE: lambda message: Reading([]),
     130306: _wind,
     130577: _direction_data,
     130578: _speed_components,

@@ -177,10 +177,6 @@ def _vtg(fields: Fields) -> Reading:
     return Reading(values, quality=_quality(mode))
 
 
-def _hdt(fields: Fields) -> Reading:
-    return Reading(_present(("heading_deg", fields.measured(0, "T"))))
-
-
 def _ths(fields: Fields) -> Reading:
     mode = fields.text(1)
     if mode not in ("A", *_SUSPECT_MODES):
@@ -197,10 +193,6 @@ def _hdg(fields: Fields) -> Reading:
     return Reading(_present(*pair))
 
 
-def _hdm(fields: Fields) -> Reading:
-    return Reading(_present(("heading_magnetic_deg", fields.measured(0, "M"))))
-
-
 def _rot(fields: Fields) -> Reading:
     rate_deg_per_min = fields.number(0)
     if fields.text(1) != "A":
@@ -215,11 +207,6 @@ def _vbw(fields: Fields) -> Reading:
     left_out = (ground and not ground_valid) or (water and not water_valid)
     values = (ground if ground_valid else []) + (water if water_valid else [])
     return Reading(values, refused=_NOT_VALID if left_out else "")
-
-
-def _vhw(fields: Fields) -> Reading:
-    """The headings in it repeat those of another device."""
-    return Reading(_present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K")))))
 
 
 def _mwv(fields: Fields, theoretical: str) -> Reading:
@@ -294,23 +281,20 @@ def _order(fields: Fields, controls: Controls, fills_channels: bool) -> Reading:
     return replace(reading, values=orders + (reading.values if fills_channels else []))
 
 
-def _unwanted_response(_: Fields) -> Reading:
-    return Reading(refused="thruster response where demands are wanted")
-
-
 _READERS: dict[str, Reader] = {
     "GGA": _gga,
     "GLL": _gll,
     "RMC": _rmc,
     "ZDA": _zda,
     "VTG": _vtg,
-    "HDT": _hdt,
+    "HDT": lambda fields: Reading(_present(("heading_deg", fields.measured(0, "T")))),
     "THS": _ths,
     "HDG": _hdg,
-    "HDM": _hdm,
+    "HDM": lambda fields: Reading(_present(("heading_magnetic_deg", fields.measured(0, "M")))),
     "ROT": _rot,
     "VBW": _vbw,
-    "VHW": _vhw,
+    # the headings in it repeat those of another device
+    "VHW": lambda fields: Reading(_present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))),
     "MWD": _mwd,
     "RSA": _rsa,
 }
@@ -325,12 +309,13 @@ def readers(
         thrusters.numbers[each.name]: tuple(channel.name for channel in each.channels) for each in actuators
     }
     demand = thrusters.channels_from == "demand"
+    unwanted = Reading(refused="thruster response where demands are wanted")
     return {
         **_READERS,
         "RPM": partial(_rpm, shafts=shafts(actuators)),
         "MWV": partial(_mwv, theoretical=theoretical),
         "VWR": partial(_obsolete_wind, reference="apparent"),
         "VWT": partial(_obsolete_wind, reference=theoretical),
-        "TRD": _unwanted_response if demand else partial(_thruster, controls=controls),
+        "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls),
         "TRC": partial(_order, controls=controls, fills_channels=demand),
     }

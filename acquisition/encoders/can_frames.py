@@ -16,7 +16,7 @@ from nmea2000.message import NMEA2000Field, NMEA2000Message
 from acquisition.config.sections import CanFrames
 from acquisition.core.channels import BY_NAME
 from acquisition.core.units import DEG_PER_RAD, scale_to
-from acquisition.decoders.dbc import find_signal, is_sentinel, load_dbc
+from acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
 from acquisition.encoders import Moment, Packet
 
 _LIBRARY = threading.Lock()  # its codec, one a process, raises when two threads meet in it
@@ -120,7 +120,7 @@ def _dbc_frame(
     for channel, (signal, scale) in signals.items():
         if channel in values:
             value = float(signal.scaled_to_raw(values[channel] / scale))
-            if signal.is_float or (_lowest(signal) <= value and not is_sentinel(round(value), signal)):
+            if signal.is_float or (_lowest(signal) <= value and missing_by_rule(round(value), signal) is None):
                 raw[signal.name] = value if signal.is_float else round(value)
                 carried.append(channel)
     payload = message.encode(raw, scaling=False, strict=False)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from math import cos, nan, pi, radians, sin
+from math import nan, radians
 from typing import Any
 
 from acquisition.config.sections import MavlinkLinks
 from acquisition.core.actuators import Actuators, shafts
 from acquisition.core.angles import wrap_180
 from acquisition.core.channels import BY_NAME
+from acquisition.core.kinematics import to_earth
 from acquisition.core.units import scale_to
 from acquisition.decoders.mavlink import UNKNOWN_VELOCITY
 from acquisition.encoders import Moment, Packet
@@ -33,7 +34,7 @@ class MavlinkEncoder:
         }
         self._shafts = tuple(f"{name}_rpm" for name in shafts(actuators)[:2])
         self._boot_ns: int | None = None
-        self._heading_rad: float | None = None
+        self._heading_deg: float | None = None
 
     def encode(self, moment: Moment) -> list[Packet]:
         if self._boot_ns is None:
@@ -56,8 +57,8 @@ class MavlinkEncoder:
         if carries:
             messages.append(self._attitude(values, boot_ms))
         velocity = None
-        if self._heading_rad is not None and {"surge_mps", "sway_mps"} <= values.keys():
-            velocity = _over_ground(values["surge_mps"], values["sway_mps"], self._heading_rad)
+        if self._heading_deg is not None and {"surge_mps", "sway_mps"} <= values.keys():
+            velocity = to_earth(values["surge_mps"], values["sway_mps"], self._heading_deg)
             messages.append(self._link.local_position_ned_encode(boot_ms, 0.0, 0.0, 0.0, *velocity, 0.0))
             carries |= {"surge_mps", "sway_mps"}
         if moment.latitude_deg is not None and moment.longitude_deg is not None:
@@ -71,7 +72,7 @@ class MavlinkEncoder:
 
     def _attitude(self, values: dict[str, float], boot_ms: int) -> Any:
         if "heading_deg" in values:
-            self._heading_rad = radians(values["heading_deg"])
+            self._heading_deg = values["heading_deg"]
         yaw = radians(float(wrap_180(values.get("heading_deg", nan))))
         return self._link.attitude_encode(
             boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, radians(values.get("yaw_rate_dps", nan))
@@ -90,9 +91,3 @@ class MavlinkEncoder:
             if channel in values:
                 message = self._link.named_value_float_encode(boot_ms, name, values[channel] / scale)
                 yield (channel,), message
-
-
-def _over_ground(surge_mps: float, sway_mps: float, heading_rad: float) -> tuple[float, float]:
-    """Velocity to north and east [m/s] from the ship's axes."""
-    c, s = cos(heading_rad % (2 * pi)), sin(heading_rad % (2 * pi))
-    return surge_mps * c - sway_mps * s, surge_mps * s + sway_mps * c

@@ -94,7 +94,7 @@ class Derivation:
         """Latitude and longitude of the plane's origin [deg], once it is known."""
         return None if self._plane is None else self._plane.origin
 
-    def admitted(self, sample: Sample) -> None:
+    def remember(self, sample: Sample) -> None:
         """Take note of what became the ship's channel: other lines' samples are derived with it."""
         if sample.quantity in _REMEMBERED:
             self._ship[sample.quantity] = sample

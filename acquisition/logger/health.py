@@ -48,7 +48,7 @@ class SourceHealth:
         reasons = {reason: count for each in self.refusals for reason, count in list(each.items()) if count}
         return {**reasons, "outside its channel's range": self.impossible} if self.impossible else reasons
 
-    def saw(self, frames: int, monotonic_ns: int) -> None:
+    def count_in(self, frames: int, monotonic_ns: int) -> None:
         """That many frames came."""
         self.frames += frames
         self.last_ns = monotonic_ns
@@ -81,7 +81,7 @@ class ChannelHealth:
     usual_hz: float = 0.0  # the best rate it has kept up so far
     times_ns: deque[int] = field(default_factory=lambda: deque(maxlen=2000))
 
-    def saw(self, sample: Sample) -> None:
+    def count_in(self, sample: Sample) -> None:
         """A sample of this channel was recorded."""
         self.count += 1
         self.value, self.source = sample.value, sample.source
@@ -140,13 +140,13 @@ class Health:
     def __post_init__(self) -> None:
         self.channels = {name: ChannelHealth() for name in self.names} | self.channels
 
-    def saw(self, sample: Sample) -> None:
+    def count_in(self, sample: Sample) -> None:
         """A sample was recorded."""
         self.samples += 1
         channel = self.channels.get(sample.quantity)
         if channel is None:
             channel = self.channels[sample.quantity] = ChannelHealth()
-        channel.saw(sample)
+        channel.count_in(sample)
 
     @property
     def seconds_left(self) -> float | None:

@@ -59,7 +59,7 @@ class LiveView:
         """Where a viewer connects to."""
         return f"ws://{self._settings.address}:{self._server.port}"
 
-    def hear(self, topic: str, data: bytes, log_ns: int) -> None:
+    def publish(self, topic: str, data: bytes, log_ns: int) -> None:
         """Pass a message on to whoever looks."""
         if topic.startswith(RAW_PREFIX):
             return

@@ -45,7 +45,7 @@ class Timescale:
         """The recording's UTC at a moment of the monotonic clock [ns]."""
         return monotonic_ns + self.offset_ns
 
-    def stamped(self, frame: Frame) -> Frame:
+    def stamp(self, frame: Frame) -> Frame:
         """The frame with its time of reception on this time scale; the same frame if it is there already."""
         received_ns = frame.monotonic_ns + self.offset_ns
         if -_TOLERANCE_NS < frame.received_ns - received_ns < _TOLERANCE_NS:
@@ -107,7 +107,7 @@ class Maintenance:
         """Do what is due now."""
         now_s = time.monotonic()
         self._look_at_the_clock()
-        self._parts.look_after(now_s)
+        self._parts.tick(now_s)
         if now_s - self._reported_s >= _HEALTH_EVERY_S:
             self._report(now_s)
         if now_s - self._flushed_s >= self._settings.flush_s - TICK_S:
@@ -132,7 +132,7 @@ class Maintenance:
         self._parts.set_clock(clock_metadata(self._scale), "the computer's clock was set")
         self._note("warning", f"{text}; times in {self._parts.path.name} are by the new time")
 
-    def last_word(self) -> None:
+    def report_sources(self) -> None:
         """Say the state of each source once more, when nothing more comes."""
         self._tell_health(time.monotonic_ns())
 

@@ -151,7 +151,7 @@ class Recorder:
             self._chores_s = time.monotonic()
             if finished and not frames:
                 self._parts.lost += len(self._inbox)
-                chores.last_word()
+                chores.report_sources()
                 return
             if self._parts.paused or not len(self._inbox):
                 time.sleep(_COME_BY_S)
@@ -161,7 +161,7 @@ class Recorder:
         self._processing.note(text, self._scale.utc_ns(time.monotonic_ns()), level)
 
     def _record(self, frame: Frame) -> None:
-        self._processing.process(self._scale.stamped(frame))
+        self._processing.process(self._scale.stamp(frame))
 
     def _note_texts(self) -> None:
         while not self._texts.empty():

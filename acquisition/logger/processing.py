@@ -186,8 +186,8 @@ class FrameProcessor:
                 self._tell(frame, change, "warning")
             if accepted:
                 self._writer.write_sample(sample)
-                self._health.saw(sample)
-                self._derivation.admitted(sample)
+                self._health.count_in(sample)
+                self._derivation.remember(sample)
                 has_position = has_position or sample.quantity in _POSITION
         if has_position:
             self._record_position({each.quantity: each for each in samples})

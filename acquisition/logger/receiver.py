@@ -119,7 +119,7 @@ class Receiver:
             self._tell("warning", str(as_source_error(self.source, error)))
 
     def _pass_on(self, frames: list[Frame]) -> None:
-        self._health.saw(len(frames), frames[-1].monotonic_ns)
+        self._health.count_in(len(frames), frames[-1].monotonic_ns)
         accepted = self._inbox.put(self._health.name, frames)
         dropped = len(frames) - accepted
         if dropped and self._health.dropped == self._dropped_before:

@@ -124,7 +124,7 @@ def _decode_all(
         if entry.topic.startswith(RAW_PREFIX):
             frame = _frame(entry, paths)
             if frame.origin in result.health.sources:
-                result.health.sources[frame.origin].saw(1, frame.monotonic_ns)
+                result.health.sources[frame.origin].count_in(1, frame.monotonic_ns)
                 processing.process(frame)
                 result.frames += 1
             else:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import defaultdict
-from typing import Any, Protocol
+from typing import Any
 
 import zstandard
 from mcap.data_stream import RecordBuilder
@@ -33,6 +33,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from acquisition.recording.storage import CommittedFile
+
 MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_CODE = int(Opcode.MESSAGE)
@@ -41,16 +43,6 @@ _INDEX = struct.Struct("<BQHI")
 _FOOTER_HEAD = struct.Struct("<BQQQ")
 _FOOTER_BYTES = 8 + 8 + 4
 _CHUNKS_TO_NEXT_DEFINITIONS = 300
-
-
-class Stream(Protocol):
-    """What an MCAP file asks of the file it is written to."""
-
-    def write(self, data: bytes, /) -> int:
-        """Take ``data`` in."""
-
-    def tell(self) -> int:
-        """Where the next byte will stand."""
 
 
 def serialise(record: McapRecord) -> bytes:
@@ -69,7 +61,7 @@ class McapFile:
     damage to one place makes the others unreadable.
     """
 
-    def __init__(self, stream: Stream, library: str, chunk_bytes: int) -> None:
+    def __init__(self, stream: CommittedFile, library: str, chunk_bytes: int) -> None:
         self._stream, self._chunk_bytes = stream, chunk_bytes
         self._compressor = zstandard.ZstdCompressor()
         self._schemas: list[bytes] = []

@@ -131,7 +131,7 @@ class RecordingParts(MessageSink):
             self._unkept -= unkept
             self._asked = unsure[0] - kept, unsure[1] - unkept
 
-    def look_after(self, now_s: float) -> None:
+    def tick(self, now_s: float) -> None:
         """Once a second: the size and age of the part, room on the disk, and whether a pause can end."""
         if now_s - self._looked_s < _LOOK_EVERY_S:
             return

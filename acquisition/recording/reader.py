@@ -265,13 +265,8 @@ def read_trial(path: Path | str) -> Trial:
     return stream.trial
 
 
-def describe(path: Path | str) -> dict[str, Any]:
+def describe(recording: Recording) -> dict[str, Any]:
     """Channels with counts, rates, span, sources and longest gap; raw counts; whether it was closed."""
-    return describe_recording(read_recording(path))
-
-
-def describe_recording(recording: Recording) -> dict[str, Any]:
-    """As :func:`describe`, of a recording that is already read."""
     return {
         "closed": recording.closed,
         "messages": recording.messages,

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from hashlib import blake2b
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -49,6 +49,8 @@ _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
 _MESSAGE_HEAD_BYTES = HEAD.size + 22
 
+Definition = TypeVar("Definition", Channel, Schema)
+
 
 @dataclass(slots=True)
 class Definitions:
@@ -62,18 +64,10 @@ class Definitions:
     others: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
     chunk_starts: array[int] = field(default_factory=lambda: array("Q"))
 
-    def channel(self, number: int) -> Channel | None:
-        """The channel of this number."""
-        found = self._get(Channel, number)
-        return found if isinstance(found, Channel) else None
-
-    def schema(self, number: int) -> Schema | None:
-        """The schema of this number."""
-        found = self._get(Schema, number)
-        return found if isinstance(found, Schema) else None
-
-    def _get(self, kind: type, number: int) -> Channel | Schema | None:
-        return self.vouched.get((kind, number)) or self.others.get((kind, number))
+    def find(self, kind: type[Definition], number: int) -> Definition | None:
+        """The channel or schema of this number."""
+        found = self.vouched.get((kind, number)) or self.others.get((kind, number))
+        return found if isinstance(found, kind) else None
 
 
 def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Definitions:
@@ -359,7 +353,7 @@ class _Saving:
 
     def _channel(self, number: int) -> tuple[int, str] | None:
         """The copy's number of a channel, and its topic."""
-        channel = self._definitions.channel(number)
+        channel = self._definitions.find(Channel, number)
         if channel is None:
             return None
         schema = self._schema(channel.schema_id)
@@ -372,7 +366,7 @@ class _Saving:
         return self._topics[number]
 
     def _schema(self, number: int) -> int:
-        schema = self._definitions.schema(number)
+        schema = self._definitions.find(Schema, number)
         if schema is None:
             return 0  # MCAP's word for none
         key = (number, schema.name, schema.encoding, schema.data)

@@ -82,7 +82,7 @@ def scan(stream: BinaryIO) -> Iterator[Intact | Damage]:
     offset = 0
     while offset < records.size_bytes:
         try:
-            found = records.found_at(offset)
+            found = records.record_or_damage_at(offset)
         except OSError as error:
             where, fix = str(getattr(stream, "name", "")), "copy it to a sound disk first"
             raise InputError("cannot be read", where=where, why=error.strerror or str(error), fix=fix) from error
@@ -102,7 +102,7 @@ class _Records:
         self._false_alarms = 0
         self._search_budget_bytes = 8 * self.size_bytes + LARGEST_BYTES
 
-    def found_at(self, offset: int) -> Intact | Damage:
+    def record_or_damage_at(self, offset: int) -> Intact | Damage:
         """The record that begins here, or the damage."""
         try:
             return self.at(offset)

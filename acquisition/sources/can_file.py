@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from io import TextIOWrapper
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO
 
 import can
 
@@ -31,23 +31,12 @@ _EARLIEST_UTC_NS = 1_000_000_000 * 10**9
 _LATEST_NS = 2**63
 
 
-class _Log(Protocol):
-    """One kind of log: its frames, how much of it was none, and what broke it off, if anything did."""
-
-    damage: str
-
-    @property
-    def unreadable(self) -> int: ...
-
-    def __iter__(self) -> Iterator[LogEntry]: ...
-
-
 class CanFile(LogReader):
     """One log; ``unreadable`` counts its lines (of BLF: objects) that held no frame."""
 
     def __init__(self, config: CanFileSource) -> None:
         super().__init__(config)
-        self._log: _Log | None = None
+        self._log: _TextLog | _LibraryLog | None = None
         self._frames: Iterator[LogEntry] = iter(())
         self._opened_ns = self._last_ns = self._count = 0
         self._newest_ns: int | None = None  # as the log tells it
@@ -106,7 +95,7 @@ def _told_time(time_ns: int) -> str:
     return iso(time_ns) if time_ns < _LATEST_NS else f"{time_ns / 1e9:.3f} s since 1970"
 
 
-def _log(file: BinaryIO, path: Path) -> _Log:
+def _log(file: BinaryIO, path: Path) -> _TextLog | _LibraryLog:
     """The log in an open file, by its first bytes. Raises :class:`ValueError` for what is none."""
     head = file.read(_HEAD_BYTES)
     file.seek(0)

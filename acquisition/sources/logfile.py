@@ -38,7 +38,7 @@ class LogFile(LogReader):
         frames = self._lines.push(block) if block else self._lines.end()
         if not block and not frames:
             return None
-        return self._time.stamped([frame for frame in frames if not frame.payload.startswith(b"#")])
+        return self._time.stamp([frame for frame in frames if not frame.payload.startswith(b"#")])
 
 
 class LogTime:
@@ -50,7 +50,7 @@ class LogTime:
     def __init__(self) -> None:
         self._now_ns: int | None = None
 
-    def stamped(self, frames: list[Frame]) -> list[Frame]:
+    def stamp(self, frames: list[Frame]) -> list[Frame]:
         """The bare lines with the log's time for every time they have; their own as long as the log tells none."""
         told = [_told(frame.payload) for frame in frames]
         if self._now_ns is None:

@@ -22,8 +22,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial
-from acquisition.emulator.emulate import Playback, emulate
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem, Playback, emulate
 from acquisition.recording.reader import Recording, read_recording
 from acquisition.recording.tables import write_table
 from analysis.quality.check import DataQuality, check_recording

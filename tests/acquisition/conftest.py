@@ -17,7 +17,7 @@ import pytest
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem
 from acquisition.recording.reader import MessageStream, read_recording
 from acquisition.recording.schemas import HEALTH_TOPIC
 from acquisition.recording.tables import write_table

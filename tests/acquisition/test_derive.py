@@ -50,7 +50,7 @@ class Ship:
     def says(self, source: str, at_s: float = 0.0, **values: float) -> Ship:
         samples, _ = self.derivation.channels(group(source, at_s, **values))
         for sample in samples:
-            self.derivation.admitted(sample)
+            self.derivation.remember(sample)
             self.values[sample.quantity] = sample.value
             self.sources[sample.quantity] = sample.source
         return self
@@ -262,7 +262,7 @@ def test_no_number_however_wrong_gets_past_its_channel(values: dict[str, float])
     derivation = Derivation(TRIAL, frozenset({"line"}), {"line": Mounting(1.0, 2.0, 3.0, 4.0)}, 5.0)
     for start in ({"heading_deg": 10.0}, {"yaw_rate_dps": 2.0}, {"surge_mps": 3.0, "sway_mps": 0.1}):
         for sample in derivation.channels(group("line/x:y", **start))[0]:
-            derivation.admitted(sample)
+            derivation.remember(sample)
     samples, impossible = derivation.channels(group("line/x:y", **values))
     assert all(BY_NAME[sample.quantity].holds(sample.value) for sample in samples)
     assert impossible >= 0

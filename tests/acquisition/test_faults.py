@@ -24,7 +24,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.frames import Frame, now_ns
 from acquisition.decoders.nmea2000 import parameter_group
 from acquisition.decoders.parameter_groups import READERS
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import health
 from acquisition.logger import maintenance as housekeeping

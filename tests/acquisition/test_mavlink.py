@@ -20,7 +20,7 @@ from acquisition.config.sections import MavlinkSerialSource, MavlinkSource, Mavl
 from acquisition.core.errors import ConfigurationError, SourceError
 from acquisition.core.frames import Frame, Sample
 from acquisition.decoders.mavlink import MavlinkDecoder
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem
 from acquisition.sources import Source, make_source
 from tests.acquisition.conftest import free_port
 

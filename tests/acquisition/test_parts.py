@@ -90,7 +90,7 @@ def test_parts_by_time_follow_each_other_without_a_gap(tmp_path: Path, clock: Ca
         recorded.write(200)
         clock(31.0)
         recorded.parts.sync()
-        recorded.parts.look_after(clock.now())  # type: ignore[attr-defined]
+        recorded.parts.tick(clock.now())  # type: ignore[attr-defined]
     recorded.parts.close()
     assert len(recorded.parts.paths) == 3
     assert recorded.values() == recorded.expected()
@@ -105,7 +105,7 @@ def test_parts_by_size(tmp_path: Path, clock: Callable[[float], None]) -> None:
         recorded.write(100)
         recorded.parts.sync()
         clock(1.0)
-        recorded.parts.look_after(clock.now())  # type: ignore[attr-defined]
+        recorded.parts.tick(clock.now())  # type: ignore[attr-defined]
     recorded.parts.close()
     assert len(recorded.parts.paths) > 3
     assert recorded.values() == recorded.expected()
@@ -205,7 +205,7 @@ def test_a_disk_that_is_gone_leaves_a_readable_file(tmp_path: Path, disk: Failin
     recorded.write(100)
     disk.error = error
     recorded.parts.sync()
-    recorded.parts.look_after(float("inf"))
+    recorded.parts.tick(float("inf"))
     assert recorded.parts.paused
     disk.error = None
     recorded.parts.resume()
@@ -261,18 +261,18 @@ def test_a_reserve_is_left_and_the_recording_goes_on_when_there_is_room(
     monkeypatch.setattr(storage, "free_bytes", lambda folder: (free[0], 100_000_000))
     recorded = Recorded(tmp_path, reserve_mb=4.0)
     recorded.write(100)
-    recorded.parts.look_after(1e9)
+    recorded.parts.tick(1e9)
     assert not recorded.parts.paused
     free[0] = 3_000_000
-    recorded.parts.look_after(2e9)
+    recorded.parts.tick(2e9)
     assert recorded.parts.paused
     assert_opens_everywhere(recorded.parts.path)
     recorded.write(50)
     free[0] = 4_100_000  # more than the reserve, but not by enough to stop and go all the time
-    recorded.parts.look_after(3e9)
+    recorded.parts.tick(3e9)
     assert recorded.parts.paused
     free[0] = 5_000_000
-    recorded.parts.look_after(4e9)
+    recorded.parts.tick(4e9)
     assert not recorded.parts.paused
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
@@ -294,7 +294,7 @@ def test_a_file_that_is_deleted_is_put_back(tmp_path: Path, whole_folder: bool) 
     first = recorded.parts.path
     shutil.rmtree(folder) if whole_folder else first.unlink()
     recorded.write(50)
-    recorded.parts.look_after(float("inf"))
+    recorded.parts.tick(float("inf"))
     recorded.write(50)
     recorded.parts.close()
     assert recorded.parts.paths[0] == first
@@ -326,7 +326,7 @@ def test_whatever_happens_in_whatever_order_nothing_is_lost_or_changed(
             "gone": lambda: setattr(disk, "error", errno.EIO),
             "room": lambda: (setattr(disk, "room", float("inf")), setattr(disk, "error", None)),
             "split": lambda: recorded.parts.next_part("asked for"),
-            "look": lambda: recorded.parts.look_after(float("inf")),
+            "look": lambda: recorded.parts.tick(float("inf")),
         }
         for step in steps:
             actions[step]()
@@ -355,10 +355,10 @@ def test_a_deleted_file_that_cannot_be_put_back_yet_is_not_given_up(
     recorded.write(100)
     recorded.parts.path.unlink()
     for later in (1e9, 2e9):
-        recorded.parts.look_after(later)
+        recorded.parts.tick(later)
         recorded.write(100)
     room[0] = True
-    recorded.parts.look_after(3e9)
+    recorded.parts.tick(3e9)
     recorded.write(100)
     recorded.parts.close()
     assert recorded.values() == recorded.expected()
@@ -385,7 +385,7 @@ def test_a_deleted_file_whose_name_is_taken_comes_back_under_another(tmp_path: P
     path = recorded.parts.path
     path.unlink()
     path.write_text("somebody's")
-    recorded.parts.look_after(1e9)
+    recorded.parts.tick(1e9)
     recorded.parts.close()
     assert path.read_text() == "somebody's"
     assert recorded.values() == recorded.expected()
@@ -401,7 +401,7 @@ def test_a_disk_that_does_not_even_answer_pauses_the_recording(
         patched.setattr(
             storage.os, "fstat", lambda descriptor: (_ for _ in ()).throw(OSError(errno.ESTALE, "stale"))
         )
-        recorded.parts.look_after(1e9)
+        recorded.parts.tick(1e9)
     assert recorded.parts.paused
     recorded.parts.resume()
     recorded.parts.close()

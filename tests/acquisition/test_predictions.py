@@ -272,7 +272,7 @@ def test_predictions_are_in_the_recording_and_every_reader_copes(
     redecode([recording], tmp_path / "redecoded.mcap")
     for each in (recording, tmp_path / "recovered.mcap", tmp_path / "redecoded.mcap"):
         assert read_recording(each).series["heading_deg"].value.size == 100, each
-        assert describe(each)["channels"]["heading_deg"]["count"] == 100
+        assert describe(read_recording(each))["channels"]["heading_deg"]["count"] == 100
         assert read_recording(each).predictions == 1
         assert "1 predictions made beside the recorder" in CliRunner().invoke(app, ["info", str(each)]).output
         (said,) = [entry for entry in MessageStream(each) if entry.topic == "/prediction"]

@@ -16,8 +16,7 @@ import pytest
 
 from acquisition.config.configuration import load_config
 from acquisition.core.errors import SourceError
-from acquisition.emulator.emulate import emulate
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem, emulate
 from acquisition.logger.record import record
 from acquisition.recording.reader import read_recording
 from tests.acquisition.conftest import (

@@ -192,14 +192,14 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes, message
     path = tmp_path / "fake.mcap"
     path.write_bytes(content)
     with pytest.raises(InputError, match=message):
-        describe(path)
+        describe(read_recording(path))
 
 
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="does not exist"):
-        describe(tmp_path / "nowhere.mcap")
+        describe(read_recording(tmp_path / "nowhere.mcap"))
     with pytest.raises(InputError, match="is a folder"):
-        describe(tmp_path)
+        describe(read_recording(tmp_path))
 
 
 def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
@@ -212,7 +212,7 @@ def test_info_counts_rates_and_gaps(tmp_path: Path) -> None:
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)
     table.loc[table.index[20:40], "port_rpm"] = math.nan
     write_table(table, tmp_path / "gap.mcap", FULL_TRIAL, source="logger")
-    found = describe(tmp_path / "gap.mcap")
+    found = describe(read_recording(tmp_path / "gap.mcap"))
     assert found["closed"]
     assert found["trial"]["trial"] == "a trial"
     assert found["duration_s"] == pytest.approx(9.9)

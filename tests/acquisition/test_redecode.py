@@ -17,7 +17,7 @@ import seatrial
 from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.errors import InputError, SeatrialError, StorageError
 from acquisition.core.frames import Frame, FrameFlag
-from acquisition.emulator.emulate import moments_of
+from acquisition.emulator import moments_of
 from acquisition.encoders import make_encoder
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import redecode as redecode_module

@@ -14,8 +14,7 @@ from acquisition.config.configuration import TrialConfig, load_config
 from acquisition.core.angles import difference
 from acquisition.core.arrays import Series
 from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
-from acquisition.emulator.emulate import Playback, emulate
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem, Playback, emulate
 from acquisition.logger.record import record
 from acquisition.recording.reader import Recording, read_recording
 from tests.acquisition.conftest import (
@@ -182,8 +181,7 @@ def test_times_of_reception_follow_the_played_times(tmp_path: Path, null_modem: 
 
 def test_tcp_gateway(tmp_path: Path, null_modem: NullModem) -> None:
     """A TCP multiplexer that is there before the recorder: every sentence arrives."""
-    from acquisition.emulator.emulate import moments_of
-    from acquisition.emulator.transmitters import open_transmitter
+    from acquisition.emulator import moments_of, open_transmitter
     from acquisition.encoders import make_encoder
 
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=10.0)

@@ -24,7 +24,7 @@ from acquisition.config.configuration import load_config
 from acquisition.config.sections import UdpSource
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import SourceError
-from acquisition.emulator.transmitters import NullModem
+from acquisition.emulator import NullModem
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger import supervision
 from acquisition.logger.health import Health

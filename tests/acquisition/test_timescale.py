@@ -68,11 +68,11 @@ def test_a_small_error_is_followed_to_its_end() -> None:
 def test_a_frame_is_stamped_anew_only_when_its_time_is_another() -> None:
     scale = Timescale(NOW, 0)
     good = frame(NOW + SECOND, SECOND)
-    assert scale.stamped(good) is good
-    assert scale.stamped(frame(NOW - 3600 * SECOND, SECOND)).received_ns == NOW + SECOND
+    assert scale.stamp(good) is good
+    assert scale.stamp(frame(NOW - 3600 * SECOND, SECOND)).received_ns == NOW + SECOND
     scale.follow(NOW - 3600 * SECOND, 2 * SECOND)
     scale.adopt()
-    assert scale.stamped(good).received_ns == NOW - 3601 * SECOND
+    assert scale.stamp(good).received_ns == NOW - 3601 * SECOND
 
 
 def test_the_system_says_whether_its_clock_is_kept() -> None:

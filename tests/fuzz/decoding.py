@@ -20,6 +20,6 @@ def check_frame(decoder: Decoder, derivation: Derivation, frame: Frame) -> None:
         assert impossible >= 0
         for sample in samples:
             assert BY_NAME[sample.quantity].holds(sample.value), sample
-            derivation.admitted(sample)
+            derivation.remember(sample)
     assert decoder.refused.total() >= refused
     decoder.notices.clear()

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from acquisition.config.configuration import load_config
-from acquisition.emulator.emulate import emulate
+from acquisition.emulator import emulate
 from acquisition.logger.predictions import schema_violation
 from acquisition.recording.reader import MessageStream, describe, read_recording
 from acquisition.recording.schemas import PREDICTION
@@ -136,7 +136,7 @@ def test_predictions_and_their_errors_are_recorded_and_no_sample_is_lost(aboard:
 
     found = recorded([path])
     assert {name: found[name] for name in sent} == sent
-    assert describe(path)["closed"]
+    assert describe(read_recording(path))["closed"]
     said = predictions_in(path)
     assert all(schema_violation(body, PREDICTION) == "" for _, body in said)
     assert len(said) > summary["recorded"] >= 5  # the other one's are among them

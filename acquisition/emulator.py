@@ -1,0 +1,350 @@
+"""The mirror image of the logger: a recording becomes traffic on the buses and lines of a configuration.
+
+Each source of the configuration sends the channels that it lists, in the order and at the pace of the
+recording. A source with ``clock = "source"`` announces the recording's own time before each moment.
+"""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import socket
+import threading
+import time
+import tty
+from abc import ABC, abstractmethod
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import pymap3d
+
+from acquisition.config.configuration import TrialConfig
+from acquisition.config.sections import (
+    AnySource,
+    CanSource,
+    FileSource,
+    MavlinkSource,
+    SerialSource,
+    TcpSource,
+    UdpSource,
+)
+from acquisition.core.errors import InputError, SourceError, storage_error
+from acquisition.core.progress import Progress
+from acquisition.encoders import Encoder, Moment, Packet, make_encoder
+from acquisition.recording.reader import Recording, read_recording
+
+_WRITE_TIMEOUT_S = 5.0
+_WAIT_S = 30.0
+_BLOCK_BYTES = 4096
+_POLL_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Playback:
+    """What was sent: moments and packets in all, values by channel, the time it took [s].
+
+    ``unsent`` counts values that no message could carry: a north without an east at the same time, say.
+    """
+
+    moments: int
+    packets: int
+    counts: dict[str, int]
+    unsent: dict[str, int]
+    duration_s: float
+    latest_s: float
+
+
+def moments_of(
+    recording: Recording, channels: tuple[str, ...], origin: tuple[float, float] | None
+) -> Iterator[Moment]:
+    """The instants at which any of ``channels`` has a sample, in order of measured time.
+
+    Raises :class:`InputError` when positions are wanted but no origin is known.
+    """
+    present = [name for name in channels if name in recording.series]
+    if {"north_m", "east_m"} & set(present) and origin is None:
+        raise InputError(
+            "has positions but no origin",
+            where=str(recording.path),
+            fix="give [trial] origin in the configuration",
+        )
+    times = np.concatenate([recording.series[name].measured_ns for name in present] or [np.empty(0, np.int64)])
+    values = np.concatenate([recording.series[name].value for name in present] or [np.empty(0)])
+    which = np.repeat(np.arange(len(present)), [recording.series[name].value.size for name in present])
+    order = np.argsort(times, kind="stable")
+    edges = np.flatnonzero(np.diff(times[order])) + 1
+    for rows in np.split(order, edges) if order.size else []:
+        now = {present[which[row]]: float(values[row]) for row in rows}
+        yield _with_fix(int(times[rows[0]]), now, origin)
+
+
+def _with_fix(time_ns: int, values: dict[str, float], origin: tuple[float, float] | None) -> Moment:
+    if origin is None or "north_m" not in values or "east_m" not in values:
+        fix = values.get("latitude_deg"), values.get("longitude_deg")
+        return Moment(time_ns, values) if None in fix else Moment(time_ns, values, *fix)
+    latitude, longitude, _ = pymap3d.ned2geodetic(values["north_m"], values["east_m"], 0.0, *origin, 0.0)
+    return Moment(time_ns, values, float(latitude), float(longitude))
+
+
+@dataclass(slots=True)
+class _Player:
+    """One source's queue of moments, its encoder and the far end of its line."""
+
+    moments: list[Moment]
+    encoder: Encoder
+    outlet: Transmitter
+
+
+def emulate(
+    path: Path | str, config: TrialConfig, speed: float = 1.0, progress: Progress | None = None
+) -> Playback:
+    """Play a recording onto the buses and lines of ``config``, ``speed`` times as fast as it was.
+
+    Raises :class:`InputError` for an unfit recording and :class:`SourceError` for a line that fails.
+    """
+    recording = read_recording(path)
+    origin = config.trial.origin or recording.trial.origin
+    players: list[_Player] = []
+    try:
+        for section in config.sources:
+            moments = list(moments_of(recording, section.channels, origin))
+            players.append(_Player(moments, make_encoder(section, config.actuators), open_transmitter(section)))
+        schedule = _schedule(players)
+        if not schedule:
+            raise InputError("holds none of the channels that the configuration plays", where=str(path))
+        for player in players:
+            player.outlet.ready()
+        return _play(schedule, players, speed, progress or (lambda share: None))
+    finally:
+        for player in players:
+            player.outlet.close()
+
+
+def _schedule(players: list[_Player]) -> list[tuple[int, int, int]]:
+    """(time, player, moment) of everything to send, in order."""
+    return sorted(
+        (moment.time_ns, number, index)
+        for number, player in enumerate(players)
+        for index, moment in enumerate(player.moments)
+    )
+
+
+def _play(
+    schedule: list[tuple[int, int, int]], players: list[_Player], speed: float, progress: Progress
+) -> Playback:
+    first_ns, last_ns = schedule[0][0], schedule[-1][0]
+    span_ns = max(last_ns - first_ns, 1)
+    started_s = time.monotonic()
+    given: Counter[str] = Counter()
+    sent: Counter[str] = Counter()
+    packets_sent, latest_s = 0, 0.0
+    for time_ns, number, index in schedule:
+        due_s = started_s + (time_ns - first_ns) / 1e9 / speed
+        wait_s = due_s - time.monotonic()
+        if wait_s > 0:
+            time.sleep(wait_s)
+        latest_s = max(latest_s, -wait_s)
+        player = players[number]
+        moment = player.moments[index]
+        packets = player.encoder.encode(moment)
+        player.outlet.send(packets)
+        packets_sent += len(packets)
+        given.update(moment.values.keys())
+        for packet in packets:
+            sent.update(packet.carries)
+        progress((time_ns - first_ns) / span_ns)
+    took_s = time.monotonic() - started_s
+    return Playback(len(schedule), packets_sent, dict(sent), dict(given - sent), took_s, latest_s)
+
+
+class Transmitter(ABC):
+    """One bus or line to send on, the far end of a source; heirs say how."""
+
+    errors: tuple[type[Exception], ...] = (OSError,)
+
+    def __init__(self, config: AnySource, link: Any) -> None:
+        self._name, self._link = config.name, link
+
+    def ready(self) -> None:
+        """Wait until somebody can listen. Raises :class:`SourceError` when nobody comes."""
+        return
+
+    def send(self, packets: list[Packet]) -> None:
+        """Send the packets in order. Raises :class:`SourceError`."""
+        try:
+            self._write(packets)
+        except SourceError:
+            raise
+        except self.errors as error:
+            where, fix = f"source {self._name!r}", "check the line and who listens on it"
+            raise SourceError("cannot be sent on", where=where, why=str(error), fix=fix) from error
+
+    @abstractmethod
+    def _write(self, packets: list[Packet]) -> None:
+        """Send the packets in order."""
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._link.close()
+
+
+def open_transmitter(config: AnySource) -> Transmitter:
+    """Open the far end of a source. Raises :class:`SourceError`."""
+    if isinstance(config, CanSource):
+        return _CanTransmitter(config)
+    if isinstance(config, SerialSource):
+        return _SerialTransmitter(config)
+    if isinstance(config, UdpSource | MavlinkSource):
+        return _UdpTransmitter(config)
+    if isinstance(config, TcpSource):
+        return _TcpTransmitter(config)
+    if isinstance(config, FileSource):
+        return _FileTransmitter(config)
+    raise SourceError(
+        f"nothing can be played onto a {config.type} source",
+        where=f"source {config.name!r}",
+        fix="play onto can, serial, udp, tcp, file or mavlink",
+    )
+
+
+def _bytes_of(packets: list[Packet]) -> bytes:
+    return b"".join(packet.payload for packet in packets)
+
+
+class _CanTransmitter(Transmitter):
+    def __init__(self, config: CanSource) -> None:
+        import can
+
+        from acquisition.sources.can_bus import open_bus
+
+        self._make_message = can.Message
+        self.errors = (can.CanError, OSError)
+        super().__init__(config, open_bus(config))
+
+    def _write(self, packets: list[Packet]) -> None:
+        for packet in packets:
+            self._link.send(
+                self._make_message(
+                    arbitration_id=packet.identifier, data=packet.payload, is_extended_id=packet.extended
+                )
+            )
+
+    def close(self) -> None:
+        with suppress(*self.errors):
+            self._link.shutdown()
+
+
+class _SerialTransmitter(Transmitter):
+    """On closing, the system sends what it holds before it lets the line go."""
+
+    def __init__(self, config: SerialSource) -> None:
+        from acquisition.sources.streams import open_port
+
+        super().__init__(config, open_port(config))
+        self._link.write_timeout = _WRITE_TIMEOUT_S
+
+    def _write(self, packets: list[Packet]) -> None:
+        self._link.write(_bytes_of(packets))
+
+
+class _UdpTransmitter(Transmitter):
+    def __init__(self, config: UdpSource | MavlinkSource) -> None:
+        super().__init__(config, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        self._address = (config.address, config.port)
+
+    def _write(self, packets: list[Packet]) -> None:
+        if payload := _bytes_of(packets):
+            with suppress(ConnectionRefusedError):  # nobody listens yet, which is no fault of a datagram's
+                self._link.sendto(payload, self._address)
+
+
+class _TcpTransmitter(Transmitter):
+    """The gateway's side: waits for the logger to connect, then serves that one connection."""
+
+    def __init__(self, config: TcpSource) -> None:
+        try:
+            server = socket.create_server((config.address, config.port))
+        except OSError as error:
+            where = f"source {config.name!r}"
+            raise SourceError(
+                f"TCP {config.address}:{config.port} cannot be served", where=where, why=str(error)
+            ) from error
+        super().__init__(config, server)
+        server.settimeout(_WAIT_S)
+        self._client: socket.socket | None = None
+
+    def ready(self) -> None:
+        self._connected()
+
+    def _connected(self) -> socket.socket:
+        if self._client is None:
+            try:
+                self._client, _ = self._link.accept()
+            except OSError as error:
+                where = f"source {self._name!r}"
+                raise SourceError("no logger connected", where=where, why=str(error), fix="start it") from error
+        return self._client
+
+    def _write(self, packets: list[Packet]) -> None:
+        self._connected().sendall(_bytes_of(packets))
+
+    def close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+        super().close()
+
+
+class _FileTransmitter(Transmitter):
+    def __init__(self, config: FileSource) -> None:
+        try:
+            super().__init__(config, config.path.open("wb"))
+        except OSError as error:
+            raise storage_error(config.path, error) from error
+
+    def _write(self, packets: list[Packet]) -> None:
+        self._link.write(_bytes_of(packets))
+
+    def close(self) -> None:
+        self._link.flush()
+        os.fsync(self._link.fileno())
+        super().close()
+
+
+class NullModem:
+    """A context manager; what is written to ``emulator_device`` can be read from ``logger_device``."""
+
+    def __enter__(self) -> NullModem:
+        self._near, self._near_port = pty.openpty()
+        self._far, self._far_port = pty.openpty()
+        for port in (self._near_port, self._far_port):
+            tty.setraw(port)
+        self.emulator_device, self.logger_device = os.ttyname(self._near_port), os.ttyname(self._far_port)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._carry, name="null modem", daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stop.set()
+        self._thread.join()
+        for descriptor in (self._near, self._near_port, self._far, self._far_port):
+            os.close(descriptor)
+
+    def _carry(self) -> None:
+        while not self._stop.is_set():
+            readable, _, _ = select.select([self._near], [], [], _POLL_S)
+            if readable:
+                pending = os.read(self._near, _BLOCK_BYTES)
+                while pending and not self._stop.is_set():
+                    _, writable, _ = select.select([], [self._far], [], _POLL_S)
+                    if writable:
+                        pending = pending[os.write(self._far, pending) :]

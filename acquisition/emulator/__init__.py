@@ -1,1 +1,0 @@
-"""The mirror image of the logger: a recording back onto buses and lines."""
