@@ -193,7 +193,8 @@ Columns = dict[str, Floats]
 
 _LONGEST_HOLE_S = 10.0
 _LONGEST_HOLE_WITH_RATE_S = 60.0
-_SPEED = ("surge_mps", "sway_mps")
+_SCALED = {"yaw_rate_scale": ("yaw rate", ("yaw_rate_dps",)),
+           "speed_scale": ("surge and sway", ("surge_mps", "sway_mps"))}  # fmt: skip
 _HEADING_STAYS = "heading left as it is: the yaw rate is lacking, or scatters too much to mend it"
 _EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray values became gaps",
             "stuck": "values of a sensor that stood still became gaps"}  # fmt: skip
@@ -290,18 +291,11 @@ def repair_heading_wrap(table: pd.DataFrame, finding: Finding, _: FlagsByChannel
     return SingleRepair(f"{int(wrong.sum())} samples of {name} put back on the circle", {name: value})
 
 
-def scale_yaw_rate(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Multiply the yaw rate by the factor that was found."""
-    factor = float(finding.estimate["factor"])
-    columns = {name: table[name].to_numpy(dtype=float) * factor for name in ("yaw_rate_dps",) if name in table}
-    return SingleRepair(f"yaw rate multiplied by {factor:.4f}", columns)
-
-
-def scale_speeds(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
-    """Multiply surge and sway by the factor that was found."""
-    factor = float(finding.estimate["factor"])
-    columns = {name: table[name].to_numpy(dtype=float) * factor for name in _SPEED if name in table}
-    return SingleRepair(f"surge and sway multiplied by {factor:.4f}", columns)
+def scale_channels(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
+    """Multiply the yaw rate, or surge and sway, by the factor that was found."""
+    factor, (words, names) = float(finding.estimate["factor"]), _SCALED[finding.code]
+    columns = {name: table[name].to_numpy(dtype=float) * factor for name in names if name in table}
+    return SingleRepair(f"{words} multiplied by {factor:.4f}", columns)
 
 
 def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
@@ -310,7 +304,7 @@ def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> 
     if rebuilt is None:
         return SingleRepair(_HEADING_STAYS, {}, told=True)
     text = f"heading rebuilt from the integrated yaw rate, tied to the recorded one over {rebuilt.tie_s:.0f} s"
-    return SingleRepair(text, {"heading_deg": rebuilt.heading_deg})
+    return SingleRepair(text, rebuilt.columns)
 
 
 def repair_positions(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> SingleRepair:
@@ -354,8 +348,8 @@ REPAIRS: dict[str, Callable[[pd.DataFrame, Finding, FlagsByChannel], SingleRepai
     "stuck": remove_flagged,
     "duplicate": remove_duplicates,
     WRAP_INTERPOLATED: repair_heading_wrap,
-    "yaw_rate_scale": scale_yaw_rate,
-    "speed_scale": scale_speeds,
+    "yaw_rate_scale": scale_channels,
+    "speed_scale": scale_channels,
     "heading_time_jitter": repair_heading,
     "position_time_jitter": repair_positions,
     "wind_apparent": repair_apparent_wind,

@@ -185,7 +185,8 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
     memory; that memory is known once b is. The uncertainty is that of a jackknife over pieces of 40 s.
     """
     felt, velocity, gain = blocks.recorded + blocks.velocity, blocks.velocity, 1.0 + 0.0j
-    number = np.unique(np.floor(_next_times(blocks) / _PIECE_S), return_inverse=True)[1]
+    next_times = blocks.time_s[1:][_following(blocks)]
+    number = np.unique(np.floor(next_times / _PIECE_S), return_inverse=True)[1]
     for _ in range(3):
         memory = _memory(blocks, felt / gain - velocity)
         new_felt, new_velocity = _news(blocks, felt, memory), _news(blocks, velocity, memory)
@@ -215,10 +216,6 @@ def _detrended(blocks: _Blocks, vector: Complexes) -> Complexes:
 def _following(blocks: _Blocks) -> NDArray[np.bool_]:
     """Whether each block but the first follows directly on the one before."""
     return np.diff(blocks.time_s) < 1.5 * _BLOCK_S
-
-
-def _next_times(blocks: _Blocks) -> Floats:
-    return blocks.time_s[1:][_following(blocks)]
 
 
 def _memory(blocks: _Blocks, vector: Complexes) -> float:

@@ -1,14 +1,10 @@
-"""Pictures of manoeuvres: a zigzag against time, a circle to scale, the rest as both.
-
-Each function fills a figure; those that draw into one axes return the artists.
-"""
+"""Pictures of manoeuvres: a zigzag against time, a circle to scale, the rest as both."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -76,52 +72,42 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: 
     above.set_xlim(time_s[0], min(time_s[-1], end - start + _MARGIN_S))
 
 
-def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> list[Artist]:
+def _mark_overshoots(axes: Axes, motion: Motion, manoeuvre: Manoeuvre, heading: Floats) -> None:
     """From the heading at each execute to its extreme: a bar with the overshoot beside it."""
     start, end = seconds_of(motion, manoeuvre)
     executes = np.array([(each.value - motion.origin_ns) / 1e9 for each in manoeuvre.executes])
     few = len(executes) <= 10
-    artists: list[Artist] = [axes.axvline(0.0, color=FAINT, linewidth=0.8)]
+    axes.axvline(0.0, color=FAINT, linewidth=0.8)
     for number, (execute, following) in enumerate(zip(executes, [*executes[1:], end], strict=True), start=1):
         side = manoeuvre.sign if number % 2 else -manoeuvre.sign
         index = manoeuvre.indices.get(f"overshoot_{number}_deg")
-        artists.append(axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":"))
+        axes.axvline(execute - start, color=FAINT, linewidth=0.8, linestyle=":")
         if index is None:
             continue
         time_s, top = peak(motion.time_s, side * heading, execute, following)
         at_execute = float(np.interp(execute, motion.time_s, heading))
         where = time_s - start
-        artists.append(axes.vlines(where, at_execute, side * top, color=RED, linewidth=2.4))
-        artists.append(axes.hlines(at_execute, execute - start, where, color=RED, linewidth=0.8))
+        axes.vlines(where, at_execute, side * top, color=RED, linewidth=2.4)
+        axes.hlines(at_execute, execute - start, where, color=RED, linewidth=0.8)
         text = f"{index.value:.1f}±{0.5 * (index.high - index.low):.1f}°" if few else f"{index.value:.1f}°"
-        artists.append(
-            axes.annotate(
-                text,
-                (where, side * top),
-                xytext=(0, 5 * side),
-                fontsize=8 if few else 7,
-                textcoords="offset points",
-                ha="center",
-                va="bottom" if side > 0 else "top",
-                color=RED,
-            )
-        )
+        axes.annotate(
+            text, (where, side * top), xytext=(0, 5 * side), textcoords="offset points", fontsize=8 if few else 7,
+            ha="center", va="bottom" if side > 0 else "top", color=RED,
+        )  # fmt: skip
     axes.margins(y=0.15)
-    return artists  # fmt: skip
 
 
-def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> list[Artist]:
+def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> None:
     """Yaw rate on the left, speed on the right."""
     other = axes.twinx()
     other.spines["right"].set_visible(True)
     other.grid(visible=False)
-    lines = [*axes.plot(time_s, motion.yaw_rate_dps, color=GREEN, label="yaw rate [deg/s]"),
-             *other.plot(time_s, motion.speed_mps, color=PURPLE, label="speed over ground [m/s]")]  # fmt: skip
+    axes.plot(time_s, motion.yaw_rate_dps, color=GREEN, label="yaw rate [deg/s]")
+    other.plot(time_s, motion.speed_mps, color=PURPLE, label="speed over ground [m/s]")
     other.set_ylim(bottom=0.0)
     axes.set_ylabel("yaw rate [deg/s]", color=GREEN)
     other.set_ylabel("speed [m/s]", color=PURPLE)
     axes.set_xlabel("time since the execute [s]")
-    return list(lines)
 
 
 def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
@@ -157,7 +143,7 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
 
 def _outlines(
     axes: Axes, motion: Motion, start: float, ahead_deg: float, length_m: float | None, every_deg: float = 45.0
-) -> list[Artist]:
+) -> None:
     """The ship to scale at the execute and every 45 deg of turn; a thirtieth of the picture without a length."""
     across, ahead = _across_ahead(motion, start, ahead_deg)
     length = length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
@@ -165,44 +151,38 @@ def _outlines(
     turned[motion.time_s < start] = 0.0
     steps = np.floor(np.maximum.accumulate(turned) / every_deg)
     rows = [int(np.searchsorted(motion.time_s, start)), *(np.flatnonzero(np.diff(steps) > 0) + 1)]
-    return [
+    for row in rows[:17]:
         ship(axes, across[row], ahead[row], np.deg2rad(motion.heading_deg[row] - ahead_deg), length)
-        for row in rows[:17]
-    ]
 
 
 def _dimensions(
     axes: Axes, motion: Motion, manoeuvre: Manoeuvre, start: float, end: float, ahead_deg: float, suffix: str
-) -> list[Artist]:
+) -> None:
     """Arrows for advance, transfer and tactical diameter with their values."""
     turned = np.abs(motion.heading_deg - ahead_deg)
-    artists: list[Artist] = []
     quarter_s, half_s = (crossing_s(motion.time_s, turned, angle, start, end) for angle in (90.0, 180.0))
     if np.isfinite(quarter_s):
         ahead, across = along_and_across(motion, start, quarter_s, ahead_deg)
-        away = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across))
-        artists.append(_dimension(axes, (away, 0.0), (away, ahead), _said(manoeuvre, "advance_m" + suffix)))
-        above = ahead - 0.12 * ahead
-        artists.append(_dimension(axes, (0.0, above), (across, above), _said(manoeuvre, "transfer_m" + suffix)))
-        artists += axes.plot([away, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
+        away, above = -manoeuvre.sign * 0.12 * max(abs(ahead), abs(across)), ahead - 0.12 * ahead
+        _dimension(axes, (away, 0.0), (away, ahead), manoeuvre, "advance_m" + suffix)
+        _dimension(axes, (0.0, above), (across, above), manoeuvre, "transfer_m" + suffix)
+        axes.plot([away, across], [ahead, ahead], color=FAINT, linewidth=0.8, linestyle="--")
     if np.isfinite(half_s):
         ahead, across = along_and_across(motion, start, half_s, ahead_deg)
-        text = _said(manoeuvre, "tactical_diameter_m" + suffix)
-        artists.append(_dimension(axes, (0.0, ahead), (across, ahead), text))
-    return artists
+        _dimension(axes, (0.0, ahead), (across, ahead), manoeuvre, "tactical_diameter_m" + suffix)
 
 
-def _said(manoeuvre: Manoeuvre, name: str) -> str:
+def _dimension(
+    axes: Axes, begin: tuple[float, float], end: tuple[float, float], manoeuvre: Manoeuvre, name: str
+) -> None:
+    """An arrow with the name and the value of an index."""
     index = manoeuvre.indices[name]
     words = name.removesuffix("_current_removed").removesuffix("_m").replace("_", " ")
-    return f"{words}\n{index.value:.1f}±{max(0.5 * (index.high - index.low), 0.1):.1f} m"
-
-
-def _dimension(axes: Axes, begin: tuple[float, float], end: tuple[float, float], text: str) -> Artist:
+    text = f"{words}\n{index.value:.1f}±{max(0.5 * (index.high - index.low), 0.1):.1f} m"
     axes.annotate("", end, begin, arrowprops={"arrowstyle": "<->", "color": RED, "linewidth": 1.0})
     middle = ((begin[0] + end[0]) / 2.0, (begin[1] + end[1]) / 2.0)
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.0}
-    return axes.annotate(text, middle, color=RED, fontsize=8, ha="center", va="center", bbox=box, zorder=4)
+    axes.annotate(text, middle, color=RED, fontsize=8, ha="center", va="center", bbox=box, zorder=4)
 
 
 def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:

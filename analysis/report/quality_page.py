@@ -98,19 +98,23 @@ def _good_share(quality: DataQuality, name: str) -> str:
 
 def draw_flags(figure: Figure, quality: DataQuality) -> None:
     """Flags by channel over time, and the findings as lines."""
-    from matplotlib.dates import ConciseDateFormatter
+    from matplotlib.dates import ConciseDateFormatter, date2num
     from matplotlib.patches import Patch
 
     axes = figure.subplots()
     stamps = times_ns(quality.flags)
     first, last = main_stretch(stamps)
     edges = np.linspace(first, last + 1, _BINS + 1)
-    days = _days(edges.astype("datetime64[ns]"))
+    days = date2num(edges.astype("datetime64[ns]"))  # type: ignore[no-untyped-call]
     names = list(quality.channels)
     for line, name in enumerate(names):
-        _draw_line(axes, line, days, binned_flags(stamps, quality.flags[name].to_numpy(), edges))
+        flags = binned_flags(stamps, quality.flags[name].to_numpy(), edges)
+        for flag, colour in COLOURS.items():
+            bars = [(days[a], days[b] - days[a]) for a, b in zip(*runs(flags == flag), strict=True)]
+            axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
     codes = list(dict.fromkeys(each.code for each in quality.findings))
-    _draw_findings(axes, quality.findings, names, codes)
+    colours = {code: PALETTE[number % len(PALETTE)] for number, code in enumerate(codes)}
+    _draw_findings(axes, quality.findings, names, colours)
     axes.set_yticks(range(len(names)), names, fontsize=8)
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.set_xlim(days[0], days[-1])
@@ -123,7 +127,7 @@ def draw_flags(figure: Figure, quality: DataQuality) -> None:
     legend = [
         Patch(color=COLOURS[flag], label=_NAMES[flag]) for flag in (Quality.GOOD, Quality.SUSPECT, Quality.BAD)
     ]
-    legend += [Patch(color=_colour(code, codes), label=code.replace("_", " ")) for code in codes]
+    legend += [Patch(color=colour, label=code.replace("_", " ")) for code, colour in colours.items()]
     axes.legend(handles=legend, loc="lower left", bbox_to_anchor=(0, 1.0), ncols=5, fontsize=7, frameon=False)
 
 
@@ -144,36 +148,20 @@ def binned_flags(
     return np.asarray(known.ffill(limit=max(int(usual), 1)).fillna(0), dtype=np.int64)
 
 
-def _days(times: NDArray[np.datetime64]) -> NDArray[np.float64]:
+def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], colours: dict[str, str]) -> None:
+    """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
     from matplotlib.dates import date2num
 
-    days: NDArray[np.float64] = date2num(times)  # type: ignore[no-untyped-call]
-    return days
-
-
-def _colour(code: str, codes: list[str]) -> str:
-    return PALETTE[codes.index(code) % len(PALETTE)]
-
-
-def _draw_line(axes: Axes, line: int, days: NDArray[np.float64], flags: NDArray[np.int64]) -> None:
-    for flag, colour in COLOURS.items():
-        starts, ends = runs(flags == flag)
-        bars = [(days[a], days[b] - days[a]) for a, b in zip(starts, ends, strict=True)]
-        axes.broken_barh(bars, (line - 0.32, 0.5), facecolors=colour, linewidth=0)
-
-
-def _draw_findings(axes: Axes, findings: tuple[Finding, ...], names: list[str], codes: list[str]) -> None:
-    """A line below the channel's, or across all of them, by finding; its ends are widened so that it shows."""
     low, high = axes.get_xlim()
     for finding in findings:
-        start, end = _days(np.array([finding.start.value, finding.end.value]).astype("datetime64[ns]"))
+        start, end = date2num([finding.start, finding.end])  # type: ignore[no-untyped-call]
         start, end = min(start, end - 0.002 * (high - low)), max(end, start + 0.002 * (high - low))
-        colour = _colour(finding.code, codes)
+        colour, depth = colours[finding.code], list(colours).index(finding.code) % 3
         if finding.channel == ALL:
             axes.axvspan(start, end, color=colour, alpha=0.25, linewidth=0, zorder=0)
         for line, name in enumerate(names):
             if finding.channel == ALL or name in finding.channel:
-                bar = (line + 0.22 + 0.08 * (codes.index(finding.code) % 3), 0.08)
+                bar = (line + 0.22 + 0.08 * depth, 0.08)
                 axes.broken_barh([(start, end - start)], bar, facecolors=colour, linewidth=0)
 
 

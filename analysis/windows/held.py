@@ -23,7 +23,7 @@ ship that has way on.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -109,27 +109,22 @@ def held_windows(
             f"a horizon of {horizon_s} s every {stride_s} s is not possible",
             fix="give a horizon of at least 2 s and a stride of at least 1 s",
         )
-    actuators = table_actuators(table)
+    actuators, rule = table_actuators(table), tolerances or Tolerances()
     start_ns, values, there = _every_second(table, trial_names(actuators))
-    if start_ns.size < horizon_s + 1:
-        empty = _assembled(values, actuators, start_ns, _no_windows(), trial, (0, {}), horizon_s, stride_s)
-        return _marked(empty, np.empty(0, dtype=bool)) if keep_moving else empty
-    reason = _reasons(values, actuators, there, horizon_s + 1, stride_s, tolerances or Tolerances())
+    reason = np.empty(0, dtype=np.int64)
+    if start_ns.size > horizon_s:
+        reason = _reasons(values, actuators, there, horizon_s + 1, stride_s, rule)
     wanted = reason == len(REASONS)
     if keep_moving:
         wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
     starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
     counts = np.bincount(reason[~wanted], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
-    account = (int(reason.size), dropped)
-    result = _assembled(values, actuators, start_ns, starts, trial, account, horizon_s, stride_s, tolerances)
-    return _marked(result, reason[wanted] == len(REASONS)) if keep_moving else result
-
-
-def _marked(windows: HeldWindows, held_ones: Bools) -> HeldWindows:
-    """Windows with the column ``held``, from a flag for each window."""
-    marks = np.repeat(held_ones, windows.horizon_s + 1)
-    return replace(windows, rows=windows.rows.assign(held=marks))
+    legs = _legs(values, actuators, starts, horizon_s, stride_s, rule)
+    rows = _rows_of_windows(values, actuators, start_ns, starts, legs, horizon_s, trial)
+    if keep_moving:
+        rows = rows.assign(held=np.repeat(reason[wanted] == len(REASONS), horizon_s + 1))
+    return HeldWindows(rows, int(reason.size), int(starts.size), dropped, horizon_s, stride_s)
 
 
 def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Floats, Bools]:
@@ -143,7 +138,7 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
         )
     time_ns = times_ns(table)
     if time_ns.size == 0:
-        return _no_windows(), np.empty((0, len(names))), np.empty(0, dtype=bool)
+        return np.empty(0, dtype=np.int64), np.empty((0, len(names))), np.empty(0, dtype=bool)
     row = (time_ns - time_ns[0]) // NANO
     if np.any(time_ns % NANO != 0) or np.any(np.diff(row) <= 0):
         raise InputError(
@@ -155,10 +150,6 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     there = np.zeros(values.shape[0], dtype=bool)
     there[row] = True
     return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
-
-
-def _no_windows() -> Ints:
-    return np.empty(0, dtype=np.int64)
 
 
 def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stride: int, rule: Tolerances) -> Ints:
@@ -181,34 +172,24 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
     return np.asarray(failed.argmax(axis=1), dtype=np.int64)
 
 
-def _assembled(
-    values: Floats,
-    actuators: Actuators,
-    time_ns: Ints,
-    starts: Ints,
-    trial: str,
-    account: tuple[int, dict[str, int]],
-    horizon_s: int,
-    stride_s: int,
-    tolerances: Tolerances | None = None,
-) -> HeldWindows:
+def _rows_of_windows(
+    values: Floats, actuators: Actuators, time_ns: Ints, starts: Ints, legs: Ints, horizon_s: int, trial: str
+) -> pd.DataFrame:
     """The long table of the windows that start at rows ``starts``."""
     second = np.arange(horizon_s + 1, dtype=np.int64)
     row = (starts[:, None] + second).ravel()
-    leg = _legs(values, actuators, starts, horizon_s, stride_s, tolerances or Tolerances())
-    leg_name = pd.array([f"{trial}/{number + 1:03d}" for number in range(leg.max(initial=-1) + 1)], dtype="str")
+    leg_names = pd.array([f"{trial}/{number + 1:03d}" for number in range(legs.max(initial=-1) + 1)], dtype="str")
     columns = {
         "window": np.repeat(np.arange(starts.size, dtype=np.int64), second.size),
         "second": np.tile(second, starts.size),
         **dict(zip(trial_names(actuators), values[row].T, strict=True)),
         "trial": pd.array([trial], dtype="str").take(np.zeros(row.size, dtype=np.int64)),
-        "leg": leg_name.take(np.repeat(leg, second.size)),
+        "leg": leg_names.take(np.repeat(legs, second.size)),
         "start": index_of(np.repeat(time_ns[starts], second.size)),
     }
     rows = pd.DataFrame(columns, columns=list(columns_for(actuators)))
     rows.attrs.update(actuator_attributes(actuators))
-    candidates, dropped = account
-    return HeldWindows(rows, candidates, int(starts.size), dropped, horizon_s, stride_s)
+    return rows
 
 
 def _legs(
@@ -220,7 +201,7 @@ def _legs(
     stride after the other's end at the same setting.
     """
     if starts.size == 0:
-        return _no_windows()
+        return np.empty(0, dtype=np.int64)
     names = control_names(actuators)
     setting = values[:, [trial_names(actuators).index(name) for name in names]][
         starts[:, None] + np.arange(horizon_s + 1)

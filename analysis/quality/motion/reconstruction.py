@@ -36,14 +36,15 @@ _LEAP = 6.0
 
 
 @dataclass(frozen=True, slots=True)
-class PositionReconstruction:
-    """The two position columns, [rows] each, and over how many seconds they are tied; infinite for a median."""
+class Reconstruction:
+    """The columns that were rebuilt, [rows] each, and over how many seconds they are tied to the recorded ones;
+    infinite for a median."""
 
     columns: dict[str, Floats]
     tie_s: float
 
 
-def reconstruct_positions(table: pd.DataFrame) -> PositionReconstruction | None:
+def reconstruct_positions(table: pd.DataFrame) -> Reconstruction | None:
     """Positions from the integrated velocity, tied to the recorded ones; None where a channel is lacking.
 
     What lies between path and positions is passed through a running median over 60 s, which leaps do not move,
@@ -71,7 +72,7 @@ def reconstruct_positions(table: pd.DataFrame) -> PositionReconstruction | None:
     for number, name in enumerate(POSITIONS):
         columns[name] = table[name].to_numpy(dtype=float, copy=True)
         columns[name][both] = way_m[:, number] + tied_m[:, number]
-    return PositionReconstruction(columns, tie_s)
+    return Reconstruction(columns, tie_s)
 
 
 def dead_reckoning(table: pd.DataFrame) -> Floats:
@@ -130,15 +131,7 @@ most errors of stamps; how long these last the recording tells."""
 _WORTH = 2.0
 
 
-@dataclass(frozen=True, slots=True)
-class HeadingReconstruction:
-    """The heading column [rows, deg], and over how many seconds it is tied to the recorded one."""
-
-    heading_deg: Floats
-    tie_s: float
-
-
-def reconstruct_heading(table: pd.DataFrame) -> HeadingReconstruction | None:
+def reconstruct_heading(table: pd.DataFrame) -> Reconstruction | None:
     """Headings with the shape of the integrated yaw rate, taken with factor, bias and delay as they fit the table.
 
     What lies between the two is passed through a running median, which short errors of stamps do not move, and a
@@ -164,7 +157,7 @@ def reconstruct_heading(table: pd.DataFrame) -> HeadingReconstruction | None:
         return None
     column = table["heading_deg"].to_numpy(dtype=float, copy=True)
     column[heading.rows] = wrap_360(np.rad2deg(turned + slow))
-    return HeadingReconstruction(column, tie_s)
+    return Reconstruction({"heading_deg": column}, tie_s)
 
 
 def _unknown(fit: Kinematics, heading_time_s: Floats) -> Bools:

@@ -49,95 +49,77 @@ def _systematic(fit: Kinematics, name: str) -> float:
     return float(_SYSTEMATIC[name] * (abs(fit.value(name)) if name.endswith("factor") else 1.0))
 
 
-def _certain(factor: float, low: float, high: float, unit: Unit | None) -> bool:
-    half = 0.5 * (high - low)
-    precise = half < _CERTAIN_HALF_WIDTH * abs(factor) and abs(factor - 1.0) > 4.0 * half
-    return bool(precise and is_plausible_factor(factor, unit))
-
-
 def speed_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     """The factor of surge and sway against the rate of the positions."""
-    if not _clear(fit, "speed_factor", 1.0):
-        return None
     factor = fit.value("speed_factor")
     how = (
         f"are {_percent_off(factor)} too {'low' if factor > 1.0 else 'high'} for" if factor > 0.0 else "run against"
     )
-    text = f"Surge and sway {how} the rate of the positions"
-    finding = Finding("speed_scale", "surge_mps", start, end, text)
-    return _with_factor(finding, fit, "speed_factor", SPEED_UNITS, "surge and sway")
+    found = Finding("speed_scale", "surge_mps", start, end, f"Surge and sway {how} the rate of the positions")
+    return _with_factor(found, fit, "speed_factor", SPEED_UNITS, "surge and sway")
 
 
 def yaw_rate_scale(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     """The factor of the yaw rate against the turns of the heading."""
-    if not _clear(fit, "yaw_rate_factor", 1.0):
-        return None
     factor = fit.value("yaw_rate_factor")
     how = f"{_percent_off(factor)} {'less' if factor > 1.0 else 'more'} than the heading turns"
     text = f"The yaw rate reads {how if factor > 0.0 else 'against the turns of the heading'}"
-    finding = Finding("yaw_rate_scale", "yaw_rate_dps", start, end, text)
-    return _with_factor(finding, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
+    found = Finding("yaw_rate_scale", "yaw_rate_dps", start, end, text)
+    return _with_factor(found, fit, "yaw_rate_factor", YAW_RATE_UNITS, "the yaw rate")
 
 
 def _percent_off(factor: float) -> str:
     return f"{abs(1.0 / factor - 1.0):.1%}"
 
 
-def _with_factor(finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str) -> Finding:
-    """The finding with its factor in the text and the estimate, and what to do about it."""
+def _with_factor(
+    finding: Finding, fit: Kinematics, name: str, units: tuple[Unit, ...], what: str
+) -> Finding | None:
+    """The finding with its factor in the text and the estimate, and what to do about it; None for none.
+
+    A factor whose interval holds that nothing is wrong is not applied.
+    """
+    if not _clear(fit, name, 1.0):
+        return None
     factor, (low, high) = fit.value(name), _interval(fit, name)
     unit = unit_of(factor, units, low, high)
-    sure = unit is None or unit.sure
-    return replace(
-        finding,
-        text=f"{finding.text} {_factor(fit, name, unit)}",
-        remedy=_advice(what, factor, low, high) if sure else "Find out which it is.",
-        estimate={"factor": factor, "low": low, "high": high},
-        certain=_certain(factor, low, high, unit),
-    )
-
-
-def _advice(what: str, factor: float, low: float, high: float) -> str:
-    """What to do about a factor; one whose interval holds that nothing is wrong is not applied."""
-    if low <= 1.0 <= high:
-        return f"Look at {what} part by part: over the whole recording no one factor is right."
-    return f"Multiply {what} by {factor:.4f}."
-
-
-def _factor(fit: Kinematics, name: str, unit: Unit | None) -> str:
-    """A factor with its interval, the unit that it tells of, and whether it holds throughout."""
-    low, high = _interval(fit, name)
-    text = f"(factor {fit.value(name):.4f}, 95 % {low:.4f} to {high:.4f})"
+    text = f"{finding.text} (factor {factor:.4f}, 95 % {low:.4f} to {high:.4f})"
     if unit is not None:
         text += f", {unit.words}"
-    apart = fit.half_between[NAMES.index(name)] > max(_SMALLEST[name], 2.0 * fit.standard_error(name))
-    return text + ("; it is not the same throughout the recording" if apart else "")
+    if fit.half_between[NAMES.index(name)] > max(_SMALLEST[name], 2.0 * fit.standard_error(name)):
+        text += "; it is not the same throughout the recording"
+    remedy = f"Multiply {what} by {factor:.4f}."
+    if unit is not None and not unit.sure:
+        remedy = "Find out which it is."
+    elif low <= 1.0 <= high:
+        remedy = f"Look at {what} part by part: over the whole recording no one factor is right."
+    half = 0.5 * (high - low)
+    precise = half < _CERTAIN_HALF_WIDTH * abs(factor) and abs(factor - 1.0) > 4.0 * half
+    plausible = unit.sure if unit is not None else FACTORS[0] <= factor <= FACTORS[1]
+    estimate = {"factor": factor, "low": low, "high": high}
+    return replace(finding, text=text, remedy=remedy, estimate=estimate, certain=bool(precise and plausible))
 
 
 def yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     """What the yaw rate reads while the heading stays [deg/s]."""
-    if not _clear(fit, "yaw_rate_bias_radps"):
+    name = "yaw_rate_bias_radps"
+    if not _clear(fit, name):
         return None
-    scale = -180.0 / np.pi / fit.value("yaw_rate_factor")
-    bias, (high, low) = (
-        fit.value("yaw_rate_bias_radps") * scale,
-        np.array(_interval(fit, "yaw_rate_bias_radps")) * scale,
-    )
+    figures = np.array([fit.value(name), *_interval(fit, name)])
+    bias, high, low = (-180.0 / np.pi / fit.value("yaw_rate_factor") * figures).tolist()
     text = f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})"
     return Finding(
         "yaw_rate_bias", "yaw_rate_dps", start, end, text, "Subtract it, and set the gyro's zero.",
-        {"bias_dps": bias, "low": float(low), "high": float(high)},
+        {"bias_dps": bias, "low": low, "high": high},
     )  # fmt: skip
 
 
 def heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
     """The heading against course and drift angle [deg]."""
-    if not _clear(fit, "heading_offset_rad"):
+    name = "heading_offset_rad"
+    if not _clear(fit, name):
         return None
-    angle, (low, high) = (
-        np.rad2deg(fit.value("heading_offset_rad")),
-        np.rad2deg(_interval(fit, "heading_offset_rad")),
-    )
+    angle, low, high = np.rad2deg([fit.value(name), *_interval(fit, name)]).tolist()
     astern = ", unless surge and sway have the wrong sign" if abs(angle) > 175.0 else ""
     text = (
         f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
@@ -146,7 +128,7 @@ def heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> F
     return Finding(
         "heading_offset", "heading_deg", start, end, text,
         "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
-        {"angle_deg": float(angle), "low": float(low), "high": float(high)},
+        {"angle_deg": angle, "low": low, "high": high},
     )  # fmt: skip
 
 
@@ -195,8 +177,3 @@ def unit_of(factor: float, units: tuple[Unit, ...], low: float, high: float) -> 
         ),
         None,
     )
-
-
-def is_plausible_factor(factor: float, unit: Unit | None) -> bool:
-    """Whether a factor may be put right without asking."""
-    return unit.sure if unit is not None else FACTORS[0] <= factor <= FACTORS[1]
