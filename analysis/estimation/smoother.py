@@ -205,54 +205,35 @@ def smooth(
     without position or heading.
     """
     require(table, POSE)
-    _refuse_endless(table)
+    times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
+    require_plausible_span(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
     rules = gate or Gate()
     data = combine_samples(table)
     noise = levels or estimate_levels(data, rules)
-    grid_ns = _grid(data, rate_hz)
+    first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
+    grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
     grid_s = (grid_ns - data.epoch_ns) / NANO
-    motion, slow = _Motion.empty(grid_ns.size), _Motion.empty(grid_ns.size)
+    motion, slow = ((np.full((grid_s.size, 9), np.nan), np.full((grid_s.size, 9, 9), np.nan)) for _ in range(2))
     innovations = _Innovations.empty(data)
     for block in _blocks(data.time_s):
         track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
         innovations.keep(block, track)
         some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
         mean, covariance = track.at(grid_s[some])
-        motion.keep(some, track.model.sums, mean, covariance)
-        slow.keep(some, track.model.sums * track.model.may_jump, mean, covariance)
+        for whole, sums in ((motion, track.model.sums), (slow, track.model.sums * track.model.may_jump)):
+            whole[0][some], whole[1][some] = body_states(mean @ sums.T, sums @ covariance @ sums.T)
     hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
-    for each in (motion, slow):
-        each.mean[hidden], each.covariance[hidden] = np.nan, np.nan
+    for values in (*motion, *slow):
+        values[hidden] = np.nan
     return SmoothedMotion(
-        _as_table(motion.mean, grid_ns, rate_hz, table),
-        motion.covariance,
-        _as_table(slow.mean, grid_ns, rate_hz, table),
-        slow.covariance,
+        _as_table(motion[0], grid_ns, rate_hz, table),
+        motion[1],
+        _as_table(slow[0], grid_ns, rate_hz, table),
+        slow[1],
         noise,
         _rejected(table, data, noise, rules, innovations),
         consistency_of(data.time_s, innovations.innovation, innovations.deviation, innovations.refused),
     )
-
-
-def _refuse_endless(table: pd.DataFrame) -> None:
-    times = times_ns(table)[np.isfinite(motion_values(table)).any(axis=1)]
-    require_plausible_span(int(times.min()), int(times.max()), [times], str(table.attrs.get("recording", "")))
-
-
-@dataclass(frozen=True, slots=True)
-class _Motion:
-    """Body-fixed motion on the grid [rows, 9] with its covariance [rows, 9, 9]."""
-
-    mean: Floats
-    covariance: Floats
-
-    @classmethod
-    def empty(cls, rows: int) -> _Motion:
-        return cls(np.full((rows, 9), np.nan), np.full((rows, 9, 9), np.nan))
-
-    def keep(self, some: slice, sums: Floats, mean: Floats, covariance: Floats) -> None:
-        """Add up the blocks of each quantity and turn the result into the ship's axes."""
-        self.mean[some], self.covariance[some] = body_states(mean @ sums.T, sums @ covariance @ sums.T)
 
 
 def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) -> pd.DataFrame:
@@ -261,12 +242,6 @@ def _as_table(mean: Floats, grid_ns: Ints, rate_hz: float, table: pd.DataFrame) 
     states["heading_deg"] = wrap_360(states["heading_deg"])
     states.attrs = {**table.attrs, "rate_hz": float(rate_hz)}
     return add_step(states, "smooth", rate_hz=float(rate_hz))
-
-
-def _grid(data: MotionSamples, rate_hz: float) -> Ints:
-    """Whole multiples of 1 / rate from the first to the last step [ns]."""
-    first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
-    return grid(first_ns, last_ns, rate_fraction(rate_hz))
 
 
 def _smoothed_block(data: MotionSamples, noise: NoiseLevels, gate: Gate, engine: Engine) -> Track:

@@ -45,17 +45,17 @@ def diagnose(
     from analysis.tables.files import make_folder
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
-    from hybrid.scripting import diagnose as run
     from hybrid.vessel.files import DEFAULT, load_vessel
-    from hybrid.workflows.diagnose import write_diagnosis
+    from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
     ship = load_vessel(vessel or DEFAULT)
-    catalogue_with(effects or (), without or (), ship.actuators)
+    catalogue = catalogue_with(effects or (), without or (), ship.actuators)
     make_folder(output)  # before minutes of work
-    diagnosed = run(
-        files, ship, tolerance, effect_files=effects or (), without=without or (), part=part,
-        repair=repair, rebuild_positions=rebuild_positions,
-    )  # fmt: skip
+    with bar("diagnosing") as progress:
+        diagnosed = diagnose_files(
+            files, ship, tolerance / 100.0, catalogue, percent_of(part),
+            repair=repair, rebuild_positions=rebuild_positions, progress=progress,
+        )  # fmt: skip
     if calibrate:
         from dataclasses import replace
 

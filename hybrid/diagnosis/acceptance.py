@@ -91,9 +91,10 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     """Test one of the effects ``names``, the others given."""
     others = tuple(each for each in names if each != name)
     together, without = evidence.fit(names), evidence.fit(others)
-    gain, columns = together.gain - without.gain, evidence.columns([name])
-    spread = _spread_of_legs(evidence, names, name)
-    p_value = evidence.chance(gain / spread, len(columns))
+    gain = together.gain - without.gain
+    own, rest, every = (np.array(evidence.columns(some), dtype=int) for some in ([name], others, names))
+    spread = max(1.0, float(overdispersion(evidence.equations, own, rest, every).max()))
+    p_value = evidence.chance(gain / spread, len(own))
     said = _noncentrality(evidence, together, name)
     gains, telling = unseen_gains(evidence, others, names), _informative_legs(said)
     p_unseen = _chance_of_gains(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
@@ -133,15 +134,6 @@ def _large_enough(evidence: Evidence, fit: Fit, name: str) -> bool:
     return bool((reach >= np.array(effect.smallest_free)).any())
 
 
-def _spread_of_legs(evidence: Evidence, names: tuple[str, ...], name: str) -> float:
-    """How much more the effect's score scatters from leg to leg than the model of the noise says, at least 1."""
-    others = np.array(evidence.columns([each for each in names if each != name]), dtype=int)
-    every = np.array(evidence.columns(names), dtype=int)
-    return max(
-        1.0, *map(float, overdispersion(evidence.equations, np.array(evidence.columns([name])), others, every))
-    )
-
-
 def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, every: Ints) -> Floats:
     """By leg, how much each column's score scatters against what the model of the noise says.
 
@@ -149,7 +141,7 @@ def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, ever
     ``others`` and the nuisances could explain taken off (White 1980, clustered by leg).
     """
     gram = equations.gram
-    count, total = len(gram.legs), gram.total
+    count, total = len(gram), gram.sum(axis=0)
     if count < 4:
         return np.ones(len(columns))
     nuisance, scale = equations.nuisance, equations.nuisance_scale
@@ -157,8 +149,8 @@ def overdispersion(equations: NormalEquations, columns: Ints, others: Ints, ever
     own[columns, np.arange(len(columns))] = 1.0
     own = _residual_columns(total, own, others, nuisance, scale)
     residual = _residual_columns(total, restored_data(equations)[:, None], every, nuisance, scale)[:, 0]
-    scores = np.stack([own.T @ (leg @ residual) for leg in gram.legs])
-    information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in gram.legs])
+    scores = np.stack([own.T @ (leg @ residual) for leg in gram])
+    information = np.stack([np.einsum("ij,ij->j", own, leg @ own) for leg in gram])
     whole = np.maximum(information.sum(axis=0), 1e-300)  # of some these data say nothing
     centred = scores - information * scores.sum(axis=0) / whole
     return np.asarray((centred**2).sum(axis=0) / whole * count / (count - 1))
@@ -238,7 +230,7 @@ class LackOfFit:
 
 
 def families(equations: NormalEquations) -> list[Family]:
-    """All families of an examination."""
+    """All families of the nuisance basis."""
     layout = equations.layout
     result = []
     for axis, name in enumerate(AXES):
@@ -280,7 +272,7 @@ def lack_of_fit(evidence: Evidence, names: Sequence[str]) -> list[LackOfFit]:
 
 def _inner(equations: NormalEquations, kept: Ints) -> Floats:
     """Reduced products of columns, the model's own effects put back into the data."""
-    total, back = equations.gram.total, restored_data(equations)
+    total, back = equations.gram.sum(axis=0), restored_data(equations)
     data = total @ back
     total[:, 0] = total[0] = data
     total[0, 0] = back @ data
@@ -308,21 +300,19 @@ def _tested_family(
     back = vectors[:, kept] / scale[:, None]
     estimate, chance = back @ (along / values[kept]), float((back**2 / values[kept]).sum())
     size = float(np.sqrt(max(float((estimate**2).sum()) - chance, 0.0)))  # noise alone would have some size, too
+    matters = True
     if family.what in AXES:
-        return LackOfFit(
-            family.depends, family.what, p_value, gain, size * float(FORCE_UNITS[AXES.index(family.what)]), True
-        )
-    least = max(equations.model.catalogue[family.what].smallest_free)
-    matters = (
-        family.depends in INTERACTIONS or size > least
-    )  # another form says that the name is wrong, however small
+        size *= float(FORCE_UNITS[AXES.index(family.what)])
+    elif family.depends not in INTERACTIONS:  # another form says that the name is wrong, however small
+        matters = size > max(equations.model.catalogue[family.what].smallest_free)
     return LackOfFit(family.depends, family.what, p_value, gain, size, matters)
 
 
 def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
     """Whether the forces of speeds and thrusters are off by more than is granted: at twice and four times that."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
-    wider, best, gains = np.isin(nuisance, _operating(equations)), 1.0, [0.0]
+    wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
+    best, gains = 1.0, [0.0]
     tolerated = _log_density(evidence, names, scale)
     for factor in (2.0, 4.0, 8.0):
         gains.append(_log_density(evidence, names, scale * np.where(wider, factor, 1.0)) - tolerated)
@@ -335,14 +325,9 @@ def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequenc
     )  # fmt: skip
 
 
-def _operating(equations: NormalEquations) -> Ints:
-    """The columns of the tolerance's force features."""
-    return np.concatenate([equations.layout.axis(axis) for axis in range(3)])
-
-
 def _log_density(evidence: Evidence, names: Sequence[str], scale: Floats) -> float:
     """Of the data under these nuisances, the effects ``names`` fitted freely; up to a constant."""
-    inner, determinant = restored_gram(evidence.equations, evidence.equations.gram.total, scale)
+    inner, determinant = restored_gram(evidence.equations, evidence.equations.gram.sum(axis=0), scale)
     columns = np.array(evidence.columns(names), dtype=int)
     left = inner[0, 0]
     if columns.size:

@@ -49,8 +49,10 @@ _DRIFT = ("drift", "drift_s")
 _BOUNDS = {
     "slow_s": (3.0, 120.0), "wave_frequency_radps": (0.5, 2.6), "wave_damping": (0.02, 0.7), "drift_s": (3.0, 60.0)
 }  # fmt: skip
-_AS_PARAMETER: dict[str, Callable[[Any], Any]] = {"wave_correlation": np.arctanh, "wave_towards_rad": np.asarray}
-_AS_LEVEL: dict[str, Callable[[Any], Any]] = {"wave_correlation": np.tanh, "wave_towards_rad": np.asarray}
+_POSITIVE: dict[str, Callable[[Any], Any]] = {
+    "wave_correlation": lambda correlation: np.exp(np.arctanh(correlation)), "wave_towards_rad": np.exp
+}  # fmt: skip
+"""What is searched by its logarithm, for what is no level."""
 _STILL_WHITE, _TRACE = 0.7, 0.1
 
 _NOISE_S = 1500
@@ -180,7 +182,7 @@ def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tu
     With a ``seed`` a likely draw of them, without one the likeliest values.
     """
     layout, columns = design.layout, design.columns
-    gram = gram_matrices(design.log, design.linear, columns, noise).total
+    gram = gram_matrices(design.log, design.linear, columns, noise).sum(axis=0)
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
@@ -245,17 +247,23 @@ def _searched(noise: Noise) -> tuple[str, ...]:
 
 def _parameters(noise: Noise) -> Floats:
     """What is searched: logarithms of levels, the inverse hyperbolic tangent of a correlation, a direction."""
-    return np.hstack([_AS_PARAMETER.get(name, np.log)(getattr(noise, name)) for name in _searched(noise)])
+    searched = [_POSITIVE.get(name, np.asarray)(getattr(noise, name)) for name in _searched(noise)]
+    return np.asarray(np.log(np.hstack(searched)))
 
 
 def _noise(start: Noise, parameters: Floats) -> Noise:
     """The levels back, of the same kind as ``start``."""
-    levels, rest = dict[str, Any](), parameters
+    found, level, first = dict[str, Any](), np.exp(parameters), 0
     for name in _searched(start):
-        size = np.size(getattr(start, name))
-        found, rest = _AS_LEVEL.get(name, np.exp)(rest[:size]).tolist(), rest[size:]
-        levels[name] = tuple(found) if isinstance(getattr(start, name), tuple) else found[0]
-    return replace(start, **levels)
+        last = first + np.size(getattr(start, name))
+        values = level[first:last].tolist()
+        found[name] = tuple(values) if isinstance(getattr(start, name), tuple) else values[0]
+        if name == "wave_correlation":
+            found[name] = float(np.tanh(parameters[first]))
+        elif name == "wave_towards_rad":
+            found[name] = float(parameters[first])
+        first = last
+    return replace(start, **found)
 
 
 def _bounds(kind: Noise, most: Floats) -> tuple[Floats, Floats]:

@@ -11,7 +11,7 @@ Gram matrix of all columns, added up leg by leg. What leaves some legs out subtr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from math import expm1, log, log1p
 from typing import TypeVar
 
@@ -31,7 +31,6 @@ from hybrid.diagnosis.nuisance_basis import (
     INTERACTIONS,
     TOLERATED_SHARE,
     WIND_MPS,
-    ForceRange,
     features,
     force_range,
     nuisance_basis,
@@ -39,19 +38,6 @@ from hybrid.diagnosis.nuisance_basis import (
     wind_errors,
 )
 from hybrid.effects import Effect
-
-
-@dataclass(frozen=True, slots=True)
-class GramMatrices:
-    """Products of all whitened columns, leg by leg [L, C, C]; ``rows`` [L] counts the samples behind them."""
-
-    legs: Floats
-    rows: Ints
-
-    @property
-    def total(self) -> Floats:
-        """Of all legs [C, C]."""
-        return np.asarray(self.legs.sum(axis=0))
 
 
 def marginalise(gram: Floats, kept: Ints, nuisance: Ints, scale: Floats) -> tuple[Floats, float]:
@@ -179,28 +165,28 @@ class ColumnLayout:
 class DesignMatrix(Linearisation):
     """The columns of the regression before they are whitened, and which is what.
 
-    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``layout`` says which is what; ``range`` is
-    that of the forces in the trial (N, N, N m), of which ``tolerance`` is a share.
+    ``columns`` drive the states [T, 6, C] and the readings [T, 6, C]; ``layout`` says which is what;
+    ``force_range`` [3] is that of the trial (N, N, N m), of which ``tolerance`` is a share.
     """
 
     columns: Columns
     layout: ColumnLayout
-    range: ForceRange
+    force_range: Floats
 
 
 @dataclass(frozen=True, slots=True)
 class NormalEquations(Linearisation):
     """The regression z = S a + N b + e of a log's whitened data, as Gram matrices of its C columns.
 
-    ``layout`` says which column is what; ``range`` is that of the forces (N, N, N m); ``noise`` (SI) is what the
+    ``layout`` says which column is what; ``force_range`` [3] (N, N, N m); ``noise`` (SI) is what the
     data were whitened with; ``gram`` has the inner products leg by leg [L, C, C]; ``nuisance`` [n] are the columns
     of N and ``nuisance_scale`` [n] the standard deviations of b.
     """
 
     layout: ColumnLayout
-    range: ForceRange
+    force_range: Floats
     noise: Noise
-    gram: GramMatrices
+    gram: Floats
     nuisance: Ints
     nuisance_scale: Floats
 
@@ -223,8 +209,8 @@ def normal_equations(
     design = design_matrix(linearisation, interactions=interactions)
     gram = gram_matrices(design.log, design.linear, design.columns, noise, progress)
     return NormalEquations(
-        design.log, design.model, design.tolerance, design.linear, design.effects, design.layout, design.range,
-        noise, gram, *_nuisances(design),
+        design.log, design.model, design.tolerance, design.linear, design.effects, design.layout,
+        design.force_range, noise, gram, *_nuisances(design),
     )  # fmt: skip
 
 
@@ -260,18 +246,18 @@ def _tolerated_size(label: str, effect: Effect) -> float:
     return 0.0 if label.split("*")[1] in INTERACTIONS else _UNEVEN * effect.smallest_free[0]
 
 
-def tolerated_forces(look: DesignMatrix) -> Floats:
+def tolerated_forces(design: DesignMatrix) -> Floats:
     """The model's tolerance in each body axis [3], in the filter's units."""
-    return np.asarray(look.tolerance * look.range.as_array() / FORCE_UNITS)
+    return np.asarray(design.tolerance * design.force_range / FORCE_UNITS)
 
 
-def _nuisances(look: DesignMatrix) -> tuple[Ints, Floats]:
+def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
     """The columns that stand for what is tolerated, and the standard deviation of each."""
-    layout = look.layout
+    layout = design.layout
     some = np.flatnonzero(layout.tolerated > 0.0)
     wind = np.arange(layout.wind) + layout.first_wind
     columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, WIND_MPS)]
-    for axis, force in enumerate(tolerated_forces(look)):
+    for axis, force in enumerate(tolerated_forces(design)):
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))
         for depends in dict.fromkeys(layout.depends):
@@ -286,10 +272,9 @@ def _nuisances(look: DesignMatrix) -> tuple[Ints, Floats]:
 
 def gram_matrices(
     log: Log, linear: LinearModel, columns: Columns, noise: Noise, progress: Progress = lambda share: None
-) -> GramMatrices:
-    """The products of all whitened columns, leg by leg; a few legs are in memory at a time."""
+) -> Floats:
+    """The products of all whitened columns, leg by leg [L, C, C]; a few legs are in memory at a time."""
     result = np.empty((log.legs, columns.count, columns.count))
-    rows = np.empty(log.legs, dtype=np.int64)
     for first in range(0, log.legs, _LEGS_AT_ONCE):
         chosen = (log.leg >= first) & (log.leg < first + _LEGS_AT_ONCE)
         part = log.subset(chosen)
@@ -297,9 +282,8 @@ def gram_matrices(
         for leg in range(part.legs):
             block = z[part.leg == leg].reshape(-1, columns.count)
             result[first + leg] = block.T @ block
-            rows[first + leg] = np.isfinite(part.measured[part.leg == leg]).sum()
         progress(min(1.0, (first + _LEGS_AT_ONCE) / log.legs))
-    return GramMatrices(result, rows)
+    return result
 
 
 def subset_of(arrays: Arrays, rows: NDArray[np.bool_]) -> Arrays:
@@ -340,15 +324,11 @@ class Evidence:
         return np.asarray(self.equations.layout.prior[np.array(self.columns(names), dtype=int) - 1])
 
     def log_odds(self, names: Sequence[str]) -> float:
-        """Log odds of these effects against none, less what each pays for the catalogue's size."""
+        """Log odds of these effects against none, less what each pays for the catalogue's size: one of so many
+        would be as good by chance."""
         if not names:
             return 0.0
-        return log_evidence(self.inner, self.columns(names), self.prior(names)) - self.price * len(names)
-
-    @property
-    def price(self) -> float:
-        """What an effect has to be better than chance by: one of so many would be as good."""
-        return log(len(self.names))
+        return log_evidence(self.inner, self.columns(names), self.prior(names)) - len(names) * log(len(self.names))
 
     def chance(self, gain: float, degrees: int) -> float:
         """The chance that any of so many effects gains as much where there is none (Sidak 1967)."""
@@ -382,14 +362,14 @@ class Evidence:
 
 def evidence_of(equations: NormalEquations, by_leg: bool = False) -> Evidence:
     """The reduced products of an examination, its model's own effects put back into the data."""
-    total = equations.gram.total
+    total = equations.gram.sum(axis=0)
 
     def inner(gram: Floats) -> Floats:
         return restored_gram(equations, gram, equations.nuisance_scale)[0]
 
     if not by_leg:
         return Evidence(inner(total), equations)
-    legs = equations.gram.legs
+    legs = equations.gram
     left_out, alone = (np.array([inner(each) for each in some]) for some in (total - legs, legs))
     return Evidence(inner(total), equations, left_out, alone)
 
@@ -403,15 +383,9 @@ def restored_gram(equations: NormalEquations, gram: Floats, scale: Floats) -> tu
     return back.T @ inner @ back, determinant
 
 
-def evidence_without(equations: NormalEquations, legs: NDArray[np.bool_]) -> Evidence:
-    """As :func:`evidence_of`, some legs left out."""
-    gram = equations.gram
-    return evidence_of(replace(equations, gram=GramMatrices(gram.legs[~legs], gram.rows[~legs])))
-
-
 def restored_data(equations: NormalEquations) -> Floats:
     """The data with what the model's own effects have taken off, as a combination of all columns [C]."""
-    back = np.zeros(equations.gram.legs.shape[1])
+    back = np.zeros(equations.gram.shape[1])
     back[0] = 1.0
     for name, free in equations.model.at.items():
         back[list(equations.layout.of(name))] = free

@@ -17,7 +17,7 @@ from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, smooth_state
-from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_without
+from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of
 from hybrid.diagnosis.linearise import DT_S, Model, acting_settings, one_second_paths, sampling_offset, true_states
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.result import Gap, Tracks
@@ -91,34 +91,25 @@ def gap_on_unseen_legs(
     base = model.plant()
     origin = true_states(log, base)
     seen, before = measured_tracks(log, base, origin, starts), predicted_tracks(log, base, origin, starts)
-    unseen = _by_the_other_folds(log, evidence, names, starts, before, barred)
+    after, lacking, without = _by_the_other_folds(log, evidence, names, starts, before, barred)
     best = _predicted_with(log, model, final, starts)
-    known = np.all([np.isfinite(distances(track, seen)) for track in (before, unseen.after, best)], axis=0)
+    known = np.all([np.isfinite(distances(track, seen)) for track in (before, after, best)], axis=0)
 
     def mean(track: Floats) -> float:
         return float(np.nanmean(distances(track, seen)[known])) if known.any() else 0.0
 
-    floor = best if mean(best) < mean(unseen.after) else unseen.after
-    gap = Gap(mean(before), mean(unseen.after), mean(floor), int(known.any(axis=1).sum()), HORIZON_S)
-    shares = _shares(gap, {name: mean(track) for name, track in unseen.lacking.items()})
+    floor = best if mean(best) < mean(after) else after
+    gap = Gap(mean(before), mean(after), mean(floor), int(known.any(axis=1).sum()), HORIZON_S)
+    shares = _shares(gap, {name: mean(track) for name, track in lacking.items()})
     present = present_motion_held(log.nominal[starts], HORIZON_S)
-    tracks = Tracks(seen, before, unseen.after, floor, present, log.leg[starts], log.time_s[starts])
-    return HeldOutGap(gap, shares, tracks, unseen.without)
-
-
-@dataclass(frozen=True, slots=True)
-class _Unseen:
-    """Tracks ``after`` what the other folds name is added, the same ``lacking`` each effect, and what is named
-    ``without`` each fold."""
-
-    after: Floats
-    lacking: Mapping[str, Floats]
-    without: Mapping[int, Coordinates]
+    tracks = Tracks(seen, before, after, floor, present, log.leg[starts], log.time_s[starts])
+    return HeldOutGap(gap, shares, tracks, without)
 
 
 def _by_the_other_folds(
     log: Log, evidence: Evidence, names: Sequence[str], starts: Ints, before: Floats, barred: frozenset[str]
-) -> _Unseen:
+) -> tuple[Floats, dict[str, Floats], dict[int, Coordinates]]:
+    """Tracks with what other folds name, the same lacking each effect, and what is named without each fold."""
     dealt, model = fold_of(log), evidence.equations.model
     after, lacking = before.copy(), {name: before.copy() for name in names}
     without: dict[int, Coordinates] = {}
@@ -130,7 +121,7 @@ def _by_the_other_folds(
         for name in names:
             less = {other: free for other, free in at.items() if other != name}
             lacking[name][mine] = _predicted_with(log, model, less, starts[mine])
-    return _Unseen(after, lacking, without)
+    return after, lacking, without
 
 
 def _predicted_with(log: Log, model: Model, at: Coordinates, starts: Ints) -> Floats:
@@ -154,7 +145,8 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
 
 def _named_without(evidence: Evidence, legs: NDArray[np.bool_], barred: frozenset[str]) -> Coordinates:
     """What the other legs ask for, and how much of it."""
-    rest = evidence_without(evidence.equations, legs)
+    equations = evidence.equations
+    rest = evidence_of(replace(equations, gram=equations.gram[~legs]))
     names = search_effects(rest, barred)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}

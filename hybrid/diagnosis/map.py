@@ -19,7 +19,7 @@ from scipy.stats import norm, t
 
 from acquisition.core.actuators import control_names, names_of
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, columns_of, smooth_state
+from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
@@ -191,14 +191,10 @@ def map_of(equations: NormalEquations, repaired: bool = False) -> Map:
     cells = cells_of(log, linear.origin)
     tolerated, scale = _tolerated(equations)
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)
-    force = smooth_state(linear, data, _any_force(equations), log.edges)[0][:, 6:]
+    surge, sway, yaw = equations.force_range.tolist()  # so large a slow force holds none back
+    any_force = replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
+    force = smooth_state(linear, data, any_force, log.edges)[0][:, 6:]
     return Map(tuple(places), force, quantities(log, linear.origin))
-
-
-def _any_force(equations: NormalEquations) -> Noise:
-    """The noise with a slow force that may be as large as the trial's own forces, so that none is held back."""
-    surge, sway, yaw = (float(each) for each in equations.range.as_array())
-    return replace(equations.noise, slow=(surge, sway, yaw), slow_s=_SLOW_S)
 
 
 def _without_effects(equations: NormalEquations) -> Columns:
@@ -233,7 +229,7 @@ def _forces(
         np.concatenate([data.readings, extra.readings[:, :, 1:]], axis=2),
         np.column_stack([each.rows.astype(float) for each in cells]),
     )
-    gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).total
+    gram = gram_matrices(equations.log, equations.linear, columns, equations.noise).sum(axis=0)
     nuisance, first = 1 + np.arange(len(tolerated)), 1 + len(tolerated)
     result: list[Place] = []
     for quantity in dict.fromkeys(each.quantity for each in cells):
@@ -250,7 +246,7 @@ def _forces(
 
 def _fitted_forces(inner: Floats, equations: NormalEquations, number: int) -> tuple[Floats, Floats]:
     """Forces [3, cells] that the model lacks and their standard errors, which hold what the model is granted."""
-    extent = equations.range.as_array()
+    extent = equations.force_range
     fit = fit_columns(inner, range(1, 1 + 3 * number), np.repeat(_WIDE * extent / FORCE_UNITS, number))
     unit = FORCE_UNITS[:, None]
     force = fit.values.reshape(3, number) * unit
@@ -287,7 +283,7 @@ def _allowance(equations: NormalEquations, tolerated: list[Signature], scale: Fl
     A sensor that is off shifts where a second seems to begin and where it seems to end.
     """
     linear = equations.linear
-    force = linear.B * (equations.tolerance * equations.range.as_array())
+    force = linear.B * (equations.tolerance * equations.force_range)
     parts = [force]
     for each, size in zip(tolerated, scale, strict=True):
         later = np.vstack([each.E[1:], each.E[-1:]])

@@ -179,21 +179,8 @@ _FEATURES_SEED = 20260901
 _LEAST_SHARE = 0.3
 
 
-@dataclass(frozen=True, slots=True)
-class ForceRange:
-    """The range of the forces in a trial: along, across [N] and in yaw [N m]."""
-
-    surge_n: float
-    sway_n: float
-    yaw_nm: float
-
-    def as_array(self) -> Floats:
-        """As [3]."""
-        return np.array([self.surge_n, self.sway_n, self.yaw_nm])
-
-
-def force_range(log: Log, plant: Plant, origin: Floats) -> ForceRange:
-    """The largest forces (99 of 100 seconds are below) that the actuators exert in a trial.
+def force_range(log: Log, plant: Plant, origin: Floats) -> Floats:
+    """The largest forces [3] (N, N, N m; 99 of 100 seconds are below) that the actuators exert in a trial.
 
     Sideways and in yaw at least a share of what they push ahead would make there: a trial of straight runs is
     no proof of a model that is exact across.
@@ -202,7 +189,7 @@ def force_range(log: Log, plant: Plant, origin: Floats) -> ForceRange:
     surge, sway, yaw = np.quantile(np.abs(forces), 0.99, axis=0)
     lever = max(abs(plant.number(f"{each.name}_x_m")) for each in plant.actuators)
     sway = max(sway, _LEAST_SHARE * surge)
-    return ForceRange(float(surge), float(sway), float(max(yaw, _LEAST_SHARE * surge * lever)))
+    return np.array([surge, sway, max(yaw, _LEAST_SHARE * surge * lever)])
 
 
 def features(log: Log, origin: Floats, number: int = FEATURES) -> Floats:

@@ -7,7 +7,7 @@ must then stand the tests of :mod:`.acceptance` by itself, given the others.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -72,15 +72,14 @@ def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str
     result = {}
     for rival in evidence.names:
         if rival not in names and evidence.possible((*others, rival)):
-            less = mine - evidence.log_odds((*others, rival))
-            result[rival] = less
+            result[rival] = mine - evidence.log_odds((*others, rival))
     return result
 
 
 def log_density(evidence: Evidence, names: Sequence[str]) -> float:
     """Log density of the data with these effects and their priors, up to what all views have in common."""
     equations = evidence.equations
-    determinant = restored_gram(equations, equations.gram.total, equations.nuisance_scale)[1]
+    determinant = restored_gram(equations, equations.gram.sum(axis=0), equations.nuisance_scale)[1]
     return evidence.log_odds(names) - 0.5 * (float(evidence.inner[0, 0]) + determinant)
 
 
@@ -124,7 +123,7 @@ class Selection:
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
     """The fourth stage: stepwise selection by evidence, linear anew about what is found until that stays."""
-    at, tried = _starting_point(evidence, lambda some: linear_about(evidence, some), frozenset())
+    at, tried = _starting_point(evidence)
     return search_on(Selection((), evidence, at, tried=tried), progress)
 
 
@@ -148,56 +147,52 @@ def linear_about(evidence: Evidence, at: Coordinates) -> Evidence:
     return evidence_of(normal_equations(linearise(equations.log, model, equations.tolerance), equations.noise))
 
 
-def _starting_point(
-    evidence: Evidence, look: Callable[[Coordinates], Evidence], barred: frozenset[str]
-) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
+def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ...], float]]:
     """What to be linear about first, and how well each set that was tried explains the data, linear about itself.
 
     It is what the search finds with the equations linear about no effect, or what is almost as good there: the
     linear signature of a large effect, taken at zero, is not its signature at its size.
     """
-    names = search_effects(evidence, barred)
-    starts = [names, *_single_delays(evidence, names, barred), *_swaps(evidence, names, barred)]
+    names = search_effects(evidence)
+    starts = [names, *_single_delays(evidence, names), *_swaps(evidence, names)]
     if len(starts) == 1:
         return fitted_coordinates(evidence, names), {}
     densities, places = dict[tuple[str, ...], float](), []
     for start in starts:
-        at, seen = _linear_about_itself(evidence, look, start)
+        at, seen = _linear_about_itself(evidence, start)
         if seen.possible(start):
             densities[start] = log_density(seen, start)
-        places.append((log_density(seen, search_effects(seen, barred)), at))
+        places.append((log_density(seen, search_effects(seen)), at))
     return max(places, key=lambda each: each[0])[1], densities
 
 
-def _linear_about_itself(
-    evidence: Evidence, look: Callable[[Coordinates], Evidence], names: tuple[str, ...]
-) -> tuple[Coordinates, Evidence]:
+def _linear_about_itself(evidence: Evidence, names: tuple[str, ...]) -> tuple[Coordinates, Evidence]:
     """A set of effects at the values that explain most, as far as two steps go, and the evidence about them."""
     at = fitted_coordinates(evidence, names)
-    seen = look(at)
+    seen = linear_about(evidence, at)
     if not seen.possible(names) or has_converged(seen, names, at, _SETTLED, _SETTLED_SHARE):
         return at, seen
     at = fitted_coordinates(seen, names)
-    return at, look(at)
+    return at, linear_about(evidence, at)
 
 
-def _single_delays(evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
+def _single_delays(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """Strong delays, each by itself: linear about zero, a long one looks like several others as much as itself."""
     late = {name for name, effect in evidence.equations.model.catalogue.items() if effect.family == "clock"}
     if len(names) < 2 or not late & set(names):
         return []
-    singles = sorted(late - barred, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
+    singles = sorted(late, key=lambda name: -evidence.log_odds([name]))[:_CLOSER]
     return [(name,) for name in singles if evidence.possible([name])]
 
 
-def _swaps(evidence: Evidence, names: tuple[str, ...], barred: frozenset[str]) -> list[tuple[str, ...]]:
+def _swaps(evidence: Evidence, names: tuple[str, ...]) -> list[tuple[str, ...]]:
     """The same effects with a rival in the place of one that it comes close to, for the evidence there is."""
     found = []
     for name in names:
         others = tuple(each for each in names if each != name)
         whole = evidence.log_odds(names) - evidence.log_odds(others)
         for rival, less in rivals_of(evidence, names, name).items():
-            if rival not in barred and CLOSE < less < _DOUBT * whole:
+            if CLOSE < less < _DOUBT * whole:
                 found.append((less, (*others, rival)))
     return [swapped for _, swapped in sorted(found)[:_SWAPS]]
 

@@ -8,7 +8,6 @@ of all.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +26,7 @@ from hybrid.diagnosis.linearise import (
     signatures,
 )
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
-from hybrid.diagnosis.nuisance_basis import ForceRange, tolerances
+from hybrid.diagnosis.nuisance_basis import tolerances
 from hybrid.diagnosis.select_effects import (
     CLOSE,
     Coordinates,
@@ -148,7 +147,7 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     some = np.flatnonzero(tolerated > 0.0)
     nuisance = np.concatenate([1 + some, layout.first_wind + np.arange(len(shared))])
     return NormalEquations(
-        log, model, 0.0, linear, tuple(effects), layout, ForceRange(0.0, 0.0, 0.0), loose, gram,
+        log, model, 0.0, linear, tuple(effects), layout, np.zeros(3), loose, gram,
         nuisance, np.concatenate([tolerated[some], _SHARED]),
     )  # fmt: skip
 
@@ -161,7 +160,7 @@ def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature]
         own = known.get((each.effect, each.coordinate))
         effects.append(each if own is None else replace(each, D=none, E=own))
     shared = [
-        ("all_late", _sum(known[name, 0] for name in _DELAYS)),
+        ("all_late", np.sum([known[name, 0] for name in _DELAYS], axis=0)),
         ("all_ahead", known["position_antenna_offset", 0] + known["speed_sensor_offset", 0]),
         ("all_to_starboard", known["position_antenna_offset", 1] + known["speed_sensor_offset", 1]),
         ("all_turned", known["speed_sensor_rotation", 0] + np.deg2rad(1.0) * (np.arange(6) == HEADING)),
@@ -184,10 +183,6 @@ def _by_kinematics(log: Log, origin: Floats) -> dict[tuple[str, int], Floats]:
     ):
         result[name, coordinate] = np.column_stack(columns)
     return result
-
-
-def _sum(signals: Iterable[Floats]) -> Floats:
-    return np.asarray(np.sum(list(signals), axis=0))
 
 
 def _between(log: Log, origin: Floats, late_s: float = 0.0) -> Floats:

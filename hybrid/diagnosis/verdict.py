@@ -9,7 +9,7 @@ from math import atan2, degrees, exp, hypot
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from acquisition.core.progress import Progress
+from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import HeldOutGap, gap_on_unseen_legs, with_noise_floor
@@ -65,7 +65,9 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     """The sixth stage: what stays named, how far that closes the gap, and what could stand in its place."""
     equations, found = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
-    accepted = _beside_the_unknown(first, sensors) if found else first
+    accepted = first
+    if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
+        accepted = sensors or replace(first, names=(), tests={})
     progress(0.2)
     gap = _gap(accepted, equations.log, found)
     if found:
@@ -84,7 +86,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         rivals=tuple(rivals),
         composites=tuple(composites),
         tied=tuple(tied),
-        next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, _part(progress, 0.5, 1.0)),
+        next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(_last_look(accepted, first), repaired=True)),
     )
@@ -160,15 +162,6 @@ def verdict_of(names: Sequence[str], tied: Sequence[tuple[str, ...]], unknown: b
     return "indistinguishable" if tied else "named"
 
 
-def _beside_the_unknown(accepted: Acceptance, sensors: Acceptance | None) -> Acceptance:
-    """What stays named beside what no effect explains.
-
-    What is unknown may look like any force, and a force that is named beside it may be its imitation. Only what the
-    ``sensors`` show against each other needs no model of the ship.
-    """
-    return sensors or replace(accepted, names=(), tests={})
-
-
 def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
     """The log through the whole model with what is named in it."""
     last = first.evidence.equations
@@ -222,7 +215,3 @@ def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
         result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))
     return tuple(sorted(result, key=lambda each: -each.evidence))
-
-
-def _part(progress: Progress, first: float, last: float) -> Progress:
-    return lambda share: progress(first + (last - first) * share)

@@ -61,7 +61,7 @@ def _together(information: Information, names: Sequence[str]) -> Ints:
 def information_of(equations: NormalEquations) -> Information:
     """The information in all legs of an examination."""
     kept = 1 + np.arange(len(equations.layout.effect))
-    matrix, _ = marginalise(equations.gram.total, kept, equations.nuisance, equations.nuisance_scale)
+    matrix, _ = marginalise(equations.gram.sum(axis=0), kept, equations.nuisance, equations.nuisance_scale)
     return Information(matrix, _columns(equations), equations.model.catalogue)
 
 
@@ -93,13 +93,13 @@ class Design:
 def design_of(equations: NormalEquations) -> Design:
     """An examination's legs, ready to be put together in other numbers, many times over."""
     scale, nuisance = equations.nuisance_scale, equations.nuisance
-    heard = _heard(equations.gram.total[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
+    heard = _heard(equations.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
     effects = 1 + np.arange(len(equations.layout.effect))
-    change = np.zeros((equations.gram.legs.shape[1], len(effects) + heard.shape[1]))
+    change = np.zeros((equations.gram.shape[1], len(effects) + heard.shape[1]))
     change[effects, np.arange(len(effects))] = 1.0
     # What is tolerated of an effect has the effect's own column, so that this adds up and does not overwrite.
     change[nuisance, len(effects) :] += heard * scale[:, None]
-    legs = np.array([change.T @ leg @ change for leg in equations.gram.legs])
+    legs = np.array([change.T @ leg @ change for leg in equations.gram])
     return Design(legs, _columns(equations), equations.model.catalogue)
 
 
@@ -158,7 +158,7 @@ def legs_of(equations: NormalEquations) -> Floats:
     """The information of all effects' coordinates in each leg by itself [L, P, P]."""
     kept = 1 + np.arange(len(equations.layout.effect))
     nuisance, scale = equations.nuisance, equations.nuisance_scale
-    return np.array([marginalise(leg, kept, nuisance, scale)[0] for leg in equations.gram.legs])
+    return np.array([marginalise(leg, kept, nuisance, scale)[0] for leg in equations.gram])
 
 
 def as_parameter(effect: Effect, size: float) -> float:

@@ -346,10 +346,10 @@ def _about_settings(log: Log) -> list[str]:
 
 def _provenance(first: Acceptance) -> dict[str, Any]:
     """What every verdict states: the catalogue, the force range of which the tolerance is a share, the noise."""
-    extent = first.evidence.equations.range
+    extent = first.evidence.equations.force_range.tolist()
     return {
         "catalogue_version": VERSION,
         "effects_in_catalogue": len(first.evidence.names),
-        "force_range": to_json(extent),
+        "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), extent, strict=True)),
         "noise": to_json(first.evidence.equations.noise),
     }

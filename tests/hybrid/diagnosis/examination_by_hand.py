@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.disturbance_model import Noise
-from hybrid.diagnosis.evidence import ColumnLayout, GramMatrices, NormalEquations
+from hybrid.diagnosis.evidence import ColumnLayout, NormalEquations
 from hybrid.diagnosis.linearise import Model
-from hybrid.diagnosis.nuisance_basis import ForceRange
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant
 
@@ -52,10 +51,9 @@ class Design:
         legs = self.gram.copy()
         legs[:, 0, 1:] = legs[:, 1:, 0] = np.einsum("lrc,lr->lc", self.columns, data)[:, 1:]
         legs[:, 0, 0] = (data**2).sum(axis=1)
-        gram = GramMatrices(legs, np.full(len(legs), data.shape[1]))
         return NormalEquations(
             log=NEEDLESS, model=Model(self.plant, SMALL_CATALOGUE), linear=NEEDLESS, effects=(),
-            range=ForceRange(1e5, 1e5, 1e6), tolerance=0.01, noise=Noise(), layout=self.layout, gram=gram,
+            force_range=np.array([1e5, 1e5, 1e6]), tolerance=0.01, noise=Noise(), layout=self.layout, gram=legs,
             nuisance=self.nuisance, nuisance_scale=self.scale,
         )  # fmt: skip
 

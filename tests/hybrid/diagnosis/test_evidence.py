@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import dblquad, quad
 
 from acquisition.core.arrays import Floats
-from hybrid.diagnosis.evidence import GramMatrices, draw_columns, fit_columns, log_evidence, marginalise
+from hybrid.diagnosis.evidence import draw_columns, fit_columns, log_evidence, marginalise
 
 ROWS = 60
 
@@ -120,10 +120,3 @@ def test_draws_scatter_as_the_posterior() -> None:
     scatter = np.cov(draws.T) / np.outer(deviation, deviation)
     np.testing.assert_allclose(scatter, fit.covariance / np.outer(deviation, deviation), atol=0.1)
     assert np.array_equal(draws[3], draw_columns(inner, (1, 2, 3), prior, 3))
-
-
-def test_the_total_is_the_sum_of_legs() -> None:
-    columns = whitened_columns(7, 3).reshape(4, 15, 3)
-    legs = np.einsum("lri,lrj->lij", columns, columns)
-    whole = columns.reshape(-1, 3)
-    np.testing.assert_allclose(GramMatrices(legs, np.full(4, 15)).total, whole.T @ whole, rtol=1e-12)
