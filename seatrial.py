@@ -75,7 +75,6 @@ _PLACES = {
     "batch": "analysis.batch.batch:run_batch",
     "export": "analysis.tables.export:export_table",
     "import_table": "acquisition.tables.import_table:import_table",
-    "info": "acquisition.recording.reader:describe",
     "load_calibrator": "hybrid.calibrators.artefact:load",
     "load_vessel": "hybrid.vessel.files:load_vessel",
     "read": "analysis.tables.table:read_table",
@@ -88,8 +87,8 @@ _PLACES = {
 } | {
     name: f"{_SCRIPTING}:{name}"
     for name in (
-        "check", "diagnose", "effects", "evaluate", "manoeuvres", "plan", "plot", "predict", "prepare", "report",
-        "simulate", "train", "validate", "windows", "write",
+        "check", "diagnose", "effects", "evaluate", "info", "manoeuvres", "plan", "plot", "predict", "prepare",
+        "report", "simulate", "train", "validate", "windows", "write",
     )
 }  # fmt: skip
 """The names of a script: the module that each is in, and what it is called there."""

@@ -85,9 +85,7 @@ def check(
         return
     from rich.console import Console
 
-    from analysis.report.quality_page import print_quality
-
-    print_quality(Console(), quality)
+    Console().print(quality)
 
 
 def export(

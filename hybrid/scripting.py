@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from analysis.quality.check import DataQuality
     from analysis.windows.held import HeldWindows
-    from hybrid.calibrators.artefact import TrainedCalibrator
     from hybrid.calibrators.predict import Prediction
+    from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.effects.catalogue import Catalogue
     from hybrid.evaluation.summary import Evaluation
     from hybrid.evaluation.validate import Validation
@@ -48,6 +48,13 @@ def write(table: pd.DataFrame, path: str | Path, vessel: str = "", **trial: Any)
     target = Path(path)
     write_table(table, target, Trial(**{"name": target.stem, "vessel": vessel, **trial}), source="table")
     return target
+
+
+def info(recording: str | Path) -> dict[str, Any]:
+    """What is in a recording: channels with counts, rates, spans and sources, and whether it was closed."""
+    from acquisition.recording.reader import describe, read_recording
+
+    return describe(read_recording(recording))
 
 
 def check(data: str | Path | pd.DataFrame) -> DataQuality:
@@ -389,7 +396,8 @@ def _model(
     calibrator: TrainedCalibrator | str | Path | None, vessel: str | Path | None, horizon_s: int | None
 ) -> tuple[TrainedCalibrator | None, Plant, int]:
     """The calibrator, the plant it corrects (or that of ``vessel``), and how far is predicted [s]."""
-    from hybrid.calibrators.artefact import load, plant_for
+    from hybrid.calibrators.artefact import load
+    from hybrid.calibrators.train import plant_for
     from hybrid.effects.catalogue import vessel_plant
     from hybrid.vessel.files import DEFAULT, load_vessel
 

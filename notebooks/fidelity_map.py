@@ -62,7 +62,7 @@ from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows
 from hybrid.prediction.scores import distances
 from hybrid.report.plots import COLOUR, plain_numbers
-from hybrid.report.words import listed
+from hybrid.report.words import join_words
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import HULL, Plant
@@ -450,7 +450,7 @@ def _gain(main: FidelityMap) -> str:
 def _by_amount(main: FidelityMap, values: Floats) -> Iterator[tuple[float, str]]:
     """Each of ``values`` [W] with the amounts of data that it is said of, neighbours of one value together."""
     for value, group in groupby(zip(values, main.windows, strict=True), key=itemgetter(0)):
-        yield float(value), listed([str(amount) for _, amount in group])
+        yield float(value), join_words([str(amount) for _, amount in group])
 
 
 # %% [markdown]

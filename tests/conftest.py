@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import TrainedCalibrator
     from hybrid.calibrators.networks import NetworkCalibrator
+    from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.vessel.plant import Plant
 
 # How long an example takes is the machine's affair, and no finding.

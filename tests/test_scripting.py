@@ -51,6 +51,21 @@ def test_a_script_from_recording_to_prediction(small_folder: Path, unseen: Path)
     assert st.plot(one_hz).axes
 
 
+def test_results_print_and_plot(small_folder: Path, unseen: Path) -> None:
+    """What a script prints of a result is what the command shows of it, and each draws itself."""
+    calibrator = st.load_calibrator(small_folder)
+    results = {
+        "channel": st.check(unseen),
+        "windows of 30 s held": st.windows(unseen, horizon_s=30),
+        "windows of legs kept out": calibrator,
+        "mean distance m": st.validate(unseen, calibrator),
+        "measured north m": st.predict(unseen, at="+600", calibrator=calibrator),
+    }
+    for words, result in results.items():
+        assert words in str(result)
+        assert any(axes.has_data() for axes in result.plot().axes)
+
+
 def test_a_script_and_the_command_agree(small_folder: Path, unseen: Path) -> None:
     arguments = ["validate", str(unseen), "--calibrator", str(small_folder), "--json"]
     told = CliRunner().invoke(st.app, arguments, catch_exceptions=False)

@@ -13,6 +13,7 @@ from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints, Series
 from acquisition.core.channels import channel_names
 from acquisition.core.frames import Quality
+from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
 from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults
 from analysis.quality.commands import check_orders, check_thruster_feedback
@@ -61,7 +62,7 @@ _EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time
 
 
 @dataclass(frozen=True, slots=True)
-class DataQuality:
+class DataQuality(Result):
     """The quality of a recording.
 
     ``flags`` has the index of the joined table and a column a channel, uint8: 1 good, 2 not evaluated, 3 suspect,
@@ -73,6 +74,8 @@ class DataQuality:
     findings: tuple[Finding, ...]
     flags: pd.DataFrame
     missing: tuple[str, ...] = ()
+    view = "analysis.report.quality_page:quality_view"
+    drawing = "analysis.report.quality_page:draw_flags"
 
     def as_json(self) -> dict[str, Any]:
         """The contract's object: channels by name, findings."""

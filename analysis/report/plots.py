@@ -16,13 +16,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Affine2D, ScaledTranslation
 from numpy.typing import NDArray
+from rich.text import Text
 
 from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, is_circular
 from analysis.kinematics import mean_wind
 from analysis.tables.table import table_actuators, utc_index
-from analysis.windows.held import held_spans_ns
+from analysis.windows.held import HeldWindows, held_spans_ns
 
 PALETTE = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#F0E442")
 """The colours of Okabe and Ito, which the colour-blind tell apart, the darkest first."""
@@ -310,3 +311,17 @@ def known_groups(table: pd.DataFrame, groups: Sequence[Sequence[str]]) -> list[l
     """Groups of channels without those that a table has no value of."""
     known = [[name for name in names if name in table and table[name].notna().any()] for names in groups]
     return [names for names in known if names]
+
+
+def windows_view(found: HeldWindows) -> Text:
+    """How many windows are held, in how many legs, and why others were dropped."""
+    reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
+    counts = f"{found.kept} of {found.candidates} windows of {found.horizon_s} s held, in {found.legs} legs"
+    return Text(f"{counts}; dropped: {reasons}")
+
+
+def draw_windows(figure: Figure, found: HeldWindows) -> None:
+    """Where the windows lie, north up and to scale, one colour a leg."""
+    times = found.rows["start"] + pd.to_timedelta(found.rows["second"], unit="s")
+    table = found.rows.set_index(pd.DatetimeIndex(times)).sort_index()
+    track(figure.subplots(), table[~table.index.duplicated()], found.rows)

@@ -21,7 +21,7 @@ from analysis.tables.table import main_stretch, times_ns
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from rich.console import Console
+    from rich.console import RenderableType
     from rich.table import Table
 
     from analysis.quality.channel_checks import ChannelQuality
@@ -169,20 +169,27 @@ _STYLES = {"good": "green", "suspect": "yellow", "bad": "bold red"}
 _COLUMNS = ("channel", "grade", "count", "rate Hz", "gaps", "stuck", "spikes", "range", "twice", "back")
 
 
-def print_quality(console: Console, quality: DataQuality) -> None:
-    """Print the table of channels and each finding with its remedy."""
-    console.print(channel_table(quality))
-    if missing := missing_text(quality):
-        console.print(missing, style="yellow", highlight=False)
-    console.print()
+def quality_view(quality: DataQuality) -> RenderableType:
+    """The table of channels and each finding with its remedy, for a terminal."""
+    from rich.console import Group
+    from rich.text import Text
+
+    missing = missing_text(quality)
+    parts: list[RenderableType] = [
+        channel_table(quality),
+        *([Text(missing, style="yellow")] if missing else []),
+        "",
+    ]
     if not quality.findings:
-        console.print("Nothing found.", style="green")
+        parts.append(Text("Nothing found.", style="green"))
     for finding in quality.findings:
         where = "all channels" if finding.channel == ALL else finding.channel
-        console.print(f"{finding.code}  {where}", style="bold", highlight=False, markup=False)
-        span = f"{finding.start:%Y-%m-%d %H:%M:%S} to {finding.end:%H:%M:%S}"
-        console.print(f"  {span}", style="dim", highlight=False)
-        console.print(f"  {finding_text(finding)}", highlight=False, markup=False)
+        parts += [
+            Text(f"{finding.code}  {where}", style="bold"),
+            Text(f"  {finding.start:%Y-%m-%d %H:%M:%S} to {finding.end:%H:%M:%S}", style="dim"),
+            Text(f"  {finding_text(finding)}"),
+        ]
+    return Group(*parts)
 
 
 def missing_text(quality: DataQuality) -> str:

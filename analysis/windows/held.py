@@ -35,6 +35,7 @@ from acquisition.core.angles import difference, unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import is_circular, trial_names
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.result import Result
 from analysis.estimation.noise_levels import noise_of
 from analysis.tables.resample import SETTING_FILTER
 from analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns
@@ -57,7 +58,7 @@ MOVED = tuple(_MOVED.values())
 
 
 @dataclass(frozen=True, slots=True)
-class HeldWindows:
+class HeldWindows(Result):
     """The kept windows and the account of all candidates.
 
     ``rows`` has one row a window and second: ``window`` (unique number), ``second`` 0 to the horizon, the
@@ -74,6 +75,9 @@ class HeldWindows:
     stride_s: int = 5
     starts: pd.DataFrame | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    view = "analysis.report.plots:windows_view"
+    drawing = "analysis.report.plots:draw_windows"
+    size_inch = (7.0, 7.0)
 
     @property
     def legs(self) -> int:

@@ -1,83 +1,242 @@
-"""A trained calibrator on disk: weights as safetensors, all else in a JSON file that people can read."""
+"""A trained calibrator on disk: weights as safetensors, all else in a JSON file that people can read, the sidecar.
+
+It holds inputs, scaling, reference model, regions, data and metrics. Types are checked by pydantic, in strict mode;
+what types cannot say is checked here, value by value, and what has to agree with the weights against these.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import safetensors.torch
+from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt, TypeAdapter, ValidationError
 from safetensors import SafetensorError
 from torch import Tensor, isfinite, isnan
 
-from acquisition.core.arrays import Floats
-from acquisition.core.channels import trial_names
-from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, storage_error
+from acquisition.core.channels import actuators_of, trial_names
+from acquisition.core.errors import InputError, SeatrialError, storage_error
 from analysis.tables.files import make_folder
-from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_with_fallback
-from hybrid.calibrators.sidecar import (
-    FORMAT,
-    SIDECAR,
-    Model,
-    Sidecar,
-    StoredFallback,
-    damaged,
-    model_of,
-    read_bytes,
-    read_sidecar,
-    reference_of,
-    text_of,
-    versions,
-)
-from hybrid.effects.catalogue import vessel_plant
+from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Source
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
-from hybrid.vessel.files import load_vessel
-from hybrid.vessel.fingerprint import plant_hash
+from hybrid.prediction.prediction_windows import PAST_S
+from hybrid.vessel.fingerprint import layout_of, plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+
+SIDECAR = "calibrator.json"
+FORMAT = 5
+UNITS = {
+    "m": "m", "mps": "m/s", "mps2": "m/s2", "rad": "rad", "radps": "rad/s", "radps2": "rad/s2",
+    "rps": "rev/s", "rpm": "rev/min", "n": "N", "nm": "N m", "s": "s", "second": "s",
+}  # fmt: skip
+"""Units by the last word of a name; names without one are pure numbers."""
+
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Radius = Annotated[FiniteFloat, Field(ge=0.0)]
+Error = Annotated[FiniteFloat, Field(gt=0.0)]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One input or output: unit, scaling and range of the training; no deviation where it was constant."""
+
+    name: str
+    unit: str
+    mean: FiniteFloat | None = None
+    deviation: FiniteFloat | None = None
+    low: FiniteFloat | None = None
+    high: FiniteFloat | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One calibrator: its method and seed, what goes in and what comes out."""
+
+    method: str
+    seed: NonNegativeInt
+    inputs: tuple[Quantity, ...]
+    outputs: tuple[Quantity, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The reference model in full, so that a vessel file which has changed or moved is not missed."""
+
+    name: str
+    sha256: Digest
+    numbers: dict[str, FiniteFloat | tuple[FiniteFloat, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredFallback:
+    """The fallback: mean errors in the training of its baselines over the horizon and over the hindcast [m], and
+    the radius of its 95 % region by second, per metre of expected error.
+    """
+
+    reference_m: tuple[Error, Error]
+    constant_velocity_m: tuple[Error, Error]
+    band: tuple[Radius, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Sidecar:
+    """Everything about an artefact but the weights; ``files`` has their hashes."""
+
+    format: int
+    trained_at: datetime
+    versions: dict[str, str]
+    horizon_s: PositiveInt
+    past_s: NonNegativeInt
+    channels: tuple[str, ...]
+    vessel: Reference
+    calibrator: Model
+    data_driven: Model
+    files: dict[str, Digest]
+    band_m: tuple[Radius, ...]
+    reserve: StoredFallback
+    data: tuple[Source, ...]
+    metrics: dict[str, JsonValue]
+
+
+@dataclass(frozen=True, slots=True)
+class _Head:
+    format: JsonValue
+
+
+_SIDECAR, _HEAD = TypeAdapter(Sidecar), TypeAdapter(_Head)
+
+
+def model_of(calibrator: Calibrator, tensors: Mapping[str, Tensor]) -> Model:
+    """A calibrator in words and numbers; the scaling from its ``tensors``, where they hold one."""
+    return Model(
+        calibrator.method,
+        calibrator.seed,
+        _quantities("input", calibrator.inputs, tensors),
+        _quantities("output", calibrator.outputs, tensors),
+    )
+
+
+def _quantities(side: str, names: tuple[str, ...], tensors: Mapping[str, Tensor]) -> tuple[Quantity, ...]:
+    rows = {key: tensors.get(f"{side}.{key}") for key in ("mean", "deviation")}
+    low_high = tensors.get(f"{side}.range")
+    rows |= dict(zip(("low", "high"), (None, None) if low_high is None else low_high, strict=True))
+    columns = {key: row.tolist() for key, row in rows.items() if row is not None and row.shape == (len(names),)}
+    return tuple(
+        Quantity(name, unit_of(name), **{key: _finite(column[i]) for key, column in columns.items()})
+        for i, name in enumerate(names)
+    )
+
+
+def _finite(value: float) -> float | None:
+    """The number, or nothing for the endless deviation by which a constant column is scaled to zero."""
+    return None if abs(value) == float("inf") else value
+
+
+def unit_of(name: str) -> str:
+    """The unit that a name ends in.
+
+    >>> unit_of("surge_mps"), unit_of("heading_sin")
+    ('m/s', '1')
+    """
+    return UNITS.get(name.rsplit("_", 1)[-1], "1")
+
+
+def read_sidecar(folder: Path) -> tuple[Sidecar, Plant]:
+    """The sidecar of an artefact and its reference model, checked as far as that goes without the weights.
+
+    Raises :class:`InputError` naming the key that is missing or not what it should be.
+    """
+    path = folder / SIDECAR
+    raw = read_bytes(path)
+    try:
+        found = _HEAD.validate_json(raw).format
+        if found != FORMAT:
+            raise InputError(f"is of format {_short(found)}, and this version reads {FORMAT}",
+                             where=str(path), fix="train anew")  # fmt: skip
+        sidecar = _SIDECAR.validate_json(raw, strict=True)
+    except ValidationError as error:
+        raise damage_error(path, _explain(error)) from error
+    _check(sidecar, path)
+    return sidecar, _plant(sidecar, path)
+
+
+def read_bytes(path: Path) -> bytes:
+    """A file of an artefact. Raises :class:`InputError`."""
+    try:
+        return path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InputError("is no trained calibrator", where=str(path.parent), why=f"{path.name} is missing",
+                         fix="make one with `seatrial train`") from error  # fmt: skip
+    except OSError as error:
+        raise InputError("cannot be read", where=str(path), why=error.strerror or str(error),
+                         fix="make it readable, or train anew") from error  # fmt: skip
+
+
+def damage_error(path: Path, why: str) -> InputError:
+    """The error for what no version of Seatrial wrote like this."""
+    return InputError("is damaged or was edited", where=str(path), why=why, fix="take a sound copy, or train anew")
+
+
+def _check(sidecar: Sidecar, path: Path) -> None:
+    """What the types cannot say. Raises :class:`InputError`."""
+    names = trial_names(actuators_of(sidecar.channels))
+    if sidecar.channels != names:
+        differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
+        raise InputError("was trained on other channels than this version gives",
+                         where=str(path), why=_short(differing), fix="train anew")  # fmt: skip
+    if sidecar.past_s != PAST_S:
+        raise InputError(f"was trained on windows that know {sidecar.past_s} s before their start, not {PAST_S} s",
+                         where=str(path), fix="train anew")  # fmt: skip
+    for name, band in (("band_m", sidecar.band_m), ("reserve.band", sidecar.reserve.band)):
+        if len(band) != sidecar.horizon_s:
+            raise damage_error(path, f"{name} has {len(band)} values for {sidecar.horizon_s} s")
+    if not all(0.0 <= each.part[0] < each.part[1] <= 100.0 for each in sidecar.data):
+        raise damage_error(path, "a part of a recording's time is not within 0..100 percent")
+    for model in (sidecar.calibrator, sidecar.data_driven):
+        if model.method not in METHODS:
+            raise InputError(f"is of the method {_short(model.method)}, which this version does not have",
+                             where=str(path), fix=f"train anew with one of {', '.join(METHODS)}")  # fmt: skip
+
+
+def _plant(sidecar: Sidecar, path: Path) -> Plant:
+    stored = sidecar.vessel
+    try:
+        plant = plant_of(stored.numbers, layout_of(sidecar.channels, stored.numbers))
+    except ValueError as error:
+        raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
+    if plant_hash(plant) != stored.sha256:
+        raise damage_error(path, "the vessel's numbers are not those of its hash")
+    return plant
+
+
+def _explain(error: ValidationError) -> str:
+    """The first complaint: the key and what is wrong with it."""
+    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+    return _short(": ".join(filter(None, (".".join(map(str, first["loc"])), first["msg"]))))
+
+
+def _short(value: object) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= 120 else f"{text[:120]}..."
+
 
 Tensors = dict[str, Tensor]
 PARTS = ("calibrator", "data_driven")
 """The tensors of an artefact, one file each."""
-
-
-@dataclass(frozen=True, slots=True)
-class TrainedCalibrator:
-    """A calibrator as it is trained, saved and used for predictions.
-
-    ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was
-    trained on the same windows without a model. ``band_m`` [H] is the radius of the 95 % region by second for a
-    relative uncertainty of one, from legs kept out of the training; ``fallback`` predicts outside the domain of
-    applicability.
-    """
-
-    calibrator: Calibrator
-    data_driven: Calibrator
-    horizon_s: int
-    vessel: str
-    plant: Plant
-    band_m: Floats
-    fallback: Fallback
-    sources: tuple[Source, ...]
-    metrics: dict[str, Any]
-    trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
-    versions: dict[str, str] = field(default_factory=versions)
-
-
-def predict_tracks(trained: TrainedCalibrator, windows: PredictionWindows, reference: Floats) -> PredictedTracks:
-    """Tracks and regions by a trained calibrator, by the fallback outside its domain of applicability.
-
-    ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
-    """
-    return predict_with_fallback(
-        trained.calibrator, trained.plant, trained.band_m, trained.fallback, windows, reference
-    )
 
 
 def save(trained: TrainedCalibrator, folder: Path) -> Path:
@@ -93,7 +252,7 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     contents = {_file(name): safetensors.torch.save(each) for name, each in tensors.items()}
     sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
     make_folder(folder)
-    _write_together(folder, contents | {SIDECAR: text_of(sidecar).encode()})
+    _write_together(folder, contents | {SIDECAR: _SIDECAR.dump_json(sidecar, indent=2) + b"\n"})
     return folder / SIDECAR
 
 
@@ -122,7 +281,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         horizon_s=trained.horizon_s,
         past_s=PAST_S,
         channels=trial_names(trained.plant.layout),
-        vessel=reference_of(trained.vessel, trained.plant),
+        vessel=Reference(trained.vessel, plant_hash(trained.plant), plant_numbers(trained.plant)),
         calibrator=model_of(trained.calibrator, tensors["calibrator"]),
         data_driven=model_of(trained.data_driven, tensors["data_driven"]),
         files=digests,
@@ -176,9 +335,9 @@ def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Cal
         calibrator.load_state_dict(tensors)
         described = model_of(calibrator, tensors)
     except (SeatrialError, KeyError, ValueError, TypeError, IndexError, RuntimeError) as error:
-        raise damaged(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
+        raise damage_error(folder, f"the weights are not those of {model.method}: {_reason(error)}") from error
     if described != model:
-        raise damaged(
+        raise damage_error(
             folder / SIDECAR, f"the inputs and outputs of {model.method} are not scaled as its weights are"
         )
     return calibrator
@@ -206,7 +365,7 @@ def _tensors(path: Path, digests: dict[str, str]) -> Tensors:
     try:
         tensors = safetensors.torch.load(content)
     except (SafetensorError, ValueError, KeyError, RuntimeError) as error:
-        raise damaged(path, _reason(error)) from error
+        raise damage_error(path, _reason(error)) from error
     _refuse_not_numbers(tensors, path)
     return tensors
 
@@ -229,26 +388,3 @@ def _reason(error: Exception) -> str:
         return error.what
     text = f"{error} is missing" if isinstance(error, KeyError) else str(error)
     return " ".join(text.splitlines()[:2])[:160]
-
-
-def refuse_horizon(horizon_s: int, trained: TrainedCalibrator) -> None:
-    """Raise :class:`InputError` when a calibrator was trained for another horizon."""
-    if trained.horizon_s != horizon_s:
-        raise InputError(
-            f"the calibrator predicts {trained.horizon_s} s, not {horizon_s} s",
-            fix=f"say --horizon {trained.horizon_s}, or train anew",
-        )
-
-
-def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
-    """The reference model that a calibrator was trained on; ``vessel`` may name it but not another.
-
-    Raises :class:`ConfigurationError` when the named model differs in any number from that of the training.
-    """
-    if vessel is not None and plant_hash(vessel_plant(load_vessel(vessel))) != plant_hash(trained.plant):
-        raise ConfigurationError(
-            f"vessel {vessel!r} is not the model that the calibrator was trained on",
-            why=f"it was trained on {trained.vessel!r}, and the numbers differ",
-            fix="leave --vessel out, give that vessel, or train anew",
-        )
-    return trained.plant

@@ -55,7 +55,7 @@ EASIER, HARDER, MOST_TRIALS = 1.0 / 3.0, 4.0, 8
 
 
 @dataclass(frozen=True, slots=True)
-class Stopping:
+class StoppingRule:
     """When training ends: after so many steps, or so many in a row without gain on the stopping rows.
 
     ``rows`` is how many are drawn for a step, once the first steps are done.
@@ -115,7 +115,7 @@ def fit_network(
     network: nn.Sequential,
     training: Rows,
     stopping: Rows,
-    until: Stopping,
+    until: StoppingRule,
     windows: int,
     seed: int = 0,
     progress: Progress = lambda share: None,
@@ -234,14 +234,14 @@ def displacement(track: Floats, start: Floats) -> Floats:
 
 
 @dataclass(frozen=True, slots=True)
-class Scaling:
+class Standardisation:
     """Standard scaling of columns: zero mean and unit deviation; constant columns become zero."""
 
     mean: Tensor
     deviation: Tensor
 
     @classmethod
-    def of(cls, columns: Tensor) -> Scaling:
+    def of(cls, columns: Tensor) -> Standardisation:
         """The scaling of columns [rows, C]."""
         deviation = columns.std(dim=0, correction=0)
         constant = deviation <= 1e-9 * (1.0 + columns.mean(dim=0).abs())
@@ -295,7 +295,7 @@ class NetworkCalibrator(Calibrator):
         torch.manual_seed(self.seed)
         self.actuators = training[0].actuators
         inputs, targets = self._rows(*training)
-        self.input_scaling_, self.output_scaling_ = Scaling.of(inputs), Scaling.of(targets)
+        self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
         self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
         self.network_ = make_network(inputs.shape[-1], targets.shape[-1])
         device = training_device()
@@ -303,7 +303,7 @@ class NetworkCalibrator(Calibrator):
             self.network_.to(device),
             self._scaled((inputs, targets), device),
             self._scaled(self._rows(*stopping), device),
-            Stopping(self.epochs, self.batch, self.patience),
+            StoppingRule(self.epochs, self.batch, self.patience),
             len(training[0]),
             self.seed,
             progress,
@@ -349,8 +349,8 @@ class NetworkCalibrator(Calibrator):
         """The inverse of :meth:`state_dict`. Raises :class:`InputError` for a network with other inputs."""
         if tensors["input.mean"].numel() != len(self.inputs):
             raise InputError("was trained on other inputs than this version gives", fix="train anew")
-        self.input_scaling_ = Scaling(tensors["input.mean"], tensors["input.deviation"])
-        self.output_scaling_ = Scaling(tensors["output.mean"], tensors["output.deviation"])
+        self.input_scaling_ = Standardisation(tensors["input.mean"], tensors["input.deviation"])
+        self.output_scaling_ = Standardisation(tensors["output.mean"], tensors["output.deviation"])
         self.input_range_ = tensors["input.range"]
         self.network_ = make_network(len(self.input_scaling_.mean), len(self.output_scaling_.mean))
         prefix = "network."

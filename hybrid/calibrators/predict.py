@@ -11,6 +11,7 @@ import pandas as pd
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
+from acquisition.core.result import Result
 from analysis.estimation.local_polynomial import motion_known_after, one_sided_motion
 from analysis.tables.table import trial_channels
 from hybrid.prediction.baselines import reference
@@ -19,11 +20,11 @@ from hybrid.prediction.prediction_windows import PredictionWindows, windows_from
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import TrainedCalibrator
+    from hybrid.calibrators.train import TrainedCalibrator
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction:
+class Prediction(Result):
     """One predicted track.
 
     ``track`` [H+1, 3]: north, east [m], heading [rad]; ``band_m`` [H+1]: the radius of its 95 % region, if the
@@ -37,6 +38,9 @@ class Prediction:
     band_m: Floats | None
     measured: Floats | None
     outside_domain: bool = False
+    view = "hybrid.report.tables:prediction_table"
+    drawing = "hybrid.report.plots:draw_prediction"
+    size_inch = (7.0, 6.0)
 
     def as_dict(self) -> dict[str, Any]:
         """One object a second, for JSON."""
@@ -117,12 +121,7 @@ def predict(
     table, :class:`ModelRangeError` where the reference leaves its range.
     """
     if trained is not None:
-        from hybrid.calibrators.artefact import (  # torch comes with it: hundreds of megabytes
-            predict_tracks,
-            refuse_horizon,
-        )
-
-        refuse_horizon(horizon_s, trained)
+        trained.refuse_horizon(horizon_s)
     windows, covered = window_at(table, at, horizon_s)
     track = reference(windows, plant)
     if not np.isfinite(track).all():
@@ -133,7 +132,7 @@ def predict(
         )
     band, outside_domain, source = None, False, "reference"
     if trained is not None:
-        predicted = predict_tracks(trained, windows, track)
+        predicted = trained.predict_tracks(windows, track)
         track, source = predicted.tracks, str(predicted.source[0])
         outside_domain = bool(predicted.outside_domain[0])
         band = np.concatenate([[0.0], predicted.radius_m[0]])

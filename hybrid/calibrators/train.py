@@ -1,25 +1,98 @@
-"""``seatrial train``: a calibrator on a reference model, and what it is worth on legs it did not see."""
+"""``seatrial train``: a calibrator on a reference model, what it is worth on legs it did not see, and its use."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import platform
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.progress import Progress, part_of
+from acquisition.core.result import Result
+from acquisition.core.trial import software_version
 from hybrid.calibrators import make_calibrator
-from hybrid.calibrators.artefact import TrainedCalibrator
+from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_with_fallback
+from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import Fallback
-from hybrid.prediction.dataset import Dataset, within_model_range
+from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
 from hybrid.prediction.scores import score
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.fingerprint import plant_hash
 from hybrid.vessel.plant import Plant
 
 HELD_OUT_SHARE = 0.2
 METHOD = "adaptive"
 """The kind of calibrator that is trained unless another is asked for."""
+
+
+def versions() -> dict[str, str]:
+    """The software that a calibrator is made with."""
+    libraries = {name: version(name) for name in ("torch", "numpy")}
+    return {
+        "seatrial": software_version().removeprefix("seatrial "),
+        "python": platform.python_version(),
+    } | libraries
+
+
+@dataclass(frozen=True, slots=True)
+class TrainedCalibrator(Result):
+    """A calibrator as it is trained, saved and used for predictions.
+
+    ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was
+    trained on the same windows without a model. ``band_m`` [H] is the radius of the 95 % region by second for a
+    relative uncertainty of one, from legs kept out of the training; ``fallback`` predicts outside the domain of
+    applicability.
+    """
+
+    calibrator: Calibrator
+    data_driven: Calibrator
+    horizon_s: int
+    vessel: str
+    plant: Plant
+    band_m: Floats
+    fallback: Fallback
+    sources: tuple[Source, ...]
+    metrics: dict[str, Any]
+    trained_at: datetime = field(default_factory=lambda: datetime.now(UTC).replace(microsecond=0))
+    versions: dict[str, str] = field(default_factory=versions)
+    view = "hybrid.report.tables:training_view"
+    drawing = "hybrid.report.plots:draw_regions"
+    size_inch = (7.0, 4.0)
+
+    def predict_tracks(self, windows: PredictionWindows, reference: Floats) -> PredictedTracks:
+        """Tracks and regions, by the fallback outside the domain of applicability.
+
+        ``reference`` [N, H+1, 3] are the reference model's tracks on the windows.
+        """
+        return predict_with_fallback(self.calibrator, self.plant, self.band_m, self.fallback, windows, reference)
+
+    def refuse_horizon(self, horizon_s: int) -> None:
+        """Raise :class:`InputError` when it was trained for another horizon."""
+        if self.horizon_s != horizon_s:
+            raise InputError(
+                f"the calibrator predicts {self.horizon_s} s, not {horizon_s} s",
+                fix=f"say --horizon {self.horizon_s}, or train anew",
+            )
+
+
+def plant_for(trained: TrainedCalibrator, vessel: str | None) -> Plant:
+    """The reference model that a calibrator was trained on; ``vessel`` may name it but not another.
+
+    Raises :class:`ConfigurationError` when the named model differs in any number from that of the training.
+    """
+    if vessel is not None and plant_hash(vessel_plant(load_vessel(vessel))) != plant_hash(trained.plant):
+        raise ConfigurationError(
+            f"vessel {vessel!r} is not the model that the calibrator was trained on",
+            why=f"it was trained on {trained.vessel!r}, and the numbers differ",
+            fix="leave --vessel out, give that vessel, or train anew",
+        )
+    return trained.plant
 
 
 def train(

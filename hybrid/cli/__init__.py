@@ -1,5 +1,76 @@
-"""The commands of the model. They parse, call and print; nothing else."""
+"""The commands of the model, from simulate to report, with the arguments and options that several of them share.
 
-from hybrid.cli.model import mount
+They parse, call and print; nothing else.
+"""
 
-__all__ = ["mount"]
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from acquisition.cli import ABOARD, DIAGNOSIS, PREDICTIONS, RECORDINGS, TRIALS
+
+if TYPE_CHECKING:
+    from acquisition.core.result import Result
+
+Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
+VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
+SeaStateOption = Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml.")]
+CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
+PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
+StrideOption = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]
+RepairOption = Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")]
+EffectsOption = Annotated[
+    list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")
+]
+WorkersOption = Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")]
+
+
+def print_result(values: Any, result: Result, *, as_json: bool) -> None:
+    """A result on standard output: its ``values`` as JSON, or as a terminal shows it."""
+    if as_json:
+        typer.echo(json.dumps(values))
+        return
+    from rich.console import Console
+
+    Console().print(result)
+
+
+def mount(app: typer.Typer) -> None:
+    """Add the commands of the model to the command line."""
+    from hybrid.cli import model, results, trials
+
+    panels: dict[str, dict[Callable[..., None], str]] = {
+        TRIALS: {
+            trials.demo: "Run the whole chain: from simulated buses to a report.",
+            trials.simulate: "Simulate a trial as its sensors would have recorded it.",
+            trials.plan: "Say what a trial would show, and propose a better one.",
+            trials.campaign: "Simulate many trials: vessels, seas, manoeuvres, seeds.",
+        },
+        PREDICTIONS: {
+            model.train: "Train a calibrator on a reference model.",
+            model.validate: "Score every method on recordings that none has seen.",
+            model.predict: "Predict one track from one instant of a recording.",
+            model.evaluate: "Judge each method on recordings like these, with intervals.",
+        },
+        DIAGNOSIS: {
+            trials.effects: "List the effects that a model may lack.",
+            results.diagnose: "Name what the model lacks, add it, and show the gap shrink.",
+        },
+        ABOARD: {model.watch: "Predict beside the running recorder, and judge what it said."},
+        RECORDINGS: {results.report: "Write one HTML page of a trial, a diagnosis or a batch."},
+    }
+    for panel, commands in panels.items():
+        for command, about in commands.items():
+            app.command(help=about, rich_help_panel=panel)(command)
+    reproduce = typer.Typer(no_args_is_help=True)
+    reproduce.command(help="Table III on sequences never seen, beside the random split.")(results.table3)
+    reproduce.command(help="The figures of the paper, in our own style.")(results.figures)
+    reproduce.command(help="How bad may the reference be before it stops helping?")(results.fidelity)
+    app.add_typer(
+        reproduce, name="reproduce", help="The paper's results, from scratch.", rich_help_panel=PREDICTIONS
+    )

@@ -1,105 +1,33 @@
-"""The commands of the model, from simulate to predict. They parse, call and print; nothing else."""
+"""``seatrial train``, ``validate``, ``evaluate``, ``predict`` and ``watch``: they parse, call and print."""
 
 from __future__ import annotations
 
 import json
+import os
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from acquisition.cli import DIAGNOSIS, PREDICTIONS, TRIALS, AsJson
+from acquisition.cli import AsJson
+from acquisition.core.process import stop_on_signals
 from analysis.cli import RebuildPositions
-from hybrid.cli import campaign as truth_commands
-from hybrid.cli import diagnose as diagnosis
-from hybrid.cli import evaluate as evaluation
-from hybrid.cli import plan as planning
-from hybrid.cli import report as reporting
-from hybrid.cli import reproduce as reproduction
-from hybrid.cli import watch as twin
-from hybrid.cli.options import (
+from hybrid.cli import (
     CalibratorOption,
-    EffectsOption,
     PartOption,
     Recordings,
     RepairOption,
-    SeaStateOption,
     StrideOption,
     VesselOption,
+    print_result,
 )
 
-HORIZON_S = 15
-SIMULATED_ORIGIN = (63.44, 10.40)  # latitude and longitude that simulated trials start from [deg]
+if TYPE_CHECKING:
+    from hybrid.twin.twin import Predictor
 
-
-def mount(app: typer.Typer) -> None:
-    """Add this package's commands to the command line."""
-    app.command("demo", help="Run the whole chain: from simulated buses to a report.", rich_help_panel=TRIALS)(demo)
-    app.command("simulate", help="Simulate a trial as its sensors would have recorded it.", rich_help_panel=TRIALS)(
-        simulate
-    )
-    app.command("train", help="Train a calibrator on a reference model.", rich_help_panel=PREDICTIONS)(train)
-    app.command(
-        "validate", help="Score every method on recordings that none has seen.", rich_help_panel=PREDICTIONS
-    )(validate)
-    app.command("predict", help="Predict one track from one instant of a recording.", rich_help_panel=PREDICTIONS)(
-        predict
-    )
-    app.command("effects", help="List the effects that a model may lack.", rich_help_panel=DIAGNOSIS)(effects)
-    twin.mount(app)
-    evaluation.mount(app)
-    diagnosis.mount(app)
-    planning.mount(app)
-    truth_commands.mount(app)
-    reproduction.mount(app)
-    reporting.mount(app)
-
-
-def simulate(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The recording to write, OUT.mcap.")],
-    vessel: Annotated[str, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = "gunnerus_short",
-    sea_state: SeaStateOption = "calm",
-    manoeuvre: Annotated[
-        str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
-    ] = "voyage",
-    duration: Annotated[float, typer.Option(min=1.0, help="Length of the trial in seconds.")] = 1200.0,
-    rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Samples a second.")] = 10.0,
-    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same trial.")] = 0,
-    hide: Annotated[
-        list[str] | None,
-        typer.Option(help="EFFECT:PARAM=VALUE,... to hide in the truth; may be given several times."),
-    ] = None,
-    effects_file: EffectsOption = None,
-) -> None:
-    """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
-    from hybrid.effects.catalogue import catalogue_with, parse_effects
-    from hybrid.scripting import simulate as run
-    from hybrid.vessel.files import load_vessel
-
-    ship = load_vessel(vessel)
-    catalogue = catalogue_with(effects_file or (), actuators=ship.actuators)
-    hidden = parse_effects(hide or (), catalogue)
-    table = run(output, vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
-    samples, truth = int(table.notna().to_numpy().sum()), output.with_suffix(".truth.json")
-    typer.echo(f"{samples:,} samples of {duration:g} s in {output}; the truth is in {truth}", err=True)
-
-
-def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None:
-    """List the catalogue of effects."""
-    from hybrid.effects.catalogue import VERSION, catalogue_with
-
-    catalogue = catalogue_with(effects_file or ())
-    if as_json:
-        listed = [effect.as_dict() for effect in catalogue.values()]
-        typer.echo(json.dumps({"version": VERSION, "effects": listed}))
-        return
-    from rich.console import Console
-
-    from hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
-
-    console = Console()
-    console.width = max(console.width, CATALOGUE_WIDTH)
-    console.print(catalogue_tables(catalogue))
+WATCH_HORIZON_S = 30
+_NICENESS = 5  # the logger goes first
 
 
 def train(
@@ -133,13 +61,8 @@ def train(
     if as_json:
         typer.echo(json.dumps({"calibrator": str(path.parent), **trained.metrics}))
         return
+    typer.echo(str(trained), err=True)
     metrics = trained.metrics
-    more = f" and {metrics['shorter_windows']} shorter ones" if metrics["shorter_windows"] else ""
-    typer.echo(
-        f"trained on {metrics['training_windows']} windows{more}; on {metrics['held_out_windows']} windows of legs "
-        f"kept out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m",
-        err=True,
-    )
     if metrics["held_out_hybrid_m"] > metrics["held_out_reference_m"]:
         typer.echo("warning: on legs kept out it is WORSE than the reference; it needs more held legs", err=True)
     typer.echo(path.parent)
@@ -170,14 +93,59 @@ def validate(
         repair=repair, rebuild_positions=rebuild_positions, allow_seen=allow_seen,
     )  # fmt: skip
     typer.echo(f"reference: the model {trained.vessel if trained else vessel or DEFAULT}", err=True)
-    if as_json:
-        typer.echo(json.dumps(validation.as_dict()))
-        return
-    from rich.console import Console
+    print_result(validation.as_dict(), validation, as_json=as_json)
 
-    from hybrid.report.tables import validation_table
 
-    Console().print(validation_table(validation))
+def evaluate(
+    files: Recordings,
+    horizon: Annotated[int, typer.Option(min=2, help="How far is predicted, in seconds.")] = 15,
+    vessel: VesselOption = None,
+    split: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="leg, time, recording or random; several may be given. Without it leg and time, and "
+            "recording where there are several files."
+        ),
+    ] = None,
+    method: Annotated[
+        list[str] | None, typer.Option(help="A kind of calibrator; several may be given. Without it all.")
+    ] = None,
+    draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
+    stride: StrideOption = 5,
+    repair: RepairOption = False,
+    rebuild_positions: RebuildPositions = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A folder for evaluation.json and evaluation.html.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Fit every method on one part of recordings and judge it on the other."""
+    from analysis.tables.files import make_folder
+    from hybrid.scripting import evaluate as run
+    from hybrid.vessel.files import DEFAULT
+
+    if output is not None:
+        make_folder(output)
+    evaluation = run(
+        files, vessel, horizon, splits=split or (), methods=method or (), draws=draws, stride_s=stride,
+        repair=repair, rebuild_positions=rebuild_positions, seed=seed,
+    )  # fmt: skip
+    about = {
+        "files": [str(each) for each in files],
+        "vessel": vessel or DEFAULT,
+        "stride_s": stride,
+        "repair": repair or rebuild_positions,
+        "rebuild_positions": rebuild_positions,
+        "seed": seed,
+    }
+    values = {**about, **evaluation.as_dict()}
+    if output is not None:
+        from hybrid.report.evaluation_page import write_evaluation
+
+        for path in write_evaluation(evaluation, json.dumps(values), about, output):
+            typer.echo(path, err=True)
+    print_result(values, evaluation, as_json=as_json)
 
 
 def predict(
@@ -194,40 +162,50 @@ def predict(
     from hybrid.scripting import predict as run
 
     prediction = run(file, at, calibrator, vessel, horizon)
-    if as_json:
-        typer.echo(json.dumps(prediction.as_dict()))
-        return
-    from rich.console import Console
-
-    from hybrid.report.tables import prediction_table
-
-    Console().print(prediction_table(prediction))
+    print_result(prediction.as_dict(), prediction, as_json=as_json)
 
 
-def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")] = Path(
-        "demo"
-    ),
-    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
+def watch(
+    config: Annotated[Path, typer.Argument(help="The configuration that `seatrial record` runs with.")],
+    calibrator: Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")] = None,
+    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    horizon: Annotated[
+        int | None,
+        typer.Option(min=2, max=300, help="How far is predicted in seconds; 30, or what the calibrator does."),
+    ] = None,
+    duration: Annotated[float | None, typer.Option(min=0.0, help="End after so many seconds.")] = None,
+    log: Annotated[str, typer.Option(help="What is written without a terminal: text, or json lines.")] = "text",
+    as_json: AsJson = False,
 ) -> None:
-    """Show the whole of Seatrial at work, without hardware."""
-    from contextlib import ExitStack
+    """Predict beside the running recorder."""
+    if log not in ("text", "json"):
+        raise typer.BadParameter("is neither text nor json", param_hint="--log")
+    with stop_on_signals() as stop:  # before the heavy imports: they take a while, and Ctrl-C may come
+        with suppress(OSError):
+            os.nice(_NICENESS)
+        from acquisition.config.configuration import load_config
+        from hybrid.twin.watch import as_json as described
+        from hybrid.twin.watch import watch as run
 
-    from acquisition.core.progress import bar
-    from hybrid.report.tables import validation_table
-    from hybrid.workflows.demo import demonstrate
+        trial, predictor = load_config(config), _predictor(calibrator, vessel, horizon)
+        summary = run(trial, predictor, stop, duration, log_format=log)  # type: ignore[arg-type]
+    typer.echo(str(summary), err=True)
+    if as_json:
+        typer.echo(json.dumps(described(summary, predictor)))
 
-    with ExitStack() as stack:
-        done = demonstrate(
-            output,
-            seed,
-            say=lambda line: typer.echo(line, err=True),
-            progress=lambda what: stack.enter_context(bar(what)),
-        )
-    from rich.console import Console
 
-    Console(stderr=True).print(validation_table(done.validation))
-    reduction = done.validation.reduction or 0.0
-    typer.echo(
-        f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"
-    )
+def _predictor(calibrator: Path | None, vessel: str | None, horizon: int | None) -> Predictor:
+    from hybrid.effects.catalogue import vessel_plant
+    from hybrid.twin.twin import Predictor
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    if calibrator is None:
+        name = vessel or DEFAULT
+        return Predictor(name, vessel_plant(load_vessel(name)), horizon or WATCH_HORIZON_S)
+    from hybrid.calibrators.artefact import load
+    from hybrid.calibrators.train import plant_for
+
+    trained = load(calibrator)
+    if horizon is not None:
+        trained.refuse_horizon(horizon)
+    return Predictor(trained.vessel, plant_for(trained, vessel), trained.horizon_s, trained, str(calibrator))

@@ -183,8 +183,8 @@ def winds(windows: PredictionWindows) -> NDArray[np.str_]:
 def _drift_deg(windows: PredictionWindows, steps: Floats) -> Floats:
     """The mean angle between course and heading over each window [N]."""
     heading = 0.5 * (windows.track[:, 1:, 2] + windows.track[:, :-1, 2])
-    ahead, starboard = in_ship_axes(steps[..., 0], steps[..., 1], heading)
-    return np.asarray(np.rad2deg(np.abs(np.arctan2(starboard.sum(axis=1), ahead.sum(axis=1)))))
+    ahead, aside = in_ship_axes(steps[..., 0], steps[..., 1], heading)
+    return np.asarray(np.rad2deg(np.abs(np.arctan2(aside.sum(axis=1), ahead.sum(axis=1)))))
 
 
 def _speed_change(steps: Floats) -> Floats:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from acquisition.core.result import Result
 from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -85,7 +86,7 @@ class SplitSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class Evaluation:
+class Evaluation(Result):
     """The figures of a study by split, and the leak of the random one (:func:`leak_of`)."""
 
     horizon_s: int
@@ -94,6 +95,8 @@ class Evaluation:
     outside: int
     splits: dict[str, SplitSummary]
     leak: dict[str, Interval]
+    view = "hybrid.report.tables:evaluation_view"
+    drawing = "hybrid.report.evaluation_page:draw_evaluation"
 
     def as_dict(self) -> dict[str, Any]:
         """The JSON object."""
@@ -120,15 +123,6 @@ def evaluation_of(study: Study, length_m: float, seed: int) -> Evaluation:
         },
         leak=leak_of(study, seed),
     )
-
-
-def counts_of(summary: Summary) -> str:
-    """How many windows of how many legs, for people."""
-    windows, legs = (
-        f"{count} {name}{'' if count == 1 else 's'}"
-        for count, name in ((summary.windows, "window"), (summary.legs, "leg"))
-    )
-    return f"{windows} of {legs}"
 
 
 def leak_of(study: Study, seed: int) -> dict[str, Interval]:

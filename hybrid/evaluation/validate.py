@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
-from hybrid.calibrators.artefact import TrainedCalibrator, predict_tracks, refuse_horizon
+from acquisition.core.result import Result
 from hybrid.calibrators.calibrator import PredictedTracks
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import constant_velocity
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -20,7 +21,7 @@ from hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)
-class Validation:
+class Validation(Result):
     """Scores and tracks by method, on the same windows for all.
 
     ``outside`` counts the windows left out because the reference model left its range in them. With a calibrator,
@@ -38,6 +39,8 @@ class Validation:
     outside_domain: NDArray[np.bool_] | None = None
     radius_m: Floats | None = None
     source: NDArray[np.str_] | None = None
+    view = "hybrid.report.tables:validation_table"
+    drawing = "hybrid.report.plots:draw_validation"
 
     @property
     def reduction(self) -> float | None:
@@ -86,13 +89,13 @@ def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None =
     Raises :class:`InputError` when the calibrator was trained for another horizon.
     """
     if trained is not None:
-        refuse_horizon(dataset.windows.horizon_s, trained)
+        trained.refuse_horizon(dataset.windows.horizon_s)
     windows, reference_tracks = within_model_range(dataset.windows, plant)
     tracks = {"constant_velocity": constant_velocity(windows), "reference": reference_tracks}
     hybrid = None
     if trained is not None:
         tracks["data_driven"] = trained.data_driven.predict(windows, reference_tracks)
-        hybrid = predict_tracks(trained, windows, reference_tracks)
+        hybrid = trained.predict_tracks(windows, reference_tracks)
         tracks["hybrid"] = hybrid.tracks
     return Validation(
         windows=windows,

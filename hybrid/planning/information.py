@@ -126,7 +126,7 @@ def separation(
     return max(0.0, float(size @ information.of(name, (rival, *given)) @ size))
 
 
-def told_apart(information: Information, name: str, rival: str, sizes: float = 1.0) -> float:
+def least_separation(information: Information, name: str, rival: str, sizes: float = 1.0) -> float:
     """The least :func:`separation` over all directions, of an effect ``sizes`` times as large as is typical."""
     spread = sizes * np.array(information.catalogue[name].free_scale)
     own, other = information.columns[name], information.columns[rival]

@@ -25,7 +25,15 @@ from hybrid.diagnosis.result import Manoeuvre
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import apply_effects
 from hybrid.planning.information import Design, Information, design_of, separation
-from hybrid.planning.repertoire import MINUTES, Candidate, behind, one_leg, rehearsed, repertoire, shafts_of
+from hybrid.planning.repertoire import (
+    MINUTES,
+    Candidate,
+    append_rehearsals,
+    as_one_leg,
+    rehearse,
+    repertoire,
+    shafts_of,
+)
 from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.channels import RPM_PER_RPS
 from hybrid.vessel.effect import Values
@@ -52,7 +60,7 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True)
-class Ranked:
+class RankedCandidate:
     """A candidate, the log odds that each pair would stand at with it and stands at without it, and its worth.
 
     ``told_apart`` is the share of the pairs that is likely to be told apart with it.
@@ -61,7 +69,7 @@ class Ranked:
     candidate: Candidate
     with_it: tuple[float, ...]
     without: tuple[float, ...]
-    told_apart: float
+    share_separated: float
 
     @property
     def gains(self) -> tuple[float, ...]:
@@ -89,10 +97,10 @@ def next_manoeuvre(
 
     ``values`` has the parameters of everything that is named: with them the ship rehearses.
     """
-    return asked_for(ranked(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
+    return best_request(rank_candidates(rehearsal_of(equations, vessel, values, progress), pairs), pairs)
 
 
-def asked_for(ranking: Sequence[Ranked], pairs: Sequence[Pair]) -> Manoeuvre | None:
+def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> Manoeuvre | None:
     """The first of a ranking as a request, or None where it is not worth it.
 
     The evidence is in log odds, recording and manoeuvre together, of the pair that stays the closest among those
@@ -119,23 +127,23 @@ def rehearsal_of(
     ship = apply_effects(model.base, values, model.catalogue)
     candidates = repertoire(shafts_of(vessel, usual_rpm(log)))
     made = rehearsals(candidates, vessel, ship, wind_in(log), float(np.rad2deg(log.nominal[-1, 2])))
-    joined = behind(log, [one_leg(each) for each in made.values()])
+    joined = append_rehearsals(log, [as_one_leg(each) for each in made.values()])
     whole = normal_equations(linearise(joined, model, equations.tolerance), equations.noise, progress=progress)
     return Rehearsal(design_of(whole), range(log.legs), tuple(made))
 
 
-def ranked(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[Ranked]:
+def rank_candidates(rehearsal: Rehearsal, pairs: Sequence[Pair]) -> list[RankedCandidate]:
     """Every candidate and what it says of ``pairs``, the best first."""
     design, recorded = rehearsal.design, rehearsal.recorded
     now = _evidence(design.information(recorded), pairs)
     result = []
     for leg, candidate in enumerate(rehearsal.candidates, start=len(recorded)):
         both = _evidence(design.information([*recorded, leg]), pairs)
-        result.append(Ranked(candidate, both, now, _told_apart(both, pairs)))
-    return sorted(result, key=lambda each: (-each.told_apart, -min(each.gains)))
+        result.append(RankedCandidate(candidate, both, now, _share_separated(both, pairs)))
+    return sorted(result, key=lambda each: (-each.share_separated, -min(each.gains)))
 
 
-def _told_apart(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
+def _share_separated(evidence: Sequence[float], pairs: Sequence[Pair]) -> float:
     """The share of the pairs that is likely to be told apart: log odds scatter by the root of twice their mean."""
     expected = np.maximum(np.array(evidence), 1e-9)
     chances = norm.cdf((expected - CLOSE) / np.sqrt(2.0 * expected))
@@ -149,7 +157,7 @@ def rehearsals(
     made = {}
     for candidate in candidates:
         try:
-            made[candidate] = rehearsed(candidate.legs, vessel, ship, sea, 60 * MINUTES, heading_deg)
+            made[candidate] = rehearse(candidate.legs, vessel, ship, sea, 60 * MINUTES, heading_deg)
         except ModelRangeError:  # such a manoeuvre cannot be judged, and had better not be asked for
             continue
     return made

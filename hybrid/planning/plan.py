@@ -22,6 +22,7 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
+from acquisition.core.result import Result
 from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import normal_equations
@@ -36,11 +37,19 @@ from hybrid.planning.information import (
     as_parameter,
     design_of,
     free_limits,
+    least_separation,
     noncentrality,
-    told_apart,
 )
 from hybrid.planning.next_manoeuvre import rehearsals
-from hybrid.planning.repertoire import MINUTES, Candidate, behind, one_leg, rehearsed, repertoire, shafts_of
+from hybrid.planning.repertoire import (
+    MINUTES,
+    Candidate,
+    append_rehearsals,
+    as_one_leg,
+    rehearse,
+    repertoire,
+    shafts_of,
+)
 from hybrid.simulation.manoeuvres import CRUISE_RPM, Manoeuvre, manoeuvre_named
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import simulate_trial
@@ -59,7 +68,7 @@ class Aims:
     pairs: tuple[tuple[str, str], ...]
 
 
-def composed(
+def compose_programme(
     design: Design, legs: Sequence[int], slots: int, aims: Aims, progress: Progress = lambda share: None
 ) -> list[int]:
     """Which of the ``legs`` to sail, ``slots`` in all, any of them twice if that is best; in their own order."""
@@ -89,12 +98,12 @@ def _exchanged(design: Design, chosen: list[int], legs: Sequence[int], aims: Aim
 def cost(design: Design, legs: Sequence[int], aims: Aims) -> float:
     """How far these legs are from doing all that they are to do; 0 would be perfect."""
     information = design.information(legs)
-    seen = sum(log1p(_SEEN / max(ordinary(information, name), _LEAST)) for name in aims.effects)
-    apart = sum(log1p(TOLD_APART / max(alike(information, *pair), _LEAST)) for pair in aims.pairs)
+    seen = sum(log1p(_SEEN / max(ordinary_evidence(information, name), _LEAST)) for name in aims.effects)
+    apart = sum(log1p(TOLD_APART / max(pair_evidence(information, *pair), _LEAST)) for pair in aims.pairs)
     return seen / max(len(aims.effects), 1) + apart / max(len(aims.pairs), 1)
 
 
-def ordinary(information: Information, name: str) -> float:
+def ordinary_evidence(information: Information, name: str) -> float:
     """Twice the log likelihood that an effect of its ordinary size is worth, in the worst direction."""
     scale = np.array(information.catalogue[name].free_scale)
     block = information.of(name)
@@ -103,22 +112,22 @@ def ordinary(information: Information, name: str) -> float:
     return float(np.linalg.eigvalsh(block * np.outer(scale, scale))[0])
 
 
-def alike(information: Information, name: str, rival: str) -> float:
+def pair_evidence(information: Information, name: str, rival: str) -> float:
     """Twice the log likelihood that tells two effects of ordinary sizes apart, whichever of them is there.
 
     Infinite where neither would be seen at all: then they are not taken for each other.
     """
     ways = ((name, rival), (rival, name))
-    seen = [pair for pair in ways if ordinary(information, pair[0]) >= TOLD_APART]
-    return min((told_apart(information, *pair) for pair in seen), default=inf)
+    seen = [pair for pair in ways if ordinary_evidence(information, pair[0]) >= TOLD_APART]
+    return min((least_separation(information, *pair) for pair in seen), default=inf)
 
 
-def matrix(information: Information, names: Sequence[str]) -> Floats:
-    """:func:`alike` for all pairs [E, E], infinite for an effect and itself."""
+def evidence_matrix(information: Information, names: Sequence[str]) -> Floats:
+    """:func:`pair_evidence` for all pairs [E, E], infinite for an effect and itself."""
     result = np.full((len(names), len(names)), np.inf)
     for i, name in enumerate(names):
         for j in range(i):
-            result[i, j] = result[j, i] = alike(information, name, names[j])
+            result[i, j] = result[j, i] = pair_evidence(information, name, names[j])
     return result
 
 
@@ -159,7 +168,7 @@ class Programme:
         """How long all of it takes."""
         return sum(part.minutes for part in self.parts)
 
-    def alike(self) -> list[tuple[str, str]]:
+    def indistinguishable_pairs(self) -> list[tuple[str, str]]:
         """Pairs of effects that could not be told apart."""
         names = list(self.limits)
         rows, columns = np.nonzero(np.tril(self.evidence < TOLD_APART, -1))
@@ -168,7 +177,7 @@ class Programme:
     def as_dict(self) -> dict[str, Any]:
         """For JSON: a limit that no possible size would reach is ``None``."""
         limits = {name: value if isfinite(value) and value > 0.0 else None for name, value in self.limits.items()}
-        pairs = [list(pair) for pair in self.alike()]
+        pairs = [list(pair) for pair in self.indistinguishable_pairs()]
         return {
             "minutes": self.minutes, "parts": [part.as_dict() for part in self.parts], "limits": limits,
             "indistinguishable": pairs,
@@ -176,7 +185,7 @@ class Programme:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(Result):
     """A programme that was asked about, and a better one."""
 
     vessel: str
@@ -185,13 +194,16 @@ class Plan:
     catalogue: Catalogue
     asked: Programme
     better: Programme
+    view = "hybrid.report.tables:plan_view"
+    drawing = "hybrid.report.plan_page:draw_plan"
+    size_inch = (9.0, 2.6)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         effects = [
             {
                 "name": each.name, "family": each.family, "parameter": each.parameters[0].name,
-                "unit": each.parameters[0].unit, "neutral": finite(each.parameters[0].neutral),
+                "unit": each.parameters[0].unit, "neutral": finite_or_none(each.parameters[0].neutral),
                 "typical": each.parameters[0].typical, "limit": self.asked.as_dict()["limits"][each.name],
                 "better_limit": self.better.as_dict()["limits"][each.name],
             }
@@ -203,7 +215,7 @@ class Plan:
         }  # fmt: skip
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """A number for JSON."""
     return value if isfinite(value) else None
 
@@ -274,7 +286,7 @@ def plan(
     where the programme takes the ship out of the range of her model.
     """
     ship = vessel_plant(vessel, {**catalogue_for(vessel.actuators), **catalogue})
-    asked = [rehearsed(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
+    asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     joined = _joined([*asked, *made.values()])
     whole = normal_equations(
@@ -285,7 +297,7 @@ def plan(
     shown = _programme(programme, design.information(range(first)))
     aims = Aims(tuple(catalogue), _pairs(shown, catalogue))
     slots = max(1, round(shown.minutes / MINUTES))
-    legs = composed(design, range(first, first + len(made)), slots, aims, part_of(progress, 1, 2))
+    legs = compose_programme(design, range(first, first + len(made)), slots, aims, part_of(progress, 1, 2))
     candidates = [list(made)[leg - first] for leg in legs]
     parts = [Part(each.name, each.what, float(MINUTES), each.legs) for each in candidates]
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
@@ -293,14 +305,14 @@ def plan(
 
 def _joined(logs: Sequence[Log]) -> Log:
     """All rehearsals one behind the other, each a leg."""
-    return behind(one_leg(logs[0]), [one_leg(log) for log in logs[1:]])
+    return append_rehearsals(as_one_leg(logs[0]), [as_one_leg(log) for log in logs[1:]])
 
 
 def _programme(parts: Sequence[Part], information: Information) -> Programme:
     limits = {
         name: as_parameter(information.catalogue[name], size) for name, size in free_limits(information).items()
     }
-    return Programme(tuple(parts), limits, matrix(information, list(limits)))
+    return Programme(tuple(parts), limits, evidence_matrix(information, list(limits)))
 
 
 def _pairs(shown: Programme, catalogue: Catalogue) -> tuple[tuple[str, str], ...]:
@@ -311,4 +323,4 @@ def _pairs(shown: Programme, catalogue: Catalogue) -> tuple[tuple[str, str], ...
         for rival in each.confused_with
         if rival in catalogue
     }
-    return tuple(sorted(known | {(min(pair), max(pair)) for pair in shown.alike()}))
+    return tuple(sorted(known | {(min(pair), max(pair)) for pair in shown.indistinguishable_pairs()}))

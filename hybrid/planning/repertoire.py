@@ -250,7 +250,7 @@ _STEPS = 4  # of the simulator in a quarter of a second, so that the autopilot's
 _SEED = 20260903
 
 
-def rehearsed(
+def rehearse(
     legs: Manoeuvre, vessel: Vessel, plant: Plant, sea: SeaState, seconds: int, heading_deg: float = 0.0
 ) -> Log:
     """The log of ``seconds`` of a manoeuvre by ``plant``, the autopilot and drives of ``vessel`` at work.
@@ -285,12 +285,12 @@ def _mean(series: Floats, number: int) -> Floats:
     return np.asarray(series[:whole].reshape(-1, number, series.shape[1]).mean(axis=1))
 
 
-def one_leg(log: Log) -> Log:
+def as_one_leg(log: Log) -> Log:
     """The same log as a single leg."""
     return replace(log, leg=np.zeros(len(log), dtype=np.int64))
 
 
-def behind(first: Log, others: Sequence[Log]) -> Log:
+def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
     """One log of several: each follows the one before at its place and, after a break, at its time.
 
     What no sensor of ``first`` measured, the others do not measure either.

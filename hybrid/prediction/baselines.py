@@ -42,11 +42,11 @@ def present_motion_held(states: Floats, horizon_s: int) -> Floats:
     # sinc and its companion stay exact for a yaw rate of zero
     along = seconds * np.sinc(turn / np.pi)
     across = seconds * np.sinc(turn / (2 * np.pi)) * np.sin(turn / 2)
-    ahead, starboard = surge * along - sway * across, sway * along + surge * across
+    ahead, aside = surge * along - sway * across, sway * along + surge * across
     return np.stack(
         [
-            north + ahead * np.cos(heading) - starboard * np.sin(heading),
-            east + ahead * np.sin(heading) + starboard * np.cos(heading),
+            north + ahead * np.cos(heading) - aside * np.sin(heading),
+            east + ahead * np.sin(heading) + aside * np.cos(heading),
             heading + turn,
         ],
         axis=-1,

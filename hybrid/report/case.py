@@ -23,8 +23,9 @@ from analysis.tables.table import percent_of, refuse_duplicates
 from analysis.windows.recordings import trial_names
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
-from hybrid.calibrators.artefact import TrainedCalibrator, load, plant_for, refuse_horizon
+from hybrid.calibrators.artefact import load
 from hybrid.calibrators.calibrator import DomainOfApplicability
+from hybrid.calibrators.train import TrainedCalibrator, plant_for
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, load_dataset
@@ -33,8 +34,8 @@ from hybrid.report.errors import (
     Errors,
     Residuals,
     calibration_of,
+    consecutive_windows,
     errors_of,
-    one_after_another,
     predicted_motion,
     residuals_of,
 )
@@ -172,7 +173,7 @@ class Case:
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
         horizons, tracks = self.validation.windows, self.validation.tracks
-        chosen = one_after_another(horizons)
+        chosen = consecutive_windows(horizons)
         chosen = chosen[horizons.trial[chosen] == name]
         if not len(chosen):
             return {}
@@ -243,7 +244,7 @@ def load_case(
     trained = load(Path(calibrator)) if calibrator else None
     if trained is not None:
         plant_for(trained, vessel)
-        refuse_horizon(horizon_s or trained.horizon_s, trained)
+        trained.refuse_horizon(horizon_s or trained.horizon_s)
     seconds = horizon_s or (trained.horizon_s if trained else HORIZON_S)
     return Case(
         paths, _vessel(vessel, trained), trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen

@@ -20,7 +20,7 @@ from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
 from hybrid.effects import Effect
 from hybrid.effects.catalogue import VERSION
 from hybrid.report.diagnosis_words import DEPENDS, number, parameter_title
-from hybrid.report.words import listed, plain
+from hybrid.report.words import join_words, plain
 
 Parameters = Mapping[str, Estimate]
 
@@ -303,7 +303,9 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     )
     sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
     if alike:
-        sentence += f"; without a ship model {listed([plain(each) for each in alike], 'or')} would look the same"
+        sentence += (
+            f"; without a ship model {join_words([plain(each) for each in alike], 'or')} would look the same"
+        )
     return Consistency(test.name, free, errors, test.p_value, alike, sentence + ".")
 
 
@@ -319,7 +321,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     for group in conclusion.composites:
         family = next(each.family for each in effects if each.name in group)
         remarks.append(
-            f"{listed([plain(name) for name in group])} are of one family, {family}: together they may be one "
+            f"{join_words([plain(name) for name in group])} are of one family, {family}: together they may be one "
             "effect that is not in the catalogue"
         )
     if effects and gap.gap.closed < 0.0:

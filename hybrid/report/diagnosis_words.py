@@ -24,7 +24,7 @@ from hybrid.diagnosis.result import (
 )
 from hybrid.prediction.scores import FEW_LEGS, Interval
 from hybrid.report.notebook import templates
-from hybrid.report.words import listed, plain
+from hybrid.report.words import join_words, plain
 
 _SMALL = 0.001
 
@@ -56,7 +56,7 @@ def alternatives(group: Sequence[str], named: Sequence[str], last: str = "or") -
     'trim and skeg from one effect of their family that is not in the catalogue'
     """
     words = [plain(name) for name in group]
-    return f"{listed(words)} {last} {ONE_OF_THEM}" if set(group) <= set(named) else listed(words, last)
+    return f"{join_words(words)} {last} {ONE_OF_THEM}" if set(group) <= set(named) else join_words(words, last)
 
 
 def number(value: float) -> str:
@@ -131,8 +131,8 @@ def _lacking(effects: Sequence[NamedEffect]) -> str:
     """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
     lacks = [plain(each.name) for each in effects if each.kind != "sensor"]
     shown = [plain(each.name) for each in effects if each.kind == "sensor"]
-    parts = [f"the model lacks {listed(lacks)}"] if lacks else []
-    parts += [f"the sensors show {listed(shown)}"] if shown else []
+    parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
+    parts += [f"the sensors show {join_words(shown)}"] if shown else []
     sentence = ", and ".join(parts)
     return sentence[:1].upper() + sentence[1:]
 
@@ -200,7 +200,7 @@ def certainty(effect: NamedEffect) -> str:
 
 def dependence(where: Sequence[str]) -> str:
     """What something unknown goes with."""
-    return listed([DEPENDS.get(each, plain(each)) for each in where])
+    return join_words([DEPENDS.get(each, plain(each)) for each in where])
 
 
 def titled_rungs(ladder: Ladder) -> dict[str, Interval]:
@@ -307,7 +307,7 @@ def _words(value: Any) -> str:
 
 def names_of(effects: Sequence[NamedEffect]) -> str:
     """The effects' names at the beginning of a sentence."""
-    return listed([plain(each.name) for each in effects]).capitalize()
+    return join_words([plain(each.name) for each in effects]).capitalize()
 
 
 def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:

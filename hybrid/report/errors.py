@@ -43,7 +43,7 @@ def speeds_of(track: Floats) -> Floats:
     return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
-def one_after_another(horizons: PredictionWindows) -> NDArray[np.int64]:
+def consecutive_windows(horizons: PredictionWindows) -> NDArray[np.int64]:
     """Windows that follow each other without an overlap, as many as fit, in the order of time."""
     start_ns = horizons.start_time.as_unit("ns").asi8
     chosen, until_ns, trial = [], -1, ""

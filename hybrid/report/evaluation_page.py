@@ -16,12 +16,12 @@ from acquisition.core.errors import storage_error
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
 from hybrid.evaluation.study import BASELINES
-from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary, counts_of
+from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval
 from hybrid.report.notebook import templates
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic, reach
-from hybrid.report.tables import MEANING, caption_of, spread
-from hybrid.report.words import plain, unbroken
+from hybrid.report.tables import MEANING, caption_of, counts_of, spread
+from hybrid.report.words import no_wrap, plain
 
 __all__ = ["MEANING", "caption_of", "counts_of"]  # for the template
 
@@ -194,9 +194,9 @@ def ratio_count(evaluation: Evaluation) -> int:
 def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
     """A row a method, and which is the best."""
     rows = [
-        [unbroken(plain(name)), unbroken(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
-         unbroken(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
-         f"{each.heading_error_deg.value:.1f}", unbroken(spread(each.ratio)), _percent(each.coverage_95)]
+        [no_wrap(plain(name)), no_wrap(spread(each.mean_distance_m)), f"{each.end_distance_m.value:.2f}",
+         no_wrap(f"{each.mae_north_m.value:.2f}, {each.mae_east_m.value:.2f}"),
+         f"{each.heading_error_deg.value:.1f}", no_wrap(spread(each.ratio)), _percent(each.coverage_95)]
         for name, each in split.whole.methods.items()
     ]  # fmt: skip
     return rows, list(split.whole.methods).index(split.whole.best)
@@ -204,9 +204,14 @@ def method_rows(split: SplitSummary) -> tuple[list[list[str]], int]:
 
 def leak_rows(evaluation: Evaluation) -> list[list[str]]:
     """How much larger the error on legs never seen is than what a random split shows."""
-    return [[unbroken(plain(name)), unbroken(spread(factor))] for name, factor in evaluation.leak.items()]
+    return [[no_wrap(plain(name)), no_wrap(spread(factor))] for name, factor in evaluation.leak.items()]
 
 
 def _percent(interval: Interval) -> str:
     bounds = "" if interval.low != interval.low else f" ({interval.low:.0%}-{interval.high:.0%})"
-    return unbroken(f"{interval.value:.1%}{bounds}")
+    return no_wrap(f"{interval.value:.1%}{bounds}")
+
+
+def draw_evaluation(figure: Figure, evaluation: Evaluation) -> None:
+    """The ratio of every method's mean distance to the best baseline's, with its interval, a group a split."""
+    forest(figure.subplots(), evaluation.splits)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acquisition.core.errors import storage_error
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
@@ -21,14 +23,20 @@ if TYPE_CHECKING:
 
 __all__ = ["TOLD_APART", "heading_of"]  # for the template
 
-PAGE_FILE = "plan.html"
+JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
 _LEAST = 1.0
 
 
-def write_page(plan: Plan, folder: Path) -> Path:
-    """Write the page into a folder and return its path. Raises :class:`StorageError`."""
-    return page_of(plan).write(folder / PAGE_FILE)
+def write_plan(plan: Plan, folder: Path) -> list[Path]:
+    """Write ``plan.json`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
+    path = folder / JSON_FILE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(plan.as_dict()) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise storage_error(path, error) from error
+    return [path, page_of(plan).write(folder / PAGE_FILE)]
 
 
 def page_of(plan: Plan) -> Page:
@@ -48,7 +56,7 @@ def headline_of(plan: Plan) -> dict[str, str]:
     for title, programme in (("yours", plan.asked), ("better", plan.better)):
         number = sum(_seen(plan, programme, name) for name in plan.catalogue)
         figures[f"effects of ordinary size seen, {title}"] = f"{number} of {len(plan.catalogue)}"
-        figures[f"pairs not told apart, {title}"] = str(len(programme.alike()))
+        figures[f"pairs not told apart, {title}"] = str(len(programme.indistinguishable_pairs()))
     return figures
 
 
@@ -123,3 +131,8 @@ def _draw_matrix(axes: Axes, programme: Programme, names: list[str], title: str)
     axes.set_yticks(range(len(names)), names, fontsize=5.5)
     axes.grid(visible=False)
     axes.set_title(title)
+
+
+def draw_plan(figure: Figure, plan: Plan) -> None:
+    """Both programmes on a time line."""
+    draw_programmes(figure.subplots(), plan)

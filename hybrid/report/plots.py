@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import matplotlib.dates as dates
 import numpy as np
@@ -16,6 +16,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import PatchCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
@@ -27,8 +28,13 @@ from acquisition.core.channels import is_circular
 from analysis.report.plots import INK, PALETTE, break_at_wrap, held_shade, label
 from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
 from hybrid.prediction.scores import Interval
-from hybrid.report.errors import QUANTITIES, Calibration, Errors
+from hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
 from hybrid.report.words import plain
+
+if TYPE_CHECKING:
+    from hybrid.calibrators.predict import Prediction
+    from hybrid.calibrators.train import TrainedCalibrator
+    from hybrid.evaluation.validate import Validation
 
 _LEAST = 1e-3  # a logarithmic axis begins here at the lowest: a millimetre, a thousandth
 _TICKS = ((8.0, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)), (300.0, (1.0, 2.0, 5.0)), (np.inf, (1.0,)))
@@ -50,8 +56,8 @@ def start_frame(track: Floats, start: Floats) -> Floats:
     """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
     north = track[..., 0] - start[..., 0, None]
     east = track[..., 1] - start[..., 1, None]
-    ahead, starboard = in_ship_axes(north, east, start[..., 2, None])
-    return np.stack([starboard, ahead], axis=-1)
+    ahead, aside = in_ship_axes(north, east, start[..., 2, None])
+    return np.stack([aside, ahead], axis=-1)
 
 
 def interval_bar(axes: Axes, interval: Interval, row: float, colour: str, label: str = "") -> Artist:
@@ -97,7 +103,7 @@ _ROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 _UNIT = np.column_stack([np.cos(_ROUND), np.sin(_ROUND)])
 
 
-def compared(
+def measured_and_predicted(
     axes: Axes,
     table: pd.DataFrame,
     name: str,
@@ -287,3 +293,38 @@ def transform_histogram(axes: Axes, calibration: Calibration) -> list[Artist]:
     axes.set_ylabel("positions [%]")
     axes.set_xlim(0, 1)
     return [*bars, line]
+
+
+def draw_validation(figure: Figure, validation: Validation) -> None:
+    """Distance and heading error of every method by second: median, and dashed 90 %."""
+    errors = {name: errors_of(track, validation.windows) for name, track in validation.tracks.items()}
+    for axes, quantity in zip(figure.subplots(1, 2), ("distance", "heading"), strict=True):
+        errors_by_second(axes, errors, quantity)
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+
+
+def draw_prediction(figure: Figure, prediction: Prediction) -> None:
+    """The predicted track with its 95 % region, and the measured one where it is known; north up and to scale."""
+    axes, colour = figure.subplots(), COLOUR.get(prediction.method, COLOUR["reference"])
+    north, east = prediction.track[:, 0], prediction.track[:, 1]
+    if prediction.measured is not None:
+        axes.plot(prediction.measured[:, 1], prediction.measured[:, 0], color=INK, label="measured")
+    if prediction.band_m is not None:
+        area = _swept(prediction.track[1:], prediction.band_m[1:])
+        axes.add_collection(PatchCollection([area], facecolor=colour, alpha=0.2, linewidths=0, label="95 %"))
+    axes.plot(east, north, color=colour, label=plain(prediction.method))
+    axes.plot(east[0], north[0], "o", color=INK, markersize=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(label("east_m"))
+    axes.set_ylabel(label("north_m"))
+    axes.legend(loc="best")
+
+
+def draw_regions(figure: Figure, trained: TrainedCalibrator) -> None:
+    """The radius of a calibrator's 95 % region by second, for a relative uncertainty of one."""
+    axes = figure.subplots()
+    axes.plot(np.arange(1, len(trained.band_m) + 1), trained.band_m, color=COLOUR["hybrid"])
+    axes.set_xlabel("prediction time [s]")
+    axes.set_ylabel("radius of the 95 % region [m]")
+    axes.set_xlim(left=0)
+    axes.set_ylim(bottom=0.0)

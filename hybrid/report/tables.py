@@ -4,7 +4,6 @@ and the catalogue of effects, which is wider.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -14,18 +13,24 @@ from rich.table import Table
 from rich.text import Text
 
 from hybrid.effects.catalogue import VERSION, Catalogue
-from hybrid.evaluation.summary import Evaluation, SplitSummary, counts_of
-from hybrid.planning.plan import Plan, Programme
 from hybrid.prediction.scores import FEW_LEGS, Interval
 from hybrid.vessel.effect import FAMILIES, Effect, Parameter
 
 if TYPE_CHECKING:
     from hybrid.calibrators.predict import Prediction
+    from hybrid.calibrators.train import TrainedCalibrator
+    from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
     from hybrid.evaluation.validate import Validation
+    from hybrid.planning.plan import Plan, Programme
 
 
 _UNTRAINED = "the start lies beyond what the calibrator was trained on: a baseline speaks in its place"
-_COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
+_METHOD_COLUMNS = ("mean distance m", "at the end m", "north m", "east m", "heading deg")
+_SPLIT_COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")
+_PREDICTION_COLUMNS = {
+    "north m": "north_m", "east m": "east_m", "heading deg": "heading_deg", "95 % band m": "band_m",
+    "measured north m": "measured_north_m", "measured east m": "measured_east_m",
+}  # fmt: skip
 
 
 def validation_table(validation: Validation) -> Table:
@@ -34,7 +39,7 @@ def validation_table(validation: Validation) -> Table:
     table = Table(title=f"{len(validation.windows)} held windows of {horizon_s} s", title_justify="left",
                   box=None, header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
     table.add_column("method")
-    for title in _COLUMNS:
+    for title in _METHOD_COLUMNS:
         table.add_column(title, justify="right")
     best = min(each.mean_distance_m for each in validation.scores.values())
     for name, each in validation.scores.items():
@@ -61,28 +66,28 @@ def _caption(validation: Validation) -> str:
     return "; ".join(parts)
 
 
+def training_view(trained: TrainedCalibrator) -> Text:
+    """What a calibrator was trained on, and what it is worth on the legs kept out."""
+    metrics = trained.metrics
+    more = f" and {metrics['shorter_windows']} shorter ones" if metrics["shorter_windows"] else ""
+    return Text(
+        f"trained on {metrics['training_windows']} windows{more}; on {metrics['held_out_windows']} windows of legs "
+        f"kept out: reference {metrics['held_out_reference_m']:.2f} m, hybrid {metrics['held_out_hybrid_m']:.2f} m"
+    )
+
+
 def prediction_table(prediction: Prediction) -> Table:
     """One row every few seconds."""
     rows = prediction.as_dict()["track"]
     step = max(1, (len(rows) - 1) // 10)
     table = Table(title=f"{prediction.method} from {prediction.at.isoformat()}", title_justify="left", box=None,
                   header_style="dim", caption=_UNTRAINED if prediction.outside_domain else None)  # fmt: skip
-    for title in (
-        "second",
-        "north m",
-        "east m",
-        "heading deg",
-        "95 % band m",
-        "measured north m",
-        "measured east m",
-    ):
+    for title in ("second", *_PREDICTION_COLUMNS):
         table.add_column(title, justify="right")
     for row in rows:
-        if row["second"] % step and row["second"] != len(rows) - 1:
-            continue
-        numbers = [row.get(key) for key in ("north_m", "east_m", "heading_deg", "band_m",
-                                            "measured_north_m", "measured_east_m")]  # fmt: skip
-        table.add_row(str(row["second"]), *("–" if each is None else f"{each:.2f}" for each in numbers))
+        if row["second"] % step == 0 or row["second"] == len(rows) - 1:
+            numbers = [row.get(key) for key in _PREDICTION_COLUMNS.values()]
+            table.add_row(str(row["second"]), *("–" if each is None else f"{each:.2f}" for each in numbers))
     return table
 
 
@@ -94,17 +99,16 @@ MEANING = {
 }
 
 _FEW = 0.005  # a share that is shown as 0 %
-_COLUMNS = ("mean m", "end m", "deg", "ratio", "in 95 %")
 
 
-def evaluation_tables(evaluation: Evaluation) -> Iterator[Table]:
+def evaluation_view(evaluation: Evaluation) -> Group:
     """A table of methods a split, the best in bold, then one of its breakdown."""
+    tables = []
     for split in evaluation.splits.values():
-        yield methods_table(evaluation.horizon_s, split)
+        tables.append(methods_table(evaluation.horizon_s, split))
         if split.shown:
-            yield breakdown_table(split)
-    if evaluation.leak:
-        yield _leak_table(evaluation)
+            tables.append(breakdown_table(split))
+    return Group(*tables, *([_leak_table(evaluation)] if evaluation.leak else []))
 
 
 def methods_table(horizon_s: int, split: SplitSummary) -> Table:
@@ -113,7 +117,7 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
     table = _table(f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s",
-                   caption_of(split), *_COLUMNS)  # fmt: skip
+                   caption_of(split), *_SPLIT_COLUMNS)  # fmt: skip
     for name, each in split.whole.methods.items():
         cells = (
             spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}", f"{each.heading_error_deg.value:.1f}",
@@ -155,6 +159,15 @@ def caption_of(split: SplitSummary) -> str:
     return "; ".join(parts)
 
 
+def counts_of(summary: Summary) -> str:
+    """How many windows of how many legs, for people."""
+    windows, legs = (
+        f"{count} {name}{'' if count == 1 else 's'}"
+        for count, name in ((summary.windows, "window"), (summary.legs, "leg"))
+    )
+    return f"{windows} of {legs}"
+
+
 def spread(interval: Interval) -> str:
     """A figure with its interval.
 
@@ -184,7 +197,7 @@ def _table(title: str, caption: str | None, *columns: str) -> Table:
 _MOST_PAIRS = 12
 
 
-def plan_tables(plan: Plan) -> RenderableType:
+def plan_view(plan: Plan) -> RenderableType:
     """Both programmes, the size from which each effect is seen, and what could not be told apart."""
     return Group(
         _parts("Your programme", plan.asked),
@@ -243,7 +256,7 @@ def _limits(plan: Plan) -> Table:
 
 
 def _alike(title: str, programme: Programme) -> Text:
-    pairs = programme.alike()
+    pairs = programme.indistinguishable_pairs()
     if not pairs:
         return Text(f"\n{title} tells all effects of ordinary size apart.")
     listed = [f"  {name} and {rival}" for name, rival in pairs[:_MOST_PAIRS]]

@@ -10,8 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 
+from acquisition.core.actuators import name_of_order
 from acquisition.core.arrays import Floats, Ints
 from analysis.report.plots import FAINT, INK, PALETTE, known_groups, series
+from analysis.tables.table import table_actuators, table_controls
 from hybrid.calibrators.adaptive.parameters import Parameters
 from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.prediction.scores import distances
@@ -25,7 +27,7 @@ from hybrid.report.errors import (
     Cells,
     Residuals,
     cells_of,
-    one_after_another,
+    consecutive_windows,
 )
 from hybrid.report.words import plain, quantity_title
 
@@ -144,9 +146,6 @@ def correlations(axes: Axes, names: Sequence[str], matrix: Floats) -> list[Artis
 
 
 _SERIES = ("heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps", "speed_mps")
-_COMMANDS = (("port_rpm", "starboard_rpm", "tunnel_rpm"), ("port_angle_deg", "starboard_angle_deg"),
-             ("wind_speed_mps",), ("wind_direction_deg",))  # fmt: skip
-_ORDERS = ("port_order_rpm", "starboard_order_rpm", "port_order_angle_deg", "starboard_order_angle_deg")
 _FANS = 40  # on one track; more would lie on each other
 _CLOSE = {"a usual window": 0.5, "a hard one": 0.9, "the hardest": 1.0}
 
@@ -157,14 +156,18 @@ def time_series(figure: Figure, case: Case, name: str) -> None:
     table = products.one_hz.assign(speed_mps=np.hypot(products.one_hz["surge_mps"], products.one_hz["sway_mps"]))
     windows = None if products.windows is None else products.windows.rows
     predicted = case.predicted(name)
-    commands = known_groups(table, _COMMANDS)
+    controls = table_controls(table)
+    by_quantity = [[each for each in controls if each.endswith(ending)] for ending in ("_rpm", "_angle_deg")]
+    commands = known_groups(table, [*by_quantity, ["wind_speed_mps"], ["wind_direction_deg"]])
+    orders = {name_of_order(each.name): each.name for actuator in table_actuators(table)
+              for each in actuator.channels if actuator.kind == "azimuth"}  # fmt: skip
     grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
     for axes, channel in zip(grid, _SERIES, strict=False):
-        plots.compared(axes, table, channel, predicted, windows)
+        plots.measured_and_predicted(axes, table, channel, predicted, windows)
         axes.label_outer()
     for axes, names in zip(grid[len(_SERIES) :], commands, strict=True):
-        orders = [each for each in _ORDERS if each in table and each.replace("_order", "") in names]
-        series(axes, table, [*names, *orders], windows)
+        ordered = [order for order, name in orders.items() if order in table and name in names]
+        series(axes, table, [*names, *ordered], windows)
         axes.label_outer()
     figure.legend(*grid[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     figure.align_ylabels()
@@ -182,7 +185,7 @@ def all_errors_by_second(figure: Figure, case: Case) -> None:
 def prediction_fans(figure: Figure, case: Case, name: str) -> None:
     """The whole track, and three stretches of it large: a usual one, a hard one and the hardest."""
     judged, table = case.validation, case.products[name].one_hz
-    chosen = one_after_another(judged.windows)
+    chosen = consecutive_windows(judged.windows)
     chosen = chosen[judged.windows.trial[chosen] == name]
     whole, *close = figure.subplot_mosaic(
         [["whole", "0"], ["whole", "1"], ["whole", "2"]], width_ratios=(1.35, 1.0)

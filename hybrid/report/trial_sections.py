@@ -14,7 +14,7 @@ from analysis.report.pages import events_of, run_sheet
 from hybrid.prediction.scores import FEW_LEGS
 from hybrid.report.case import Case
 from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, error_rows
-from hybrid.report.words import listed, plain, quantity_title
+from hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,12 +57,14 @@ def headline(case: Case) -> dict[str, str]:
 def model_words(case: Case) -> str:
     """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
     model = case.model_name
-    ships = listed(list(dict.fromkeys(each.recording.trial.vessel or "no ship" for each in case.products.values())))
+    ships = join_words(
+        list(dict.fromkeys(each.recording.trial.vessel or "no ship" for each in case.products.values()))
+    )
     words = f"The reference is the model {model}; the recordings name {ships}."
     if case.trained is None:
         return words
     trained = case.trained
-    recordings = listed([each.path.name for each in trained.sources])
+    recordings = join_words([each.path.name for each in trained.sources])
     return (
         f"{words} The hybrid is the calibrator {trained.calibrator.method}, trained on {recordings} "
         f"({trained.metrics.get('windows', 0):,} windows of {trained.horizon_s} s, {trained.trained_at:%Y-%m-%d})."
@@ -77,8 +79,8 @@ def doubts_of(products: Products) -> str | None:
         return None
     codes = dict.fromkeys(each.code.replace("_", " ") for each in products.quality.findings)
     return (
-        f"{len(doubtful)} of {len(channels)} channels are not good ({listed(list(codes))}): part of every error "
-        "below may be the data's. The section on data quality says more."
+        f"{len(doubtful)} of {len(channels)} channels are not good ({join_words(list(codes))}): part of every "
+        "error below may be the data's. The section on data quality says more."
     )
 
 
@@ -168,7 +170,7 @@ def fallback_words(judged: Validation, training: DomainOfApplicability) -> str:
     """How many windows start beyond the training, in what, and which baseline speaks there."""
     names = [name for name, column in zip(training.names, training.outside.T, strict=True) if column.any()]
     spoke = ", ".join(f"{plain(name)} in {count}" for name, count in (judged.fallback or {}).items())
-    where = f", in {listed([quantity_title(name) for name in names])}" if names else ""
+    where = f", in {join_words([quantity_title(name) for name in names])}" if names else ""
     beyond = 0 if judged.outside_domain is None else int(judged.outside_domain.sum())
     return (
         f"{beyond} of {len(judged.windows)} windows start too far beyond what the calibrator was trained "
@@ -182,7 +184,7 @@ def outside_words(judged: Validation, training: DomainOfApplicability) -> str:
     count = int(training.outside_range.any(axis=1).sum())
     return (
         f"{count} of {len(judged.windows)} windows lie outside the range of the training itself"
-        + (f", in {listed([quantity_title(name) for name in past])}" if past else "")
+        + (f", in {join_words([quantity_title(name) for name in past])}" if past else "")
         + "; up to the dashes that is allowed, for a model goes on where a table ends."
     )
 

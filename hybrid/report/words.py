@@ -17,16 +17,16 @@ def plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def listed(words: Sequence[str], last: str = "and") -> str:
+def join_words(words: Sequence[str], last: str = "and") -> str:
     """Words as a sentence lists them.
 
-    >>> listed(["trim", "skeg", "loading"])
+    >>> join_words(["trim", "skeg", "loading"])
     'trim, skeg and loading'
     """
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + f" {last} " + words[-1] if words else "nothing"
 
 
-def unbroken(text: str) -> str:
+def no_wrap(text: str) -> str:
     """A text that is not broken over two lines."""
     return text.replace(" ", "\u00a0").replace("-", "\u2011")
 
@@ -34,8 +34,8 @@ def unbroken(text: str) -> str:
 def quantity_title(name: str) -> str:
     """A quantity's name with its unit in brackets.
 
-    >>> quantity_title("yaw_rate_radps"), quantity_title("port_angle_cos"), quantity_title("second")
-    ('yaw rate [rad/s]', 'port angle [cosine]', 'second')
+    >>> quantity_title("yaw_rate_radps"), quantity_title("bow_angle_cos"), quantity_title("second")
+    ('yaw rate [rad/s]', 'bow angle [cosine]', 'second')
     """
     what, _, suffix = name.rpartition("_")
     return f"{what.replace('_', ' ')} [{_UNITS[suffix]}]" if suffix in _UNITS and what else name.replace("_", " ")

@@ -17,11 +17,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import names_of
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress
 from analysis.batch.workers import map_calls
 from analysis.tables.resample import resample
+from analysis.tables.table import table_actuators
 from analysis.windows.held import held_windows
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Examples
@@ -148,8 +150,9 @@ def _drawn(rows: pd.DataFrame, sequences: int, horizon_s: int, seed: int) -> tup
 
 
 def _ordered_deg(rows: pd.DataFrame) -> Floats:
-    """The order of each window [deg]: the swing that both pods' angles are near, or NaN."""
-    angles = rows.groupby("window", sort=True)[["port_angle_deg", "starboard_angle_deg"]].median().to_numpy()
+    """The order of each window [deg]: the swing that all pods' angles are near, or NaN."""
+    pods = [f"{name}_angle_deg" for name in names_of(table_actuators(rows), "azimuth")]
+    angles = rows.groupby("window", sort=True)[pods].median().to_numpy()
     swings = np.array(_SWINGS)
     off = np.abs(angles[:, None, :] - swings[:, None]).max(axis=2)
     nearest = off.argmin(axis=1)
@@ -324,6 +327,8 @@ def example_sequence(sea_state: str, seed: int, vessel: str) -> pd.DataFrame:
     table, _ = simulate_trial(vessel, sea_state, "paper", _EXAMPLE_S, RATE_HZ, seed)
     rows = held_windows(resample(table), HORIZON_S, 1, trial="example").rows
     first = rows[rows["second"] == 0]
-    swung = first[(first["port_angle_deg"].abs() > 5.0) & (first["tunnel_rpm"].abs() < 5.0)]
-    begin = pd.Timestamp(swung["start"].iloc[0])
+    actuators = table_actuators(table)
+    turned = first[f"{names_of(actuators, 'azimuth')[0]}_angle_deg"].abs() > 5.0
+    idle = (first[[f"{name}_rpm" for name in names_of(actuators, "tunnel")]].abs() < 5.0).all(axis=1)
+    begin = pd.Timestamp(first.loc[turned & idle, "start"].iloc[0])
     return table[(table.index >= begin) & (table.index < begin + pd.Timedelta(seconds=HORIZON_S))]

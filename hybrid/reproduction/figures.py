@@ -20,11 +20,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import names_of
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from analysis.report.figures import ENDINGS, fill_figure, write_figure
 from analysis.report.plots import FAINT, INK, PALETTE
+from analysis.tables.table import table_actuators
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.report.plots import COLOUR, plain_numbers, start_frame
 from hybrid.report.words import plain
@@ -165,7 +167,7 @@ WRITTEN = ("png", *ENDINGS)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class FigureData:
     """What the figures are drawn from: the sea states, and one sequence with all its channels."""
 
     seas: tuple[Sea, ...]
@@ -174,10 +176,10 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True)
-class FigureOf:
+class FigureSpec:
     """How a figure is drawn, how large it is, and what is written below it."""
 
-    draw: Callable[[Figure, Shown], None]
+    draw: Callable[[Figure, FigureData], None]
     size_inch: tuple[float, float]
     caption: str
 
@@ -185,16 +187,16 @@ class FigureOf:
 def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share: None) -> list[Path]:
     """Simulate, train, draw, and write every figure as PNG, SVG, PDF and JSON. Raises :class:`StorageError`."""
     jobs = [Job(sea_state, seed) for sea_state in SEA_STATES]
-    return write_drawn(shown_of(seas_of(jobs, progress=progress)), folder)
+    return write_figure_data(figure_data_of(seas_of(jobs, progress=progress)), folder)
 
 
-def shown_of(seas: Sequence[Sea]) -> Shown:
+def figure_data_of(seas: Sequence[Sea]) -> FigureData:
     """The sea states shown, in their order, one campaign each; the example is from the last of them."""
     last = seas[-1].job
-    return Shown(tuple(seas), example_sequence(last.sea_state, last.seed, last.vessel), last.sea_state)
+    return FigureData(tuple(seas), example_sequence(last.sea_state, last.seed, last.vessel), last.sea_state)
 
 
-def write_drawn(shown: Shown, folder: Path) -> list[Path]:
+def write_figure_data(shown: FigureData, folder: Path) -> list[Path]:
     """Every figure in ``folder`` as PNG, SVG and PDF, its numbers as JSON, and where each is."""
     return [
         path
@@ -203,11 +205,11 @@ def write_drawn(shown: Shown, folder: Path) -> list[Path]:
     ]
 
 
-def _filling(drawn: FigureOf, shown: Shown) -> Callable[[Figure], None]:
+def _filling(drawn: FigureSpec, shown: FigureData) -> Callable[[Figure], None]:
     return lambda figure: drawn.draw(figure, shown)
 
 
-def draw_tracks(figure: Figure, shown: Shown) -> None:
+def draw_tracks(figure: Figure, shown: FigureData) -> None:
     """Figure 4."""
     panels = _row(figure, len(shown.seas))
     for axes, sea in zip(panels, shown.seas, strict=True):
@@ -220,7 +222,7 @@ def draw_tracks(figure: Figure, shown: Shown) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=4, title="azimuth of the zigzag")
 
 
-def draw_channels(figure: Figure, shown: Shown) -> None:
+def draw_channels(figure: Figure, shown: FigureData) -> None:
     """Figure 5."""
     table = shown.example
     seconds = np.asarray((table.index - table.index[0]).total_seconds(), dtype=float)
@@ -234,10 +236,10 @@ def draw_channels(figure: Figure, shown: Shown) -> None:
 
 
 def _channels(table: pd.DataFrame) -> dict[str, Mapping[str, Floats]]:
-    """The 13 channels in nine panels: names in the legend by the label of the axis."""
+    """The channels in nine panels: names in the legend by the label of the axis."""
     value = {str(name): table[name].to_numpy(dtype=float) for name in table}
     moved = {name: value[f"{name}_m"] - value[f"{name}_m"][0] for name in ("north", "east")}
-    wind = unwrap(value["wind_direction_deg"])
+    wind, actuators = unwrap(value["wind_direction_deg"]), table_actuators(table)
     return {
         "from the start [m]": moved,
         "heading [deg]": {"heading": unwrap(value["heading_deg"])},
@@ -246,12 +248,12 @@ def _channels(table: pd.DataFrame) -> dict[str, Mapping[str, Floats]]:
         "yaw rate [deg/s]": {"yaw rate": value["yaw_rate_dps"]},
         "wind speed [m/s]": {"wind speed": value["wind_speed_mps"]},
         "wind direction, from [deg]": {"wind direction": wind},
-        "shaft speed [rpm]": {side: value[f"{side}_rpm"] for side in ("port", "starboard", "tunnel")},
-        "azimuth [deg]": {side: value[f"{side}_angle_deg"] for side in ("port", "starboard")},
+        "shaft speed [rpm]": {each.name: value[f"{each.name}_rpm"] for each in actuators},
+        "azimuth [deg]": {name: value[f"{name}_angle_deg"] for name in names_of(actuators, "azimuth")},
     }
 
 
-def draw_fans(figure: Figure, shown: Shown) -> None:
+def draw_fans(figure: Figure, shown: FigureData) -> None:
     """Figure 6."""
     panels = _row(figure, len(shown.seas), sharex=True, sharey=True)
     for axes, sea in zip(panels, shown.seas, strict=True):
@@ -270,7 +272,7 @@ def _of_every_azimuth(azimuth_deg: Floats, count: int) -> NDArray[np.int64]:
     return np.concatenate([np.flatnonzero(azimuth_deg == order)[:each] for order in orders])
 
 
-def draw_errors(figure: Figure, shown: Shown) -> None:
+def draw_errors(figure: Figure, shown: FigureData) -> None:
     """Figure 7."""
     grid = figure.subplots(2, len(shown.seas), sharex=True, squeeze=False)
     for column, sea in enumerate(shown.seas):
@@ -284,7 +286,7 @@ def draw_errors(figure: Figure, shown: Shown) -> None:
     figure.legend(handles=grid[0, 0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
 
 
-def draw_predictions(figure: Figure, shown: Shown) -> None:
+def draw_predictions(figure: Figure, shown: FigureData) -> None:
     """Figure 9."""
     grid = figure.subplots(len(shown.seas), len(AZIMUTHS_DEG), squeeze=False)
     for row, sea in zip(grid, shown.seas, strict=True):
@@ -313,7 +315,7 @@ def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
     track_with_end(axes, measured, tracks, band_m, around_m)
 
 
-def draw_spread(figure: Figure, shown: Shown) -> None:
+def draw_spread(figure: Figure, shown: FigureData) -> None:
     """Figure 10."""
     panels = _row(figure, len(shown.seas), sharey=True)
     for axes, sea in zip(panels, shown.seas, strict=True):
@@ -337,32 +339,32 @@ def _only_outer_labels(panels: Sequence[Axes]) -> None:
         axes.set_ylabel("")
 
 
-FIGURES: dict[str, FigureOf] = {
-    "figure_04_tracks": FigureOf(
+FIGURES: dict[str, FigureSpec] = {
+    "figure_04_tracks": FigureSpec(
         draw_tracks,
         (10.5, 7.0),
         "The campaign in the three sea states: zigzags to scale, one colour an azimuth, north up.",
     ),
-    "figure_05_channels": FigureOf(
+    "figure_05_channels": FigureSpec(
         draw_channels, (10.5, 6.5), "One sequence of 600 samples: pose, velocities, wind and thrusters."
     ),
-    "figure_06_reference": FigureOf(
+    "figure_06_reference": FigureSpec(
         draw_fans,
         (10.5, 4.6),
         "Measured against the reference model's tracks, as many sequences of each azimuth, all from one start with "
         "the bow up; above, its mean error on sequences never seen.",
     ),
-    "figure_07_errors": FigureOf(
+    "figure_07_errors": FigureSpec(
         draw_errors,
         (10.5, 5.6),
         "Error north and east of reference and hybrid on sequences never seen: mean, and the middle 80 % shaded.",
     ),
-    "figure_09_predictions": FigureOf(
+    "figure_09_predictions": FigureSpec(
         draw_predictions,
         (10.5, 11.0),
         "Sequences never seen, one of each azimuth and sea state, bow up; the insets enlarge the last metres.",
     ),
-    "figure_10_distribution": FigureOf(
+    "figure_10_distribution": FigureSpec(
         draw_spread,
         (10.5, 4.6),
         "Mean distance of each sequence by method: never seen beside the paper's random split. Boxes hold the "

@@ -6,19 +6,23 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
+from matplotlib.figure import Figure
+from rich.console import Group
 from rich.table import Table
 
 from acquisition.core.errors import InputError
+from analysis.report.plots import FAINT
 from analysis.report.rendering import Page, render
 from analysis.tables.files import atomic_file
 from hybrid.prediction.scores import Interval
 from hybrid.report.notebook import sections, templates
+from hybrid.report.plots import COLOUR, interval_bar, logarithmic
 from hybrid.report.tables import spread
-from hybrid.report.words import plain, unbroken
-from hybrid.reproduction.figures import FIGURES, Shown
+from hybrid.report.words import no_wrap, plain
+from hybrid.reproduction.figures import FIGURES, FigureData
 from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
 
 __all__ = ["FIGURES", "counts_of"]  # for the template
@@ -29,11 +33,23 @@ TABLE = "table3.json"
 QUANTITY = {"reduction_x": "north", "reduction_y": "east", "reduction": "distance"}
 
 
-def terminal_tables(table: Table3) -> Iterator[Table]:
+def table3_view(table: Table3) -> Group:
     """A table of methods for each sea state, then the published reductions beside ours."""
-    for sea_state in dict.fromkeys(row.sea_state for row in table.rows):
-        yield methods_table(sea_state, [row for row in table.rows if row.sea_state == sea_state])
-    yield cells_table(table)
+    return Group(*(methods_table(rows[0].sea_state, rows) for rows in by_sea_state(table)), cells_table(table))
+
+
+def draw_table3(figure: Figure, table: Table3) -> None:
+    """The mean distance of every method on sequences never seen, with its interval, a panel a sea state."""
+    states = by_sea_state(table)
+    for axes, rows in zip(figure.subplots(1, len(states), sharey=True, squeeze=False)[0], states, strict=True):
+        unseen = [row for row in rows if row.split == "sequence"]
+        for place, row in enumerate(unseen):
+            interval_bar(axes, row.mean_distance_m, place, COLOUR.get(row.method, FAINT))
+        axes.set_yticks(range(len(unseen)), [plain(row.method) for row in unseen])
+        axes.set_title(rows[0].sea_state, loc="left")
+        axes.set_xlabel("mean distance [m]")
+        logarithmic(axes, "x", [row.mean_distance_m for row in unseen])
+    figure.axes[0].invert_yaxis()
 
 
 def methods_table(sea_state: str, rows: list[Row]) -> Table:
@@ -107,7 +123,7 @@ HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than referenc
           "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
 
 
-def write_page(table: Table3, folder: Path, shown: Shown | None = None) -> Path:
+def write_page(table: Table3, folder: Path, shown: FigureData | None = None) -> Path:
     """Write ``table3.html``, with figures if there is something to be ``shown``. Raises :class:`StorageError`."""
     page = render(
         "table3.html", templates=templates(), title="The paper's Table III, reproduced", table=table, shown=shown,
@@ -155,15 +171,15 @@ def method_rows(rows: list[Row]) -> tuple[list[list[str]], int | None]:
         if each.sea_state == unseen[0].sea_state:
             errors = [f"{value:.2f}" for value in (each.mae_x_m, each.mae_y_m, each.mean_distance_m)]
             less = f"{each.reduction:.1%}" if each.reduction else ""
-            lines.append([unbroken(f"published {each.method}"), *errors, "", "", "", errors[-1], less])
+            lines.append([no_wrap(f"published {each.method}"), *errors, "", "", "", errors[-1], less])
     return lines, next((place for place, row in enumerate(unseen) if row.method == "hybrid"), None)
 
 
 def _line(row: Row, mixed: Row | None) -> list[str]:
     leak = ["", ""] if mixed is None else [f"{mixed.mean_distance_m.value:.2f}", f"{mixed.reduction.value:.1%}"]
     return [
-        unbroken(plain(row.method)), f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}",
-        unbroken(spread(row.mean_distance_m)), f"{row.reduction.value:.1%}",
+        no_wrap(plain(row.method)), f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}",
+        no_wrap(spread(row.mean_distance_m)), f"{row.reduction.value:.1%}",
         f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
     ]  # fmt: skip
 

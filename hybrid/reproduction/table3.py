@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
+from acquisition.core.result import Result
 from hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
 from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job
 
@@ -36,7 +37,7 @@ QUANTITIES = ("reduction_x", "reduction_y", "reduction")
 
 
 @dataclass(frozen=True, slots=True)
-class Published:
+class PublishedRow:
     """One row of the table; x is north and y east.
 
     The paper states the reductions of the distance. Those along x and y follow from its errors, which are
@@ -58,16 +59,16 @@ class Published:
 
 
 PUBLISHED = (
-    Published("calm", "reference", 0.31, 0.61, 0.72),
-    Published("calm", "hybrid", 0.05, 0.06, 0.08, 0.883, 1 - 0.05 / 0.31, 1 - 0.06 / 0.61),
-    Published("gentle", "reference", 1.19, 1.61, 2.19),
-    Published("gentle", "hybrid", 0.18, 0.06, 0.20, 0.910, 1 - 0.18 / 1.19, 1 - 0.06 / 1.61),
-    Published("moderate", "reference", 3.02, 1.56, 3.60),
-    Published("moderate", "hybrid", 0.36, 0.10, 0.39, 0.892, 1 - 0.36 / 3.02, 1 - 0.10 / 1.56),
+    PublishedRow("calm", "reference", 0.31, 0.61, 0.72),
+    PublishedRow("calm", "hybrid", 0.05, 0.06, 0.08, 0.883, 1 - 0.05 / 0.31, 1 - 0.06 / 0.61),
+    PublishedRow("gentle", "reference", 1.19, 1.61, 2.19),
+    PublishedRow("gentle", "hybrid", 0.18, 0.06, 0.20, 0.910, 1 - 0.18 / 1.19, 1 - 0.06 / 1.61),
+    PublishedRow("moderate", "reference", 3.02, 1.56, 3.60),
+    PublishedRow("moderate", "hybrid", 0.36, 0.10, 0.39, 0.892, 1 - 0.36 / 3.02, 1 - 0.10 / 1.56),
 )
 
 
-def published_hybrid(sea_state: str) -> Published | None:
+def published_hybrid(sea_state: str) -> PublishedRow | None:
     """The paper's hybrid in a sea state, None for one that it has not."""
     found = [each for each in PUBLISHED if each.method == "hybrid" and each.sea_state == sea_state]
     return found[0] if found else None
@@ -134,11 +135,13 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Table3:
+class Table3(Result):
     """All rows, and the published reductions compared."""
 
     rows: tuple[Row, ...]
     cells: tuple[Cell, ...]
+    view = "hybrid.reproduction.page:table3_view"
+    drawing = "hybrid.reproduction.page:draw_table3"
 
     def as_dict(self) -> dict[str, Any]:
         """The contract's JSON object."""

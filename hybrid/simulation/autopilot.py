@@ -52,13 +52,13 @@ def drives_of(vessel: Vessel) -> Drives:
 
 
 @compiled
-def clipped(value: float, limit: float) -> float:
+def clip(value: float, limit: float) -> float:
     """``value`` within ``limit`` either way."""
     return float(min(max(value, -limit), limit))
 
 
 @compiled
-def wrapped(angle_rad: float) -> float:
+def wrap_angle(angle_rad: float) -> float:
     """The same direction within half a turn of zero."""
     return float(angle_rad - 2.0 * pi * round(angle_rad / (2.0 * pi)))
 
@@ -77,8 +77,8 @@ def shares(drives: Drives, dt_s: float) -> Control:
 def follow(drives: Drives, share: Control, now: Control, order: Control, dt_s: float) -> None:
     """Move the drives a step on: first-order lags, none faster than it can, orders within limits."""
     for i in range(len(now)):
-        way = share[i] * (clipped(order[i], drives.limit[i]) - now[i])
-        now[i] += clipped(way, drives.rate[i] * dt_s)
+        way = share[i] * (clip(order[i], drives.limit[i]) - now[i])
+        now[i] += clip(way, drives.rate[i] * dt_s)
 
 
 @compiled
@@ -89,16 +89,18 @@ def give_order(
     order[:] = leg
     if isnan(ends[COURSE]):
         return
-    error = wrapped(base_rad + ends[COURSE] - heading_rad)
+    error = wrap_angle(base_rad + ends[COURSE] - heading_rad)
     # A positive azimuth turns the ship to port, so that the helm is opposite to the error.
-    steered = clipped(STEER_DAMPING_S * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
+    steered = clip(STEER_DAMPING_S * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
     for i in range(len(order)):
         if drives.helm[i] != 0.0:
             order[i] = drives.helm[i] * steered
 
 
 @compiled
-def ended(ends: Floats, state: State, base_rad: float, reference_rad: float, began: State, since_s: float) -> bool:
+def leg_has_ended(
+    ends: Floats, state: State, base_rad: float, reference_rad: float, began: State, since_s: float
+) -> bool:
     """Whether a leg is over; see :class:`~hybrid.simulation.manoeuvres.Leg`."""
     _, _, heading, u, _, r = state
     course, settled, deviation, turn, slower, at_least, at_most = ends[:7]
@@ -108,7 +110,7 @@ def ended(ends: Floats, state: State, base_rad: float, reference_rad: float, beg
         return False
     off = heading - reference_rad
     over = (deviation > 0.0 and off >= deviation) or (deviation < 0.0 and off <= deviation)
-    if settled > 0.0 and abs(wrapped(base_rad + course - heading)) < SETTLED_RAD and abs(r) < SETTLED_RADPS:
+    if settled > 0.0 and abs(wrap_angle(base_rad + course - heading)) < SETTLED_RAD and abs(r) < SETTLED_RADPS:
         over = True
     return bool(over or abs(heading - began[2]) >= turn or u <= slower)  # comparisons with NaN are false
 
@@ -146,11 +148,11 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         acting, order, scratch = drive.copy(), drive.copy(), scratch_for(p, drive)
         states[0] = start
         for k in range(wind.shape[0]):
-            if ended(ends[number], state, base, reference, began, since_s):
+            if leg_has_ended(ends[number], state, base, reference, began, since_s):
                 number = (number + 1) % legs.shape[0]
                 began, since_s = state, 0.0
             if not isnan(ends[number, COURSE]):
-                reference = state[HEADING] + wrapped(base + ends[number, COURSE] - state[HEADING])
+                reference = state[HEADING] + wrap_angle(base + ends[number, COURSE] - state[HEADING])
             controls[k] = drive
             p.drift_force_n = drift_n[k]
             air = (wind[k, 0], wind[k, 1])

@@ -81,7 +81,7 @@ class TrialJob(Job):
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class CampaignResult:
     """What a campaign came to: a row a trial, and the table of them. ``reused`` were there before."""
 
     rows: list[Row]
@@ -128,7 +128,7 @@ def run_campaign(
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Progress = lambda share: None,
-) -> Made:
+) -> CampaignResult:
     """Simulate a campaign into ``out``: NAME.mcap and NAME.truth.json a trial, and one table of them all.
 
     Trials that are there already, made by the same version from the same numbers, are not made again. With one
@@ -151,7 +151,7 @@ def run_campaign(
         planned = [{"name": job.name, **_public(job)} for job in jobs]
         with atomic_file(index) as partial:
             pd.DataFrame(planned).merge(pd.DataFrame(rows), on="name", how="left").to_csv(partial, index=False)
-    return Made(rows, reused, index)
+    return CampaignResult(rows, reused, index)
 
 
 def make(job: Job) -> Row:

@@ -158,7 +158,7 @@ def speed_runs(seconds: float = 75.0) -> Manoeuvre:
     return tuple(legs)
 
 
-def stopping() -> Manoeuvre:
+def stopping_runs() -> Manoeuvre:
     """Speed up, slow down, coast without thrust, and once more on the reciprocal course."""
     legs: list[Leg] = []
     for course in (0.0, 180.0):
@@ -209,7 +209,15 @@ def programme(actuators: Actuators = DEFAULT) -> Manoeuvre:
     ]
     turns = turning_circle(30.0, 160.0)
     gentle = (settle(90.0), *zigzag(10.0, 10.0, swings=12))
-    return *turns, *swings, *gentle, *reciprocal(), *stopping(), *one_thruster(actuators), *tunnel_test(actuators)
+    return (
+        *turns,
+        *swings,
+        *gentle,
+        *reciprocal(),
+        *stopping_runs(),
+        *one_thruster(actuators),
+        *tunnel_test(actuators),
+    )
 
 
 def paper() -> Manoeuvre:
@@ -240,7 +248,7 @@ MANOEUVRES: dict[str, Callable[[Actuators], Manoeuvre]] = {
     "zigzag": lambda _: zigzag(),
     "turning_circle": lambda _: turning_circle(),
     "speed_runs": lambda _: speed_runs(),
-    "stopping": lambda _: stopping(),
+    "stopping": lambda _: stopping_runs(),
     "one_thruster": one_thruster,
     "tunnel_test": tunnel_test,
     "reciprocal": lambda _: reciprocal(),

@@ -60,7 +60,7 @@ class Noise:
         return Noise(*(factor * getattr(self, name) for name in self.__slots__))
 
 
-def noisy(
+def add_noise(
     generator: np.random.Generator,
     noise: Noise,
     states: Floats,
@@ -142,7 +142,7 @@ def simulate_trial(
     moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     every = slice(None, None, steps_per_row)
     reported = measured(moving, plant, dt_s)[every]
-    recorded = noisy(
+    recorded = add_noise(
         streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every], ship.actuators
     )
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")

@@ -33,7 +33,7 @@ from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import TrainedCalibrator
+    from hybrid.calibrators.train import TrainedCalibrator
 
 
 _SOURCE = ("",)

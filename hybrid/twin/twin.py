@@ -36,7 +36,7 @@ from hybrid.twin.running_error import RunningError, TrackError
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.artefact import TrainedCalibrator
+    from hybrid.calibrators.train import TrainedCalibrator
 
 _MARGIN_S = 15.0  # more than the filters look back, and than judging waits
 _LEAST_APART_S = 0.55  # what the recorder takes is two a second

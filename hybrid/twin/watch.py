@@ -197,10 +197,10 @@ def track_table(prediction: Prediction) -> Table:
     north, east, heading = prediction.track[0]
     for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
         away_north, away_east = prediction.track[second, :2] - (north, east)
-        ahead, starboard = in_ship_axes(away_north, away_east, heading)
+        ahead, aside = in_ship_axes(away_north, away_east, heading)
         band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
         there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
-        table.add_row(str(second), f"{ahead:.1f}", f"{starboard:.1f}", f"{there_deg:.1f}", band)
+        table.add_row(str(second), f"{ahead:.1f}", f"{aside:.1f}", f"{there_deg:.1f}", band)
     return table
 
 

@@ -28,8 +28,8 @@ from acquisition.recording.tables import write_table
 from analysis.quality.check import DataQuality, check_recording
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
-from hybrid.calibrators.artefact import TrainedCalibrator, save
-from hybrid.calibrators.train import train
+from hybrid.calibrators.artefact import save
+from hybrid.calibrators.train import TrainedCalibrator, train
 from hybrid.diagnosis.diagnose import TOLERANCE
 from hybrid.diagnosis.result import Diagnosis
 from hybrid.effects import CATALOGUE

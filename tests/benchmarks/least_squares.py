@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from acquisition.core.arrays import Floats
 from hybrid.calibrators.adaptive import fit
 from hybrid.calibrators.adaptive.adaptation import NAMES, Observations, observations_of, run_observer
-from hybrid.calibrators.networks import PaperCalibrator, Perceptron, Rows, Stopping, fit_network, make_network
+from hybrid.calibrators.networks import PaperCalibrator, Perceptron, Rows, StoppingRule, fit_network, make_network
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances
@@ -130,7 +130,7 @@ def network(seed: int) -> dict[str, tuple[float, float]]:
         with torch.no_grad():
             return taken_s, distance_m(net(kept_out[0]).numpy(), kept_out, deviation_m)
 
-    until = Stopping(usual.epochs, usual.batch, usual.patience)
+    until = StoppingRule(usual.epochs, usual.batch, usual.patience)
     found = {"ours": measured(lambda net: fit_network(net, fitted, kept_out, until, FITTED, seed))}
     for method in METHODS:
         found[f"scipy {method}"] = measured(lambda net, m=method: fitted_by_scipy(net, fitted, kept_out, m, STEPS))

@@ -17,8 +17,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from hybrid.calibrators import METHODS, make_calibrator
-from hybrid.calibrators.artefact import load, plant_for
+from hybrid.calibrators.artefact import load
 from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.train import plant_for
 from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.prediction_windows import PredictionWindows

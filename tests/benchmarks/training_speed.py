@@ -23,7 +23,15 @@ from acquisition.core.arrays import Floats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hybrid.calibrators.networks import HIDDEN, PaperCalibrator, Rows, Scaling, Stopping, fit_network, make_network
+from hybrid.calibrators.networks import (
+    HIDDEN,
+    PaperCalibrator,
+    Rows,
+    Standardisation,
+    StoppingRule,
+    fit_network,
+    make_network,
+)
 from hybrid.effects import vessel_plant
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
@@ -68,7 +76,7 @@ def scaled_rows(rate_hz: int, every: tuple[Floats, Floats]) -> tuple[Rows, Rows,
     """Scaled rows to fit and rows kept out, by window, and the deviation of the outputs [m]."""
     step = FASTEST_HZ // rate_hz
     tensors = [torch.from_numpy(each[:, step - 1 :: step].copy()) for each in every]
-    scalings = [Scaling.of(each[:FITTED].flatten(0, 1)) for each in tensors]
+    scalings = [Standardisation.of(each[:FITTED].flatten(0, 1)) for each in tensors]
     scaled = [scaling.scaled(each) for scaling, each in zip(scalings, tensors, strict=True)]
     fitted, kept_out = ((scaled[0][part].flatten(0, 1), scaled[1][part].flatten(0, 1))
                         for part in (slice(FITTED), slice(FITTED, None)))  # fmt: skip
@@ -105,7 +113,7 @@ def ours(fitted: Rows, kept_out: Rows, deviation_m: Floats, seed: int, goal_m: f
         if not reached_s and missed_m() <= goal_m:
             reached_s.append(time.process_time() - began)
 
-    until = Stopping(usual.epochs, usual.batch, usual.patience)
+    until = StoppingRule(usual.epochs, usual.batch, usual.patience)
     began = time.process_time()
     fit_network(network, fitted, kept_out, until, FITTED, seed, look)
     return (reached_s or [float("nan")])[0], time.process_time() - began, missed_m()

@@ -24,17 +24,18 @@ from hybrid.calibrators.adaptive.adaptation import (
     WAVE_DAMPING,
     adapt_plant,
     kalman_gains,
-    names_of,
     observations_of,
     observer_gains,
-    positive_of,
+    parameter_names,
+    positive_names,
     run_observer,
-    signed_of,
+    signed_names,
     wave_step,
 )
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, _folds
 from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.artefact import TrainedCalibrator, load, save
+from hybrid.calibrators.artefact import load, save
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.prediction.scores import distances
@@ -42,7 +43,7 @@ from hybrid.vessel.plant import Plant, flat, pack, places_of
 from tests.hybrid.windows_by_hand import moved, turned, voyages
 
 SECONDS = 10
-NAMES, POSITIVE, SIGNED = (make(DEFAULT) for make in (names_of, positive_of, signed_of))
+NAMES, POSITIVE, SIGNED = (make(DEFAULT) for make in (parameter_names, positive_names, signed_names))
 UNADAPTED = np.zeros(len(NAMES))
 NUMBERS = ("start", "track", "wind", "control", "past")
 power = st.floats(-3.0, 2.0)

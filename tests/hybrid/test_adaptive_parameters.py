@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from acquisition.core.actuators import DEFAULT
-from hybrid.calibrators.adaptive.adaptation import names_of
+from hybrid.calibrators.adaptive.adaptation import parameter_names
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator, start_names
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.effects.catalogue import vessel_plant
@@ -45,7 +45,7 @@ def learned(calibrator: AdaptiveCalibrator) -> Parameters:
 
 def test_the_covariance_is_one_and_no_wider_than_the_prior(calibrator: AdaptiveCalibrator) -> None:
     covariance = calibrator.covariance_
-    assert covariance.shape == (len(names_of(DEFAULT)), len(names_of(DEFAULT)))
+    assert covariance.shape == (len(parameter_names(DEFAULT)), len(parameter_names(DEFAULT)))
     np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
     assert np.linalg.eigvalsh(covariance).max() <= 1.0 + 1e-9
@@ -102,13 +102,16 @@ def test_values_are_the_models_own_and_what_was_learned(calibrator: AdaptiveCali
     """A model that has a current of 0.3 m/s and learned nothing has it still; a lag below none is at its bound."""
     plant = replace(calibrator.plant, current_north_mps=0.3, thruster_lag_s=0.5)  # type: ignore[type-var]
     told = AdaptiveCalibrator(0, plant)
-    told.vectors_, told.covariance_ = np.zeros((2, len(names_of(DEFAULT)))), np.eye(len(names_of(DEFAULT)))
+    told.vectors_, told.covariance_ = (
+        np.zeros((2, len(parameter_names(DEFAULT)))),
+        np.eye(len(parameter_names(DEFAULT))),
+    )
     every = {each.name: each for each in parameters_of(told).every}
     assert every["current north"].value == pytest.approx(0.3)
     assert every["thruster lag"].value == pytest.approx(0.5)
     assert not any(each.at_bound for each in every.values())
-    told.vectors_[:, names_of(DEFAULT).index("thruster_lag")] = -0.6
-    told.vectors_[:, names_of(DEFAULT).index("thrust_nn")] = 3.95
+    told.vectors_[:, parameter_names(DEFAULT).index("thruster_lag")] = -0.6
+    told.vectors_[:, parameter_names(DEFAULT).index("thrust_nn")] = 3.95
     every = {each.name: each for each in parameters_of(told).every}
     assert every["thruster lag"].value == 0.0
     assert {name for name, each in every.items() if each.at_bound} == {"thruster lag", "thrust_nn"}

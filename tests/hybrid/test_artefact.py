@@ -26,9 +26,9 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, InputError, SeatrialError, StorageError
 from hybrid.calibrators import METHODS, make_calibrator
 from hybrid.calibrators.adaptive.fit import adapt
-from hybrid.calibrators.artefact import TrainedCalibrator, load, plant_for, save
+from hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save
 from hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
-from hybrid.calibrators.sidecar import FORMAT, SIDECAR
+from hybrid.calibrators.train import TrainedCalibrator, plant_for
 from hybrid.prediction.baselines import Fallback
 from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of

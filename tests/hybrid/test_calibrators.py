@@ -20,7 +20,7 @@ from hybrid.calibrators.networks import (
     DataDrivenCalibrator,
     NetworkCalibrator,
     PaperCalibrator,
-    Scaling,
+    Standardisation,
     start_inputs,
     start_labels,
 )
@@ -69,7 +69,7 @@ def test_scaling_comes_back(mean: float, deviation: float, rows: int, seed: int)
     random = np.random.default_rng(seed)
     columns = torch.from_numpy(mean + deviation * random.normal(size=(rows, 3)))
     columns[:, 1] = mean
-    scaling = Scaling.of(columns)
+    scaling = Standardisation.of(columns)
     scaled = scaling.scaled(columns)
     assert torch.isfinite(scaled).all()
     assert scaled.mean(dim=0).abs().max() < 1e-6

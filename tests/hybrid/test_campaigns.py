@@ -16,8 +16,8 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import ConfigurationError, InputError
 from analysis.tables.table import read_table
-from hybrid.cli import campaign as cli
-from hybrid.simulation.campaigns import Campaign, Made, load_campaign, run_campaign, trials_of
+from hybrid import cli
+from hybrid.simulation.campaigns import Campaign, CampaignResult, load_campaign, run_campaign, trials_of
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel, save_vessel
 
@@ -44,7 +44,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(folder: Path) -> Made:
+def made(folder: Path) -> CampaignResult:
     """The small campaign, made in this process."""
     return run_campaign(SMALL, folder, workers=1)
 
@@ -83,7 +83,7 @@ def test_what_cannot_be_made_is_said_before_anything_is(change: dict[str, object
         trials_of(replace(SMALL, **change))
 
 
-def test_what_is_written_is_the_trial(folder: Path, made: Made) -> None:
+def test_what_is_written_is_the_trial(folder: Path, made: CampaignResult) -> None:
     """A recording holds the table of its own vessel, sea and seed; the truth tells what was hidden, the
     recording and the table of all trials do not."""
     for trial in trials_of(SMALL):
@@ -96,7 +96,7 @@ def test_what_is_written_is_the_trial(folder: Path, made: Made) -> None:
     assert all(b"fouling" not in data for name, data in written(folder).items() if "truth" not in name)
 
 
-def test_the_table_lists_every_trial(folder: Path, made: Made) -> None:
+def test_the_table_lists_every_trial(folder: Path, made: CampaignResult) -> None:
     index = pd.read_csv(made.index)
     assert index["name"].tolist() == [trial.name for trial in trials_of(SMALL)]
     assert (index["status"] == "done").all()
@@ -105,7 +105,7 @@ def test_the_table_lists_every_trial(folder: Path, made: Made) -> None:
     assert (made.reused, made.failed) == (0, [])
 
 
-def test_what_is_complete_is_not_made_again(folder: Path, made: Made) -> None:
+def test_what_is_complete_is_not_made_again(folder: Path, made: CampaignResult) -> None:
     """A second call writes no recording; a truth that is cut off, or one of another plan, is made anew."""
     before, names = written(folder), [trial.name for trial in trials_of(SMALL)]
     times = {name: (folder / f"{name}.mcap").stat().st_mtime_ns for name in names}
@@ -133,7 +133,7 @@ def test_another_plan_of_the_same_name_is_made_anew(tmp_path: Path) -> None:
     assert run_campaign(one, tmp_path / "out", workers=1).reused == 0
 
 
-def test_the_bytes_do_not_depend_on_the_workers(folder: Path, made: Made, tmp_path: Path) -> None:
+def test_the_bytes_do_not_depend_on_the_workers(folder: Path, made: CampaignResult, tmp_path: Path) -> None:
     """Two processes write what one does, and say how far they are."""
     shares: list[float] = []
     run_campaign(SMALL, tmp_path, workers=2, progress=shares.append)

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from acquisition.core.errors import ConfigurationError
 from analysis.tables.table import read_table
-from hybrid.cli import model as cli
+from hybrid import cli
 from hybrid.effects import CATALOGUE, apply_effects, catalogue_with
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.dynamics import Environment

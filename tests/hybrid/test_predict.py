@@ -14,8 +14,8 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table
-from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.calibrators.predict import parse_time, predict, window_at
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import reference
 from hybrid.report.tables import prediction_table
 from hybrid.vessel.plant import Plant

@@ -14,13 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.core.errors import DataShortageError, InputError
-from hybrid.calibrators.artefact import TrainedCalibrator
-from hybrid.calibrators.train import train
+from hybrid.calibrators.train import TrainedCalibrator, train
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.baselines import conformal_radius
 from hybrid.prediction.dataset import Source, load_dataset, within_model_range
 from hybrid.prediction.scores import distances
+from hybrid.report.tables import validation_table
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
@@ -66,6 +66,15 @@ def test_json_is_the_contracts_object(judged: Validation) -> None:
         assert set(method) == METHOD_KEYS
         assert len(method["by_second"]) == plain["horizon_s"] == SMALL_HORIZON_S
     assert plain["windows"] == len(judged.windows)
+
+
+def test_the_table_for_a_terminal_says_what_its_columns_are(judged: Validation) -> None:
+    """Distances in three digits below their titles, the heading's error last; the best method's row is bold."""
+    table = validation_table(judged)
+    titles = [str(column.header) for column in table.columns]
+    assert titles == ["method", "mean distance m", "at the end m", "north m", "east m", "heading deg"]
+    assert next(iter(table.columns[1].cells)) == f"{judged.scores['constant_velocity'].mean_distance_m:.3f}"
+    assert sum(row.style == "bold" for row in table.rows) == 1
 
 
 def test_without_a_calibrator_there_are_baselines(unseen: Path, plant: Plant) -> None:

@@ -14,7 +14,7 @@ from hybrid.calibrators.networks import (
     DEVICE_VARIABLE,
     PaperCalibrator,
     Perceptron,
-    Stopping,
+    StoppingRule,
     fit_network,
     make_network,
     training_device,
@@ -22,7 +22,7 @@ from hybrid.calibrators.networks import (
 from hybrid.prediction.scores import score
 from tests.hybrid.windows_by_hand import random_windows
 
-UNTIL = Stopping(steps=120, rows=400, patience=20)
+UNTIL = StoppingRule(steps=120, rows=400, patience=20)
 
 
 def rows(count: int, seed: int, noise: float = 0.0) -> tuple[Tensor, Tensor]:
@@ -73,7 +73,7 @@ def test_a_straight_line_is_learned_to_the_last_digits() -> None:
     inputs, _ = rows(400, 1)
     wanted = inputs @ torch.tensor([[0.5, -0.2], [0.3, 0.1], [-0.4, 0.7]], dtype=torch.float64) + 0.25
     net = network()
-    fit_network(net, (inputs[:300], wanted[:300]), (inputs[300:], wanted[300:]), Stopping(200, 400, 20), 300)
+    fit_network(net, (inputs[:300], wanted[:300]), (inputs[300:], wanted[300:]), StoppingRule(200, 400, 20), 300)
     assert error(net, (inputs, wanted)) < 1e-5
 
 
@@ -85,7 +85,7 @@ def test_early_stopping_returns_the_best_weights() -> None:
         net,
         training,
         stopping,
-        Stopping(300, 40, 12),
+        StoppingRule(300, 40, 12),
         60,
         progress=lambda share: errors.append(error(net, stopping)),
     )
@@ -98,7 +98,7 @@ def test_a_seed_draws_the_same_rows() -> None:
 
     def fitted(seed: int) -> Tensor:
         net = network()
-        fit_network(net, rows(300, 1), rows(50, 2), Stopping(6, 64, 10), 300, seed)
+        fit_network(net, rows(300, 1), rows(50, 2), StoppingRule(6, 64, 10), 300, seed)
         return nn.utils.parameters_to_vector(net.parameters()).detach()
 
     first = fitted(3)
@@ -110,7 +110,7 @@ def test_a_seed_draws_the_same_rows() -> None:
 def test_what_is_kept_can_be_saved_by_itself() -> None:
     """The trained tensors own their memory, each no more than its numbers: safetensors refuses shared ones."""
     net = network()
-    fit_network(net, rows(100, 1), rows(20, 2), Stopping(2, 64, 10), 100)
+    fit_network(net, rows(100, 1), rows(20, 2), StoppingRule(2, 64, 10), 100)
     for parameter in net.parameters():
         assert parameter.untyped_storage().nbytes() == parameter.numel() * 8
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from acquisition.core.angles import difference
 from acquisition.core.channels import BY_NAME, CHANNELS, NAMES
 from acquisition.core.errors import ConfigurationError, ModelRangeError
-from hybrid.cli import model as cli
+from hybrid import cli
 from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, helm, manoeuvre_named, steer, zigzag
 from hybrid.simulation.sea_state import (
     SeaState,

@@ -67,21 +67,21 @@ _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "Xuu")
 _SIGNED = (*(name for name in HULL if name not in _POSITIVE), "Yrd")
 
 
-def positive_of(actuators: Actuators) -> tuple[str, ...]:
+def positive_names(actuators: Actuators) -> tuple[str, ...]:
     """Numbers that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
     kinds = dict.fromkeys(each.kind for each in actuators)
     return (*_POSITIVE, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
 
 
-def signed_of(actuators: Actuators) -> tuple[str, ...]:
+def signed_names(actuators: Actuators) -> tuple[str, ...]:
     """Numbers that may change their sign, each actuator's own among them."""
     own = (f"{each.name}_{name}" for each in actuators for name in KINDS[each.kind].adapted)
     return (*_SIGNED, *own)
 
 
-def names_of(actuators: Actuators) -> tuple[str, ...]:
+def parameter_names(actuators: Actuators) -> tuple[str, ...]:
     """The names of the vector's numbers: of the model of a ship with these actuators, and of what acts on her."""
-    return (*positive_of(actuators), *signed_of(actuators), *SURROUNDED)
+    return (*positive_names(actuators), *signed_names(actuators), *SURROUNDED)
 
 
 USUAL_SHARE = 0.5
@@ -176,10 +176,10 @@ def parameter(vector: Floats, name: str) -> float:
 @lru_cache(maxsize=32)
 def _adapted_numbers(actuators: Actuators) -> tuple[list[int], list[int], int]:
     """Where in a flat plant the vector's numbers stand, which of them it is, and how many keep their sign."""
-    positive = positive_of(actuators)
+    positive = positive_names(actuators)
     every = [
         (place, number)
-        for number, name in enumerate((*positive, *signed_of(actuators)))
+        for number, name in enumerate((*positive, *signed_names(actuators)))
         for place in places_of(actuators, name)
     ]
     return [place for place, _ in every], [number for _, number in every], len(positive)

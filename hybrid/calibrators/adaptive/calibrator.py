@@ -13,7 +13,7 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
-from hybrid.calibrators.adaptive.adaptation import Observations, names_of, observations_of, run_observer
+from hybrid.calibrators.adaptive.adaptation import Observations, observations_of, parameter_names, run_observer
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import (
@@ -221,8 +221,8 @@ class AdaptiveCalibrator(Calibrator):
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
         fitted = {name: tensor.numpy() for name, tensor in tensors.items()}
         self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
-        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(names_of(self.actuators)):
-            numbers = len(names_of(self.actuators))
+        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(parameter_names(self.actuators)):
+            numbers = len(parameter_names(self.actuators))
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {numbers}")
         self.radius_ = fitted["region"]
         power, self.median_hindcast_m_ = map(float, fitted["trust"])

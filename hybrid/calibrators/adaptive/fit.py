@@ -18,7 +18,7 @@ import numpy as np
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
-from hybrid.calibrators.adaptive.adaptation import Observations, names_of, run_observer
+from hybrid.calibrators.adaptive.adaptation import Observations, parameter_names, run_observer
 from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.vessel.plant import Plant
 
@@ -46,7 +46,7 @@ def adapt(
     NaN and say nothing.
     """
     off, known = _differences(plant, windows, track)
-    vector, damping = np.zeros(len(names_of(plant.layout))), 1e-3
+    vector, damping = np.zeros(len(parameter_names(plant.layout))), 1e-3
     now = off(vector)
     for step in range(steps):
         progress(step / steps)

@@ -15,7 +15,7 @@ from hybrid.diagnosis.estimate_noise import choose_input_hold
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import INPUT_HOLDS, InputHold, log_of, mean_settings
 from hybrid.effects import CATALOGUE, apply_effects
-from hybrid.planning.repertoire import behind
+from hybrid.planning.repertoire import append_rehearsals
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.channels import STATE_UNITS
 from hybrid.vessel.plant import Plant
@@ -98,5 +98,5 @@ def test_a_log_of_two_recordings_is_read_again_as_a_whole(plant: Plant) -> None:
 
 def test_a_rehearsal_behind_a_recording_makes_a_log_whose_parts_can_be_taken(plant: Plant) -> None:
     log = log_of([recorded(plant, "line")])
-    joined = behind(log, [log])
+    joined = append_rehearsals(log, [log])
     assert len(joined.subset(joined.leg > log.leg.max())) == len(log)

@@ -22,7 +22,6 @@ from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import distances, score
 from hybrid.report.evaluation_page import breakdown
-from hybrid.report.tables import evaluation_tables
 from hybrid.vessel.plant import Plant
 from seatrial import app
 from tests.hybrid.evaluation.windows_in_legs import FAKES, SECONDS, Memory, windows_of_legs
@@ -129,10 +128,11 @@ def test_the_json_says_everything_and_can_be_read_by_anyone(evaluation: Evaluati
 
 def test_tables_name_every_method_and_split(evaluation: Evaluation) -> None:
     console = Console(width=200, record=True, file=StringIO())
-    for table in evaluation_tables(evaluation):
-        console.print(table)
+    console.print(evaluation)
     shown = console.export_text()
     assert all(name in shown for name in (*FAKES, *SPLITS))
+    assert str(evaluation).splitlines()[0] == shown.splitlines()[0].rstrip()
+    assert evaluation.plot().axes[0].get_xlabel() == "mean distance over that of the best baseline [1]"
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def test_tables_fit_a_terminal_of_80_columns(evaluation: Evaluation, long_names:
     """Nothing is cut off, however long the names of recordings are: they go on in the next line."""
     for each in (evaluation, long_names):
         console = Console(width=80, record=True, file=StringIO())
-        console.print(*evaluation_tables(each))
+        console.print(each)
         shown = console.export_text()
         assert "\u2026" not in shown
         for split in each.splits.values():

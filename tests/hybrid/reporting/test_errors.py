@@ -13,9 +13,9 @@ from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.report.errors import (
     COLUMNS,
     calibration_of,
+    consecutive_windows,
     error_rows,
     errors_of,
-    one_after_another,
     predicted_motion,
     speeds_of,
 )
@@ -87,7 +87,7 @@ def test_a_turning_circle_has_the_speeds_it_was_made_of() -> None:
 def test_windows_one_after_another_never_overlap_and_none_more_would_fit(starts: list[int]) -> None:
     track = np.zeros((len(starts), 16, 3))
     horizons = horizons_of(track, starts_s=sorted(starts))
-    chosen = one_after_another(horizons)
+    chosen = consecutive_windows(horizons)
     begins = np.array(sorted(starts))
     assert (np.diff(begins[chosen]) >= 15).all()
     for each in set(range(len(starts))) - set(chosen.tolist()):

@@ -25,7 +25,7 @@ from hybrid.calibrators.networks import NetworkCalibrator
 from hybrid.prediction.scores import score
 from hybrid.reproduction import campaign
 from hybrid.reproduction.campaign import Errors, Job, _examples, parts_of, seas_of
-from hybrid.reproduction.page import terminal_tables, write_table3
+from hybrid.reproduction.page import write_table3
 from hybrid.reproduction.table3 import (
     ORDER,
     PUBLISHED,
@@ -192,7 +192,9 @@ def test_tables_fit_a_terminal_of_80_columns() -> None:
         )
     ]
     console = Console(width=80, record=True, file=StringIO())
-    console.print(*terminal_tables(Table3(tuple(rows), tuple(cells_of(rows)))))
+    table = Table3(tuple(rows), tuple(cells_of(rows)))
+    console.print(table)
+    assert len(table.plot().axes) == 1
     shown = console.export_text()
     assert "\u2026" not in shown
     assert all(method in shown for method in ORDER)
@@ -268,8 +270,8 @@ def test_the_command_prints_and_writes(table: Table3, tmp_path: Path, monkeypatc
     """``reproduce table3``: one JSON object on stdout, or tables with the published reductions beside ours."""
     monkeypatch.setattr("hybrid.reproduction.campaign.seas_of", lambda *_: ())
     monkeypatch.setattr("hybrid.reproduction.table3.table3", lambda *_: table)
-    monkeypatch.setattr("hybrid.reproduction.figures.shown_of", lambda *_: None)  # the page without figures
-    monkeypatch.setattr("hybrid.reproduction.figures.write_drawn", lambda *_: [])
+    monkeypatch.setattr("hybrid.reproduction.figures.figure_data_of", lambda *_: None)  # the page without figures
+    monkeypatch.setattr("hybrid.reproduction.figures.write_figure_data", lambda *_: [])
     plain = CliRunner().invoke(seatrial.app, ["reproduce", "table3", "--json", "-o", str(tmp_path)])
     assert json.loads(plain.stdout) == json.loads((tmp_path / "table3.json").read_text())
     assert "What falls short" in (tmp_path / "table3.html").read_text()

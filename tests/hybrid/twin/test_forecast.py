@@ -18,8 +18,8 @@ from acquisition.recording.schemas import PREDICTION
 from acquisition.recording.tail import Tail
 from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
-from hybrid.calibrators.artefact import TrainedCalibrator
 from hybrid.calibrators.predict import predict
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.twin.forecast import (
     RecentSamples,
     message_body,

@@ -23,13 +23,13 @@ from hybrid.planning.information import (
     as_parameter,
     design_of,
     information_of,
+    least_separation,
     limits,
     noncentrality,
     predicted_limit,
     separation,
-    told_apart,
 )
-from hybrid.planning.repertoire import rehearsed
+from hybrid.planning.repertoire import rehearse
 from hybrid.simulation.manoeuvres import zigzag
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import simulate_trial
@@ -44,7 +44,7 @@ SOME = {
 
 
 def examination_at(plant: Plant, vessel: Vessel, tolerance: float) -> NormalEquations:
-    log = rehearsed(zigzag(swings=12), vessel, plant, CALM, 600)
+    log = rehearse(zigzag(swings=12), vessel, plant, CALM, 600)
     return normal_equations(linearise(log, Model(plant, SOME), tolerance), Noise())
 
 
@@ -82,9 +82,11 @@ def test_told_apart_is_the_worst_direction(seed: int) -> None:
     angles = np.linspace(0.0, np.pi, 181)
     sizes = [(scale * np.cos(a), scale * np.sin(a)) for a in angles]
     every = [separation(information, "ocean_current", "heading_bias", size) for size in sizes]
-    assert told_apart(information, "ocean_current", "heading_bias") == pytest.approx(min(every), rel=1e-2, abs=1e-4)
+    assert least_separation(information, "ocean_current", "heading_bias") == pytest.approx(
+        min(every), rel=1e-2, abs=1e-4
+    )
     one = separation(information, "hull_fouling", "heading_bias", CATALOGUE["hull_fouling"].free_scale)
-    assert told_apart(information, "hull_fouling", "heading_bias") == pytest.approx(one, rel=1e-5, abs=1e-6)
+    assert least_separation(information, "hull_fouling", "heading_bias") == pytest.approx(one, rel=1e-5, abs=1e-6)
 
 
 def test_noncentrality_of_one_coordinate_is_that_of_a_normal_variate() -> None:

@@ -15,15 +15,15 @@ from hybrid.diagnosis.log import Log
 from hybrid.effects import CATALOGUE
 from hybrid.planning.next_manoeuvre import (
     Pair,
-    Ranked,
+    RankedCandidate,
     Rehearsal,
-    asked_for,
-    ranked,
+    best_request,
+    rank_candidates,
     rehearsal_of,
     usual_rpm,
     wind_in,
 )
-from hybrid.planning.repertoire import behind, rehearsed, repertoire, shafts_of
+from hybrid.planning.repertoire import append_rehearsals, rehearse, repertoire, shafts_of
 from hybrid.simulation.manoeuvres import Manoeuvre, steer, zigzag
 from hybrid.simulation.sea_state import SeaState
 from hybrid.vessel.effect import Values
@@ -40,16 +40,16 @@ SOME = {
     )
 }  # fmt: skip
 SOME["compass_bias"] = replace(CATALOGUE["heading_bias"], name="compass_bias")
-Rank = Callable[[str, str, Values], list[Ranked]]
+Rank = Callable[[str, str, Values], list[RankedCandidate]]
 
 
 def recorded(plant: Plant, vessel: Vessel, legs: Manoeuvre) -> NormalEquations:
-    log = rehearsed(legs, vessel, plant, BREEZE, 600)
+    log = rehearse(legs, vessel, plant, BREEZE, 600)
     return normal_equations(linearise(log, Model(plant, SOME), 0.01), Noise())
 
 
 def ranking(rehearsal: Rehearsal) -> Rank:
-    return lambda name, rival, values: ranked(rehearsal, [Pair(name, rival, values)])
+    return lambda name, rival, values: rank_candidates(rehearsal, [Pair(name, rival, values)])
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,7 @@ def after_one_heading(one_heading: Rehearsal) -> Rank:
     return ranking(one_heading)
 
 
-def names_of(ranks: list[Ranked]) -> list[str]:
+def names_of(ranks: list[RankedCandidate]) -> list[str]:
     return [each.candidate.name for each in ranks]
 
 
@@ -131,17 +131,17 @@ def test_more_data_never_tell_less(after_zigzags: Rank) -> None:
 
 def test_nothing_separates_an_effect_from_its_double(after_zigzags: Rank) -> None:
     ranks = after_zigzags("heading_bias", "compass_bias", {"angle_deg": 2.0})
-    assert asked_for(ranks, [Pair("heading_bias", "compass_bias", {"angle_deg": 2.0})]) is None
+    assert best_request(ranks, [Pair("heading_bias", "compass_bias", {"angle_deg": 2.0})]) is None
 
 
 def test_a_rival_that_nothing_separates_is_no_reason_not_to_separate_the_others(one_heading: Rehearsal) -> None:
     values = {"angle_deg": 1.5}
     double = Pair("heading_bias", "compass_bias", values)
     other = Pair("heading_bias", "ocean_current", values)
-    asked = asked_for(ranked(one_heading, [double, other]), [double, other])
+    asked = best_request(rank_candidates(one_heading, [double, other]), [double, other])
     assert asked is not None
     assert asked.separates == ("heading_bias", "ocean_current")
-    assert asked == asked_for(ranked(one_heading, [other]), [other])
+    assert asked == best_request(rank_candidates(one_heading, [other]), [other])
 
 
 def test_what_is_likelier_to_be_true_weighs_more(zigzags: Rehearsal) -> None:
@@ -149,7 +149,7 @@ def test_what_is_likelier_to_be_true_weighs_more(zigzags: Rehearsal) -> None:
     offset = Pair("azimuth_offset_port", "azimuth_offset_starboard", {"angle_deg": 0.5})
 
     def first(*pairs: Pair) -> str:
-        return ranked(zigzags, pairs)[0].candidate.name
+        return rank_candidates(zigzags, pairs)[0].candidate.name
 
     assert first(replace(inertia, weight=1e-6), offset) == first(offset)
     assert first(inertia, replace(offset, weight=1e-6)) == first(inertia)
@@ -158,7 +158,7 @@ def test_what_is_likelier_to_be_true_weighs_more(zigzags: Rehearsal) -> None:
 
 def test_what_is_asked_for_can_be_read_out_on_the_bridge(after_zigzags: Rank) -> None:
     pair = ("azimuth_offset_port", "azimuth_offset_starboard")
-    asked = asked_for(after_zigzags(*pair, {"angle_deg": 2.0}), [Pair(*pair, {"angle_deg": 2.0})])
+    asked = best_request(after_zigzags(*pair, {"angle_deg": 2.0}), [Pair(*pair, {"angle_deg": 2.0})])
     assert asked is not None
     assert asked.separates == pair
     assert asked.expected_evidence > 4.5
@@ -167,7 +167,7 @@ def test_what_is_asked_for_can_be_read_out_on_the_bridge(after_zigzags: Rank) ->
 
 
 def test_manoeuvres_are_made_at_the_speed_and_in_the_wind_of_the_recording(plant: Plant, vessel: Vessel) -> None:
-    log = rehearsed((steer(40.0, 300.0, 120.0),), vessel, plant, BREEZE, 200)
+    log = rehearse((steer(40.0, 300.0, 120.0),), vessel, plant, BREEZE, 200)
     assert usual_rpm(log) == pytest.approx(120.0, abs=1.0)
     wind = wind_in(log)
     assert wind.wind_mps == pytest.approx(5.0, rel=0.15)
@@ -190,12 +190,12 @@ def test_no_candidate_asks_for_more_than_the_drives_can_do(vessel: Vessel, usual
 
 
 def joined_log(plant: Plant, vessel: Vessel) -> tuple[Log, Log, Log]:
-    first = rehearsed(zigzag(), vessel, plant, BREEZE, 200)
+    first = rehearse(zigzag(), vessel, plant, BREEZE, 200)
     measured = first.measured.copy()
     measured[:, 5] = np.nan
     first = replace(first, measured=measured)
-    second = rehearsed((steer(0.0, 300.0),), vessel, plant, BREEZE, 130)
-    return first, second, behind(first, [second, second])
+    second = rehearse((steer(0.0, 300.0),), vessel, plant, BREEZE, 130)
+    return first, second, append_rehearsals(first, [second, second])
 
 
 def test_one_log_behind_another_keeps_blocks_legs_and_times_apart(plant: Plant, vessel: Vessel) -> None:

@@ -13,14 +13,13 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from acquisition.core.errors import ConfigurationError
-from hybrid.cli.plan import mount
+from hybrid.cli import mount
 from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.effects import CATALOGUE
 from hybrid.planning import plan as planning
 from hybrid.planning.information import Design
-from hybrid.planning.plan import Aims, Plan, composed, cost, noise_in, plan, programme_of
+from hybrid.planning.plan import Aims, Plan, compose_programme, cost, noise_in, plan, programme_of
 from hybrid.report.plan_page import page_of
-from hybrid.report.tables import plan_tables
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.vessel.parameters import Vessel
 
@@ -39,12 +38,12 @@ def planned(vessel: Vessel) -> Plan:
 
 def test_zigzags_leave_what_they_do_not_use(planned: Plan) -> None:
     assert planned.asked.limits["tunnel_thrust_loss"] == np.inf
-    assert ("azimuth_offset_port", "azimuth_offset_starboard") in planned.asked.alike()
+    assert ("azimuth_offset_port", "azimuth_offset_starboard") in planned.asked.indistinguishable_pairs()
 
 
 def test_the_better_programme_is_better_and_no_longer(planned: Plan) -> None:
     assert planned.better.minutes == planned.asked.minutes == 20.0
-    assert len(planned.better.alike()) < len(planned.asked.alike())
+    assert len(planned.better.indistinguishable_pairs()) < len(planned.asked.indistinguishable_pairs())
     assert planned.better.limits["tunnel_thrust_loss"] < 0.3
     assert planned.better.limits["hull_fouling"] < planned.asked.limits["hull_fouling"]
 
@@ -65,7 +64,9 @@ def test_json_says_what_cannot_be_seen_as_none(planned: Plan) -> None:
 
 def test_the_tables_fit_a_terminal(planned: Plan) -> None:
     out = StringIO()
-    Console(file=out, width=80).print(plan_tables(planned))
+    Console(file=out, width=80).print(planned)
+    assert "A better one" in str(planned)
+    assert planned.plot().axes[0].patches
     lines = out.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
     assert any(line.split()[:2] == ["tunnel_thrust_loss", "-"] for line in lines)
@@ -94,7 +95,7 @@ def design_by_hand(legs: int, seed: int) -> Design:
 def test_no_exchange_and_no_other_programme_at_random_is_better(seed: int) -> None:
     design = design_by_hand(8, seed)
     aims = Aims(tuple(design.columns), (("hull_fouling", "thrust_loss_both"), ("heading_bias", "speed_scale")))
-    chosen = composed(design, range(8), 3, aims)
+    chosen = compose_programme(design, range(8), 3, aims)
     least = cost(design, chosen, aims)
     for place in range(3):
         for leg in range(8):

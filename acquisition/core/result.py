@@ -1,0 +1,58 @@
+"""Results that print and plot themselves.
+
+A result names the functions that show it, ``"module:function"``; they are loaded when it is printed or plotted. So
+no result imports a page, and none costs more than its numbers until somebody looks at it.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from io import StringIO
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import RenderableType
+
+_WIDTH = 110  # columns
+
+
+class Result:
+    """A result that rich prints as a terminal shows it, with the same as its ``str``, and with a figure.
+
+    ``view`` makes a renderable of the result; ``drawing`` fills a matplotlib figure of ``size_inch`` with it, as
+    ``drawing(figure, result)``.
+    """
+
+    __slots__ = ()
+    view: ClassVar[str]
+    drawing: ClassVar[str]
+    size_inch: ClassVar[tuple[float, float]] = (9.0, 5.0)
+
+    def __rich__(self) -> RenderableType:
+        shown: RenderableType = _function(self.view)(self)
+        return shown
+
+    def __str__(self) -> str:
+        from rich.console import Console
+
+        text = StringIO()
+        Console(file=text, width=_WIDTH).print(self)
+        return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """What a notebook shows of it."""
+        printer.text(str(self))
+
+    def plot(self) -> Figure:
+        """The result as a matplotlib figure."""
+        draw = _function(self.drawing)
+        filled: Figure = _function("analysis.report.figures:fill_figure")(
+            lambda figure: draw(figure, self), self.size_inch
+        )
+        return filled
+
+
+def _function(place: str) -> Any:
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)

@@ -1,0 +1,214 @@
+"""``seatrial diagnose``, ``reproduce`` and ``report``: they parse, call and print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.cli import AsJson
+from analysis.cli import RebuildPositions
+from hybrid.cli import (
+    EffectsOption,
+    PartOption,
+    Recordings,
+    RepairOption,
+    SeaStateOption,
+    VesselOption,
+    WorkersOption,
+    print_result,
+)
+
+Folder = Annotated[Path | None, typer.Option("-o", "--output", help="A folder for the results.")]
+Seed = Annotated[int, typer.Option(min=0, help="The same seed gives the same figures.")]
+
+
+def diagnose(
+    files: Recordings,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
+    vessel: VesselOption = None,
+    tolerance: Annotated[
+        float, typer.Option(help="How far off the model may be anyway, in percent of the force range.")
+    ] = 1.0,
+    effects: EffectsOption = None,
+    without: Annotated[
+        list[str] | None, typer.Option(help="An effect to leave out of the catalogue; may be given several times.")
+    ] = None,
+    repair: RepairOption = False,
+    rebuild_positions: RebuildPositions = False,
+    part: PartOption = "0..100",
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="Also train a calibrator on the model before and after.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrators.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Diagnose recordings against a model."""
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
+    from analysis.tables.table import percent_of
+    from hybrid.effects.catalogue import catalogue_with
+    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
+
+    ship = load_vessel(vessel or DEFAULT)
+    catalogue = catalogue_with(effects or (), without or (), ship.actuators)
+    make_folder(output)  # before minutes of work
+    with bar("diagnosing") as progress:
+        diagnosed = diagnose_files(
+            files, ship, tolerance / 100.0, catalogue, percent_of(part),
+            repair=repair, rebuild_positions=rebuild_positions, progress=progress,
+        )  # fmt: skip
+    if calibrate:
+        from dataclasses import replace
+
+        from hybrid.diagnosis.calibrator_comparison import compare_calibrators
+
+        with bar("training") as progress:
+            ladder = compare_calibrators(
+                diagnosed.conclusion, files, percent_of(part),
+                repair=repair, rebuild_positions=rebuild_positions, seed=seed, progress=progress,
+            )  # fmt: skip
+        diagnosed = replace(diagnosed, extras=replace(diagnosed.extras, ladder=ladder))
+    page = write_diagnosis(diagnosed, ship, output)
+    diagnosis = diagnosed.diagnosis
+    if as_json:
+        typer.echo(json.dumps(diagnosis.as_dict()))
+        return
+    from rich.console import Console
+
+    from hybrid.report.diagnosis_words import summary
+
+    Console().print(summary(diagnosis, diagnosed.extras.ladder))
+    typer.echo(str(page))
+
+
+def table3(
+    output: Folder = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="So many campaigns in each sea state.")] = 5,
+    workers: WorkersOption = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare all methods in the paper's three sea states."""
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
+    from hybrid.reproduction.campaign import seas_of
+    from hybrid.reproduction.page import write_table3
+    from hybrid.reproduction.table3 import papers_jobs
+    from hybrid.reproduction.table3 import table3 as table_of
+
+    if output is not None:
+        make_folder(output)
+    with bar("campaigns") as progress:
+        seas = seas_of(papers_jobs(seed, seeds), workers, progress)
+    table = table_of([each for sea in seas for each in sea.errors])
+    if output is not None:
+        from hybrid.reproduction.figures import figure_data_of, write_figure_data
+        from hybrid.reproduction.page import write_page
+
+        shown = figure_data_of([sea for sea in seas if sea.job.seed == seed])
+        write_figure_data(shown, output)
+        for path in (*write_table3(table, output), write_page(table, output, shown)):
+            typer.echo(path, err=True)
+    print_result(table.as_dict(), table, as_json=as_json)
+
+
+def figures(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that the figures go into.")] = Path(
+        "reproduction"
+    ),
+    seed: Seed = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Draw the figures."""
+    from acquisition.core.progress import bar
+    from analysis.tables.files import make_folder
+    from hybrid.reproduction.figures import write_figures
+
+    make_folder(output)
+    with bar("figures") as progress:
+        paths = write_figures(output, seed, progress)
+    if as_json:
+        typer.echo(json.dumps({"figures": [str(path) for path in paths]}))
+        return
+    for path in paths:
+        typer.echo(path)
+
+
+def fidelity(
+    output: Folder = None,
+    seed: Seed = 0,
+    seeds: Annotated[int, typer.Option(min=1, help="Means over so many draws of the windows learned from.")] = 2,
+    sea_state: SeaStateOption = "gentle",
+    method: Annotated[str, typer.Option(help="The calibrator that is put on every reference.")] = "paper",
+    workers: WorkersOption = None,
+    as_json: AsJson = False,
+) -> None:
+    """Degrade the reference step by step and learn from ever more windows: runs the notebook ``fidelity_map``."""
+    from tempfile import TemporaryDirectory
+
+    from acquisition.core.progress import bar
+    from hybrid.calibrators import refuse_unknown
+    from hybrid.report.notebook import run_notebook
+    from hybrid.simulation.sea_state import sea_state_named
+
+    refuse_unknown(method)
+    sea_state_named(sea_state)
+    with TemporaryDirectory() as temporary, bar("fidelity") as progress:
+        folder = Path(temporary) if output is None else output.resolve()
+        asked = {"sea_state": sea_state, "method": method, "seed": seed, "seeds": seeds, "workers": workers}
+        page = folder / "fidelity_map.html"
+        run_notebook("fidelity_map", {**asked, "folder": str(folder)}, page, f"{method}, {sea_state} sea", progress)
+        found = json.loads((folder / "fidelity_map.json").read_text(encoding="utf-8"))
+    if output is not None:
+        for path in sorted(output.glob("fidelity_map*")):
+            typer.echo(path, err=True)
+    if as_json:
+        typer.echo(json.dumps(found))
+        return
+    for sentence in found["reading"]:
+        typer.echo(sentence)
+
+
+def report(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="A recording, or a folder of them, or one that diagnose, reproduce or batch wrote."),
+    ],
+    calibrator: Annotated[
+        Path | None, typer.Option(help="The folder that `seatrial train` wrote; without it the one in the folder.")
+    ] = None,
+    vessel: VesselOption = None,
+    horizon: Annotated[
+        int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
+    ] = None,
+    part: PartOption = "0..100",
+    no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
+    allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
+    recordings: Annotated[
+        Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
+    ] = None,
+    interactive: Annotated[
+        bool, typer.Option("--interactive/--no-interactive", help="Also a page of the track to zoom into.")
+    ] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Write the report that a folder asks for."""
+    from acquisition.core.progress import bar
+    from hybrid.report.folder import Choices
+    from hybrid.report.folder import report as run
+    from hybrid.report.notebook import FAILED
+
+    choices = Choices(calibrator, vessel, horizon, part, not no_repair, allow_seen, interactive)
+    with bar("report") as progress:
+        pages = run(folder, choices, recordings, progress)
+    if as_json:
+        typer.echo(json.dumps({"report": str(pages[0]), "pages": [str(page) for page in pages]}))
+        return
+    for page in pages:
+        typer.echo(page)
+        if FAILED in page.read_text(encoding="utf-8"):
+            typer.echo(f"warning: a section of {page} failed; its place in the page says why", err=True)

@@ -1,0 +1,157 @@
+"""``seatrial simulate``, ``campaign``, ``effects``, ``plan`` and ``demo``: they parse, call and print."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from acquisition.cli import AsJson
+from hybrid.cli import (
+    EffectsOption,
+    SeaStateOption,
+    VesselOption,
+    WorkersOption,
+    print_result,
+)
+
+MANOEUVRES = (
+    "MANOEUVRE or MANOEUVRE=MINUTES, one after the other: those of `seatrial simulate`, and reciprocal_headings, "
+    "one_thruster_at_a_time, ...; the programme of docs/planning.md without any."
+)
+
+
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")] = Path(
+        "demo"
+    ),
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same voyage.")] = 1,
+) -> None:
+    """Show the whole of Seatrial at work, without hardware."""
+    from contextlib import ExitStack
+
+    from acquisition.core.progress import bar
+    from hybrid.workflows.demo import demonstrate
+
+    with ExitStack() as stack:
+        done = demonstrate(
+            output,
+            seed,
+            say=lambda line: typer.echo(line, err=True),
+            progress=lambda what: stack.enter_context(bar(what)),
+        )
+    from rich.console import Console
+
+    Console(stderr=True).print(done.validation)
+    reduction = done.validation.reduction or 0.0
+    typer.echo(
+        f"{done.report}: {sum(done.lost.values())} samples lost, {reduction:.0%} less error than the reference"
+    )
+
+
+def simulate(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The recording to write, OUT.mcap.")],
+    vessel: Annotated[str, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = "gunnerus_short",
+    sea_state: SeaStateOption = "calm",
+    manoeuvre: Annotated[
+        str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
+    ] = "voyage",
+    duration: Annotated[float, typer.Option(min=1.0, help="Length of the trial in seconds.")] = 1200.0,
+    rate: Annotated[float, typer.Option(min=0.1, max=100.0, help="Samples a second.")] = 10.0,
+    seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same trial.")] = 0,
+    hide: Annotated[
+        list[str] | None,
+        typer.Option(help="EFFECT:PARAM=VALUE,... to hide in the truth; may be given several times."),
+    ] = None,
+    effects_file: EffectsOption = None,
+) -> None:
+    """Simulate a trial; what was hidden goes to OUT.truth.json and into nothing else."""
+    from hybrid.effects.catalogue import catalogue_with, parse_effects
+    from hybrid.scripting import simulate as run
+    from hybrid.vessel.files import load_vessel
+
+    ship = load_vessel(vessel)
+    catalogue = catalogue_with(effects_file or (), actuators=ship.actuators)
+    hidden = parse_effects(hide or (), catalogue)
+    table = run(output, vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
+    samples, truth = int(table.notna().to_numpy().sum()), output.with_suffix(".truth.json")
+    typer.echo(f"{samples:,} samples of {duration:g} s in {output}; the truth is in {truth}", err=True)
+
+
+def campaign(
+    file: Annotated[Path, typer.Argument(help="The campaign, a TOML file like trials/campaign.toml.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The folder that everything goes into.")],
+    workers: WorkersOption = None,
+    scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate the trials of a campaign that are not there yet."""
+    if workers is not None and scheduler is not None:
+        raise typer.BadParameter("give --workers or --scheduler, not both")
+    from acquisition.core.progress import bar
+    from hybrid.simulation.campaigns import load_campaign, run_campaign
+
+    planned = load_campaign(file)
+    with bar("campaign") as progress:
+        made = run_campaign(planned, output, workers, scheduler, progress)
+    for row in made.failed:
+        typer.echo(f"{row['name']} failed: {row['cause']}", err=True)
+    done = len(made.rows) - len(made.failed)
+    if as_json:
+        counts = {"trials": len(made.rows), "done": done, "reused": made.reused, "failed": len(made.failed)}
+        typer.echo(json.dumps({**counts, "index": str(made.index)}))
+    else:
+        typer.echo(f"{done} done, {made.reused} of them before, {len(made.failed)} failed", err=True)
+        typer.echo(made.index)
+    if made.failed:
+        raise typer.Exit(1)
+
+
+def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None:
+    """List the catalogue of effects."""
+    from hybrid.effects.catalogue import VERSION, catalogue_with
+
+    catalogue = catalogue_with(effects_file or ())
+    if as_json:
+        listed = [effect.as_dict() for effect in catalogue.values()]
+        typer.echo(json.dumps({"version": VERSION, "effects": listed}))
+        return
+    from rich.console import Console
+
+    from hybrid.report.tables import CATALOGUE_WIDTH, catalogue_tables
+
+    console = Console()
+    console.width = max(console.width, CATALOGUE_WIDTH)
+    console.print(catalogue_tables(catalogue))
+
+
+def plan(
+    manoeuvres: Annotated[list[str] | None, typer.Argument(help=MANOEUVRES)] = None,
+    vessel: VesselOption = None,
+    sea_state: SeaStateOption = "gentle",
+    duration: Annotated[float, typer.Option(min=5.0, max=600.0, help="Length of the trial in minutes.")] = 60.0,
+    tolerance: Annotated[
+        float, typer.Option(min=0.0, max=20.0, help="What the model may be off by, in percent of the force range.")
+    ] = 1.0,
+    effects_file: EffectsOption = None,
+    without: Annotated[list[str] | None, typer.Option(help="An effect that is ruled out.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A folder for plan.json and plan.html.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say before a trial which effects it could show, from what size, and which it could not tell apart."""
+    from hybrid.scripting import plan as run
+
+    planned = run(
+        vessel, manoeuvres or (), duration, sea_state, tolerance,
+        effect_files=effects_file or (), without=without or (),
+    )  # fmt: skip
+    if output is not None:
+        from hybrid.report.plan_page import write_plan
+
+        for path in write_plan(planned, output):
+            typer.echo(path, err=True)
+    print_result(planned.as_dict(), planned, as_json=as_json)
