@@ -7,18 +7,18 @@ All checks together give the channel its flags, its counts and its grade.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality, iso
 from analysis.quality.findings import Flags
-from analysis.quality.repeated_values import flag_stuck, quantisation_step
+from analysis.quality.repeated_values import TimedValues, flag_stuck, quantisation_step
 from analysis.quality.samples import (
     Stretch,
     flags_where,
@@ -26,10 +26,9 @@ from analysis.quality.samples import (
     is_possible,
     sort_by_time,
     stretches_of,
-    times_of,
 )
 from analysis.quality.time_checks import ClockJump, jitter_s
-from analysis.tables.table import NANO
+from analysis.tables.table import NANO, valid_values
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0
@@ -40,14 +39,14 @@ _POSSIBLE_RATE = {("command", "rpm"): 150.0, ("command", "deg"): 30.0, ("environ
 _POSSIBLE_ACCELERATION = {("pose", "m"): 0.5, ("pose", "deg"): 2.0}
 
 
-def find_gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
+def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None = None) -> list[Stretch]:
     """Where the channel is silent for much longer than its own interval; two missing samples are the least.
 
     Silent is longer than 2.5 intervals, and than 2.5 times what 95 % of the intervals keep, for channels that
     report when something happens. With ``start_ns`` and ``end_ns``, the recording's, also a late first sample
     and an early last one, beyond 10 s.
     """
-    times = np.sort(times_of(samples))
+    times = np.sort(samples.measured_ns)
     steps = np.diff(times)
     if not np.any(steps > 0):
         return []
@@ -60,21 +59,21 @@ def find_gaps(samples: pd.Series[Any], start_ns: int | None = None, end_ns: int 
     return sorted(found)
 
 
-def flag_out_of_range(samples: pd.Series[Any], channel: Channel) -> Flags:
+def flag_out_of_range(samples: Series, channel: Channel) -> Flags:
     """Bad where the value is impossible by :meth:`Channel.holds`."""
-    values = samples.to_numpy(dtype=float)
+    values = samples.value
     return flags_where(~is_possible(channel.name, values) & ~np.isnan(values), Quality.BAD, values)
 
 
-def is_other_convention(samples: pd.Series[Any], channel: Channel) -> bool:
+def is_other_convention(samples: Series, channel: Channel) -> bool:
     """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back.
 
     They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
     halves make one turn; three different values at least, or a code for no value would pass. The closed end of
     the channel's own turn, like a heading of 360, is always the same angle.
     """
-    values = samples.dropna().to_numpy(dtype=float)
-    outside = values[flag_out_of_range(samples.dropna(), channel) == Quality.BAD]
+    values = samples.value[~np.isnan(samples.value)]
+    outside = values[~is_possible(channel.name, values)]
     if not channel.circular or not outside.size:
         return False
     closed = -180.0 if channel.low < 0.0 else 360.0
@@ -87,23 +86,23 @@ def is_other_convention(samples: pd.Series[Any], channel: Channel) -> bool:
     return whole_turn and np.unique(outside).size >= 3
 
 
-def flag_duplicates(samples: pd.Series[Any]) -> Flags:
-    """Suspect where a measured time comes again."""
-    return flags_where(samples.index.duplicated(), Quality.SUSPECT, samples.to_numpy(dtype=float))
+def find_duplicates(samples: Series) -> Bools:
+    """Where a measured time comes again."""
+    return pd.Index(samples.measured_ns).duplicated()
 
 
-def flag_time_backwards(samples: pd.Series[Any]) -> tuple[Flags, list[Stretch]]:
+def flag_time_backwards(samples: Series) -> tuple[Flags, list[Stretch]]:
     """Suspect where a sample is measured before one that came earlier; the steps back are listed."""
-    times = times_of(samples)
+    times = samples.measured_ns
     behind = np.zeros(times.size, dtype=bool)
     if times.size:
         behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps = np.flatnonzero(np.diff(times) < 0)
     found = [Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO) for at in steps]
-    return flags_where(behind, Quality.SUSPECT, samples.to_numpy(dtype=float)), found
+    return flags_where(behind, Quality.SUSPECT, samples.value), found
 
 
-def flag_spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
+def flag_spikes(samples: Series, channel: Channel) -> Flags:
     """Bad where one to three samples leave their neighbours and return.
 
     What they leave is the line between the samples before and after. Leaving is more than 5 times what 80 % of
@@ -115,7 +114,7 @@ def flag_spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
     Returning is that before and after agree, but for the local trend: a step of an order does not return.
     """
     places, times, values = sort_by_time(samples, channel)
-    bad = np.zeros(len(samples), dtype=bool)
+    bad = np.zeros(samples.value.size, dtype=bool)
     seconds = (times - times[0]) / NANO if times.size else times.astype(float)
     once = np.concatenate([[True], np.diff(seconds) > 0]) if times.size else np.zeros(0, dtype=bool)
     places, seconds, values = places[once], seconds[once], values[once]
@@ -135,7 +134,7 @@ def flag_spikes(samples: pd.Series[Any], channel: Channel) -> Flags:
             for offset in range(width):
                 found[starts + offset] = True
         bad[places[found]] = True
-    return flags_where(bad, Quality.BAD, samples.to_numpy(dtype=float))
+    return flags_where(bad, Quality.BAD, samples.value)
 
 
 def _smallest_step(values: Floats) -> float:
@@ -250,7 +249,8 @@ class ChannelQuality:
 class ChannelFaults:
     """What the checks of one channel found: masks over its samples, stretches, sizes (0 where there is nothing)."""
 
-    samples: pd.Series[Any]
+    channel: Channel
+    samples: Series
     gaps: list[Stretch]
     stuck: Bools
     spikes: Bools
@@ -265,9 +265,9 @@ class ChannelFaults:
 
     def flags(self) -> Flags:
         """The graver flag of all checks, sample by sample; a value that its decoder called bad is bad."""
-        flags = np.full(len(self.samples), Quality.GOOD, dtype=np.uint8)
+        flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
         flags[self.duplicates | self.behind] = Quality.SUSPECT
-        flags[self.stuck | self.spikes | self.out_of_range | self.samples.isna().to_numpy()] = Quality.BAD
+        flags[self.stuck | self.spikes | self.out_of_range | np.isnan(valid_values(self.samples))] = Quality.BAD
         return flags
 
     def stretches(self, code: str) -> list[Stretch]:
@@ -276,16 +276,24 @@ class ChannelFaults:
             return self.gaps if code == "gap" else self.steps_back
         if code in ("quantised", "time_jitter"):
             size = self.step if code == "quantised" else self.jitter_s
-            times = times_of(self.samples)
+            times = self.samples.measured_ns
             return [Stretch(int(times.min()), int(times.max()), size)] if size else []
         mask = {"stuck": self.stuck, "spike": self.spikes, "out_of_range": self.out_of_range,
                 "duplicate": self.duplicates}[code]  # fmt: skip
-        found = stretches_of(self.samples, mask)
-        return [_sized(self.samples, each) for each in found] if code == "spike" else found
+        found = stretches_of(self.samples.measured_ns, mask)
+        return [self._sized(each) for each in found] if code == "spike" else found
 
-    def quality(self, named: bool, whole: pd.Series[Any], jumps: list[ClockJump]) -> ChannelQuality:
+    def _sized(self, stretch: Stretch) -> Stretch:
+        """A spike sized by how far it leaves what is around it [the channel's unit]."""
+        at = int(np.flatnonzero(self.samples.measured_ns == stretch.start_ns)[0])
+        near = valid_values(self.samples)[max(at - 4, 0) : at + 7]
+        turns = np.array([self.channel.wrapped(each) for each in near - near[min(at, 4)]])
+        turns = np.where(turns > 180.0, turns - 360.0, turns) if self.channel.circular else turns
+        return Stretch(stretch.start_ns, stretch.end_ns, abs(float(np.nanmedian(turns))))
+
+    def quality(self, named: bool, jumps: list[ClockJump]) -> ChannelQuality:
         """The channel in figures; ``named`` is whether a finding is about it."""
-        times = times_of(self.samples)
+        times = self.samples.measured_ns
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
         flags, interval = self.flags(), interval_ns(times) / NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
@@ -294,7 +302,7 @@ class ChannelFaults:
         kinds, counts = np.unique(flags, return_counts=True)
         flagged = {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
         return ChannelQuality(
-            count=len(whole),
+            count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
             gaps=tuple(self.gaps),
             stuck=tuple(self.stretches("stuck")),
@@ -309,34 +317,35 @@ class ChannelFaults:
 
 
 def channel_faults(
-    samples: pd.Series[Any],
-    whole: pd.Series[Any],
-    rate: pd.Series[Any] | None = None,
+    name: str,
+    samples: Series,
+    rate: TimedValues | None = None,
     bounds_ns: tuple[int, int] | None = None,
     assumed: bool = False,
 ) -> ChannelFaults:
-    """Every check of one channel. ``whole`` also has the values that its decoder flagged bad.
+    """Every check of one channel. Values that the decoder flagged bad may be out of range, and are no others.
 
     ``rate`` is how fast related channels say that it changes, ``bounds_ns`` the recording's start and end.
     An assumed constant is neither stuck nor quantised.
     """
-    channel, times = BY_NAME[str(samples.name)], times_of(samples)
-    outside = flag_out_of_range(whole, channel) == Quality.BAD
-    sound = samples.mask(outside)
-    none = np.zeros(len(samples), dtype=bool)
+    channel, times = BY_NAME[name], samples.measured_ns
+    outside = flag_out_of_range(samples, channel) == Quality.BAD
+    sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
+    none = np.zeros(times.size, dtype=bool)
     behind, steps_back = flag_time_backwards(samples)
     jitter = jitter_s(times)
     return ChannelFaults(
+        channel=channel,
         samples=samples,
         gaps=find_gaps(samples, *(bounds_ns or (None, None))),
         stuck=none if assumed else flag_stuck(sound, channel, rate) == Quality.BAD,
         spikes=none.copy() if assumed else flag_spikes(sound, channel) == Quality.BAD,
         out_of_range=outside,
-        duplicates=samples.index.duplicated(),
+        duplicates=find_duplicates(samples),
         behind=behind == Quality.SUSPECT,
         steps_back=steps_back,
         step=0.0 if assumed else quantisation_step(sound, channel),
-        other_turn=is_other_convention(whole, channel),
+        other_turn=is_other_convention(samples, channel),
         jitter_s=jitter if jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times) else 0.0,
     )
 
@@ -350,13 +359,3 @@ def grade_of(flagged: dict[int, int], missing: int, named: bool) -> Grade:
     if not due or lost > BAD_SHARE * due:
         return "bad"
     return "suspect" if named or doubtful > SUSPECT_SHARE * due else "good"
-
-
-def _sized(samples: pd.Series[Any], stretch: Stretch) -> Stretch:
-    """A spike sized by how far it leaves what is around it [the channel's unit]."""
-    channel, times = BY_NAME[str(samples.name)], times_of(samples)
-    at = int(np.flatnonzero(times == stretch.start_ns)[0])
-    near = samples.to_numpy(dtype=float)[max(at - 4, 0) : at + 7]
-    turns = np.array([channel.wrapped(each) for each in near - near[min(at, 4)]])
-    turns = np.where(turns > 180.0, turns - 360.0, turns) if channel.circular else turns
-    return Stretch(stretch.start_ns, stretch.end_ns, abs(float(np.nanmedian(turns))))

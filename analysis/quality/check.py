@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,7 +32,7 @@ from analysis.quality.findings import (
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.motion.checks import check_motion
 from analysis.quality.repeated_values import expected_rates
-from analysis.quality.samples import ASSUMED, column_samples, rows_of, series_samples, times_of
+from analysis.quality.samples import ASSUMED, rows_of, series_of
 from analysis.quality.time_checks import ClockJump, clock_jumps, reception_jumps
 from analysis.quality.wind import check_wind
 from analysis.tables.table import (
@@ -44,6 +44,7 @@ from analysis.tables.table import (
     times_ns,
     trial_channels,
     utc_index,
+    valid_values,
 )
 
 CHECKS: tuple[Check, ...] = (check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_wind)
@@ -92,9 +93,7 @@ def check_recording(recording: Recording, table: pd.DataFrame | None = None) -> 
     """
     joined = table_of(recording) if table is None else table
     names = [name for name in channel_names(actuators_in_recording(recording)) if name in recording.series]
-    samples = {name: series_samples(recording.series[name], name) for name in names}
-    whole = {name: pd.Series(recording.series[name].value, samples[name].index, name=name) for name in names}
-    return _check(samples, whole, joined, recording.series)
+    return _check({name: recording.series[name] for name in names}, joined)
 
 
 def check_table(table: pd.DataFrame) -> DataQuality:
@@ -104,87 +103,66 @@ def check_table(table: pd.DataFrame) -> DataQuality:
     an index that is no time in UTC.
     """
     utc = table.set_axis(utc_index(table), axis=0)
-    names = [name for name in channel_names(table_actuators(utc)) if name in utc and utc[name].notna().any()]
-    samples = {name: column_samples(utc, name) for name in names}
+    columns = {name: utc[[name]].dropna() for name in channel_names(table_actuators(utc)) if name in utc}
+    series = {name: series_of(times_ns(each), each[name].to_numpy(dtype=float)) for name, each in columns.items()
+              if len(each)}  # fmt: skip
     order = np.argsort(times_ns(utc), kind="stable")
-    joined = utc.iloc[order][names]
+    joined = utc.iloc[order][[*series]]
     joined.attrs = table.attrs
-    quality = _check(samples, samples, joined, {})
+    quality = _check(series, joined)
     flags = quality.flags.iloc[np.argsort(order, kind="stable")].set_axis(table.index, axis=0)
     return replace(quality, flags=flags)
 
 
-def _check(
-    samples: Mapping[str, pd.Series[Any]],
-    whole: Mapping[str, pd.Series[Any]],
-    joined: pd.DataFrame,
-    series: Mapping[str, Series],
-) -> DataQuality:
+def _check(series: Mapping[str, Series], joined: pd.DataFrame) -> DataQuality:
     """As :func:`_check_stretch`, of the recording proper; what is stamped years away from it is bad."""
     stamps = times_ns(joined)
     first, last = main_stretch(stamps) if stamps.size else (0, 0)
     inside = (stamps >= first) & (stamps <= last)
     if inside.all():
-        return _check_stretch(samples, whole, joined, series)
-    some, some_whole = _within(samples, first, last), _within(whole, first, last)
+        return _check_stretch(series, joined)
     parts = {name: each.subset((each.measured_ns >= first) & (each.measured_ns <= last))
              for name, each in series.items()}  # fmt: skip
-    found = time_outlier_finding(samples, first, last)
-    quality = _check_stretch(some, some_whole, joined[inside], parts, (found,))
-    columns = joined[list(samples)]
+    parts = {name: each for name, each in parts.items() if each.value.size}
+    quality = _check_stretch(parts, joined[inside], (time_outlier_finding(series, first, last),))
+    columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
-    flags.loc[inside, list(some)] = quality.flags.to_numpy()
-    channels = {name: replace(each, count=len(whole[name]), flagged=dict(_count_flags(flags[name])))
+    flags.loc[inside, list(parts)] = quality.flags.to_numpy()
+    channels = {name: replace(each, count=series[name].value.size, flagged=_count_flags(flags[name]))
                 for name, each in quality.channels.items()}  # fmt: skip
     return replace(quality, channels=channels, flags=flags)
 
 
-def _within(samples: Mapping[str, pd.Series[Any]], first: int, last: int) -> dict[str, pd.Series[Any]]:
-    """The channels' samples between two times; a channel without any is left out."""
-    found = {name: each[(times_of(each) >= first) & (times_of(each) <= last)] for name, each in samples.items()}
-    return {name: each for name, each in found.items() if len(each)}
-
-
-def _count_flags(flags: pd.Series[Any]) -> Iterator[tuple[int, int]]:
+def _count_flags(flags: pd.Series[Any]) -> dict[int, int]:
     kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
-    return ((int(kind), int(count)) for kind, count in zip(kinds, counts, strict=True))
+    return {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
 
 
 def _check_stretch(
-    samples: Mapping[str, pd.Series[Any]],
-    whole: Mapping[str, pd.Series[Any]],
-    joined: pd.DataFrame,
-    series: Mapping[str, Series],
-    known: tuple[Finding, ...] = (),
+    series: Mapping[str, Series], joined: pd.DataFrame, known: tuple[Finding, ...] = ()
 ) -> DataQuality:
-    """All checks of one stretch of time. ``known`` are findings already made; ``whole`` has the values that a
-    decoder flagged bad too: they may be out of range."""
+    """All checks of one stretch of time. ``known`` are findings already made."""
     stamps = times_ns(joined)
     bounds = (int(stamps[0]), int(stamps[-1])) if stamps.size else None
     rates, sources = expected_rates(joined), joined.attrs.get("sources", {})
     faults = {
-        name: channel_faults(each, whole[name], rates.get(name), bounds, sources.get(name) == [ASSUMED])
-        for name, each in samples.items()
+        name: channel_faults(name, each, rates.get(name), bounds, sources.get(name) == [ASSUMED])
+        for name, each in series.items()
     }
-    rows = {name: rows_of(stamps, times_of(each)) for name, each in samples.items()}
-    possible = _possible(joined, whole, faults, rows)
+    rows = {name: rows_of(stamps, each.measured_ns) for name, each in series.items()}
+    possible = _possible(joined, faults, rows)
     checked = [check(possible) for check in CHECKS]
     across = tuple(finding for each in checked for finding in each.findings)
     _drop_explained_spikes(faults, rows, checked)
-    jumps, jump_findings = _clock_jumps(samples, joined, series)
+    jumps, jump_findings = _clock_jumps(series, joined)
     findings = (*known, *across, *jump_findings, *_single_findings(faults, across, jumps))
     flags = _merge_all_flags(faults, rows, checked, joined)
-    channels = {name: each.quality(_is_about(findings, name), whole[name], jumps) for name, each in faults.items()}
+    channels = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
     missing = tuple(name for name in trial_channels(joined) if name not in faults)
     return DataQuality(channels, tuple(sorted(findings, key=_severity)), flags, missing)
 
 
-def _possible(
-    joined: pd.DataFrame,
-    whole: Mapping[str, pd.Series[Any]],
-    faults: Mapping[str, ChannelFaults],
-    rows: Mapping[str, Ints],
-) -> pd.DataFrame:
+def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:
     """The table without values out of range, which would dominate every estimate; angles of the other convention
     are brought into the channel's."""
     spoilt = {name: each.out_of_range for name, each in faults.items() if each.out_of_range.any()}
@@ -193,7 +171,7 @@ def _possible(
     cleaned = joined.copy()
     for name, outside in spoilt.items():
         column = cleaned[name].to_numpy(copy=True)
-        turned = in_turn(name, whole[name].to_numpy(dtype=float)[outside]) if faults[name].other_turn else np.nan
+        turned = in_turn(name, faults[name].samples.value[outside]) if faults[name].other_turn else np.nan
         column[rows[name][outside]] = turned
         cleaned[name] = column
     cleaned.attrs = joined.attrs
@@ -211,25 +189,22 @@ def _drop_explained_spikes(
             faults[name].spikes[(known == Quality.SUSPECT) | (known == Quality.BAD)] = False
 
 
-def _clock_jumps(
-    samples: Mapping[str, pd.Series[Any]], joined: pd.DataFrame, series: Mapping[str, Series]
-) -> tuple[list[ClockJump], list[Finding]]:
+def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[list[ClockJump], list[Finding]]:
     """Jumps against reception where it was recorded, else against the ship's motion."""
     received = reception_jumps(series)
     if received:
         found = [clock_jump_finding(jump, ALL, f"The clock of {source}") for source, jump in received]
         return [jump for _, jump in received], found
-    jumps = clock_jumps(_in_receipt(samples, joined))
+    jumps = clock_jumps(_in_receipt(series, joined))
     return jumps, [clock_jump_finding(jump, ALL, "The clock, but not the ship,") for jump in jumps]
 
 
-def _in_receipt(samples: Mapping[str, pd.Series[Any]], joined: pd.DataFrame) -> pd.DataFrame:
+def _in_receipt(series: Mapping[str, Series], joined: pd.DataFrame) -> pd.DataFrame:
     """The rows in the order of receipt where the channels share their stamps; else in the order of measurement,
     each row of a position with the last values of the other channels."""
-    stamps = {name: times_of(each) for name, each in samples.items()}
-    position = stamps.get("north_m", np.zeros(0, np.int64))
-    if all(np.array_equal(position, each) for each in stamps.values()):
-        return pd.DataFrame({name: each.to_numpy() for name, each in samples.items()}, index=index_of(position))
+    position = series["north_m"].measured_ns if "north_m" in series else np.zeros(0, np.int64)
+    if all(np.array_equal(position, each.measured_ns) for each in series.values()):
+        return pd.DataFrame({name: valid_values(each) for name, each in series.items()}, index=index_of(position))
     if "north_m" not in joined:
         return joined
     filled = joined.ffill()

@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Ints
+from acquisition.core.arrays import Series
 from acquisition.core.channels import BY_NAME, channel_unit
 from acquisition.core.frames import Quality
-from analysis.quality.samples import Stretch, times_of
+from analysis.quality.samples import Stretch
 from analysis.quality.time_checks import ClockJump
 from analysis.tables.table import NANO, time_span_text
 
@@ -247,17 +247,18 @@ def clock_jump_finding(jump: ClockJump, channel: str, what: str) -> Finding:
     return Finding("clock_jump", channel, utc_time(jump.start_ns), utc_time(jump.end_ns), text, remedy, estimate)
 
 
-def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, last_ns: int) -> Finding:
+def time_outlier_finding(series: Mapping[str, Series], first_ns: int, last_ns: int) -> Finding:
     """Samples that are stamped outside the recording proper, which lasts from ``first_ns`` to ``last_ns``.
 
     A few are certain to be wrong; of two halves that lie years apart nobody knows which.
     """
-    stray = {name: _outside(times_of(each), first_ns, last_ns) for name, each in samples.items()}
+    times = {name: each.measured_ns for name, each in series.items()}
+    stray = {name: each[(each < first_ns) | (each > last_ns)] for name, each in times.items()}
     stray = {name: each for name, each in stray.items() if each.size}
     every = np.concatenate(list(stray.values()))
     away_s = max(first_ns - int(every.min()), int(every.max()) - last_ns) / NANO
     channel = next(iter(stray)) if len(stray) == 1 else ALL
-    count, due = every.size, sum(map(len, samples.values()))
+    count, due = every.size, sum(map(len, times.values()))
     text = (
         f"{count:,} of {due:,} samples {'is' if count == 1 else 'are'} stamped {time_span_text(every)}, up to "
         f"{away_s / 86400:,.0f} days from the recording proper, {time_span_text(np.array([first_ns, last_ns]))}"
@@ -266,7 +267,3 @@ def time_outlier_finding(samples: Mapping[str, pd.Series[Any]], first_ns: int, l
     estimate = {"count": float(count), "seconds": away_s}
     ends = utc_time(int(every.min())), utc_time(int(every.max()))
     return Finding("time_outlier", channel, *ends, text, remedy, estimate, count < _FEW * due)
-
-
-def _outside(time_ns: Ints, first_ns: int, last_ns: int) -> Ints:
-    return time_ns[(time_ns < first_ns) | (time_ns > last_ns)]

@@ -12,33 +12,33 @@ or drifts by less than a hundredth of its step shows in the differences of conse
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats, Ints
+from acquisition.core.arrays import Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality
 from analysis.kinematics import to_earth
 from analysis.quality.findings import Flags
-from analysis.quality.samples import flags_where, runs_of_equal, sort_by_time, steps_between, times_of, white_noise
-from analysis.tables.table import NANO
+from analysis.quality.samples import flags_where, runs_of_equal, sort_by_time, steps_between, white_noise
+from analysis.tables.table import NANO, times_ns
 
+TimedValues = tuple[Ints, Floats]
+"""Times [ns since 1970] and values at them."""
 _SHORTEST, _BESIDE = 8, 100
 _LIKELY = 1e-4
 _TURNING = 0.3
 _LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
 
 
-def flag_stuck(samples: pd.Series[Any], channel: Channel, rate: pd.Series[Any] | None = None) -> Flags:
+def flag_stuck(samples: Series, channel: Channel, rate: TimedValues | None = None) -> Flags:
     """Bad where the value stands still, from the second of the repeated values on.
 
     ``rate`` is how fast related channels say that this one changes [its unit per s], at times of its own: yaw
     rate for the heading, speed over ground for a position.
     """
     places, times, values = sort_by_time(samples, channel)
-    bad = np.zeros(len(samples), dtype=bool)
+    bad = np.zeros(samples.value.size, dtype=bool)
     starts, lengths = _repeats(values, channel)
     coarse = lengths.size > 1 and _coarse(values)
     always_moves = channel.group != "command" and _never_repeats(values, lengths)
@@ -52,7 +52,7 @@ def flag_stuck(samples: pd.Series[Any], channel: Channel, rate: pd.Series[Any] |
         )
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
-    return flags_where(bad, Quality.BAD, samples.to_numpy(dtype=float))
+    return flags_where(bad, Quality.BAD, samples.value)
 
 
 def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:
@@ -109,38 +109,36 @@ def _lively(side: Floats, length: int, total: int, always_moves: bool) -> bool:
     return bool(total * repeats**length < _LIKELY and length >= 5 * np.diff(edges).max())
 
 
-def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: pd.Series[Any] | None) -> bool:
+def _should_have_moved(times: Ints, values: Floats, channel: Channel, rate: TimedValues | None) -> bool:
     """Whether the rate adds up to more than five of the channel's usual steps, and 1 m or 1 deg, in the run."""
     if rate is None or channel.unit not in _LEAST_TRAVEL:
         return False
-    at = times_of(rate)
+    at, rates = rate
     first, last = np.searchsorted(at, times[[0, -1]])
     if last - first < 2:
         return False
-    seconds, rates = at[first:last] / NANO, rate.to_numpy(dtype=float)[first:last]
-    travel = abs(float(np.trapezoid(rates, seconds)))
+    travel = abs(float(np.trapezoid(rates[first:last], at[first:last] / NANO)))
     steps = np.abs(np.diff(values))
     usual = float(np.quantile(steps[steps > 0.0], 0.1)) if np.any(steps > 0.0) else np.inf
     return travel > max(5.0 * usual, _LEAST_TRAVEL[channel.unit])
 
 
-def expected_rates(table: pd.DataFrame) -> dict[str, pd.Series[Any]]:
+def expected_rates(table: pd.DataFrame) -> dict[str, TimedValues]:
     """How fast the pose should change by the speeds, the yaw rate and the heading: north, east, heading.
 
     Channels need not share rows: the last heading stands where the speeds have none. What lacks a channel is
     left out.
     """
-    rates: dict[str, pd.Series[Any]] = {}
+    rates: dict[str, TimedValues] = {}
     if "yaw_rate_dps" in table:
-        rates["heading_deg"] = table["yaw_rate_dps"].dropna()
+        turning = table[["yaw_rate_dps"]].dropna()
+        rates["heading_deg"] = times_ns(turning), turning["yaw_rate_dps"].to_numpy(dtype=float)
     if {"surge_mps", "sway_mps", "heading_deg"} <= set(table.columns):
         moving = table[["surge_mps", "sway_mps", "heading_deg"]].ffill().dropna()
         surge, sway, heading = (moving[name].to_numpy() for name in moving)
         path = to_earth(surge, sway, np.deg2rad(heading))
-        rates |= {
-            name: pd.Series(rate, moving.index) for name, rate in zip(("north_m", "east_m"), path, strict=True)
-        }
-    return {name: rate for name, rate in rates.items() if len(rate)}
+        rates |= {name: (times_ns(moving), rate) for name, rate in zip(("north_m", "east_m"), path, strict=True)}
+    return {name: rate for name, rate in rates.items() if rate[0].size}
 
 
 EVERYDAY = {"m": 0.02, "deg": 0.1, "m/s": 0.01, "deg/s": 0.02, "rpm": 1.0}
@@ -240,7 +238,7 @@ def noise_besides_rounding(values: Floats, step: float) -> float:
     return float(np.sqrt(max(white_noise(values) ** 2 - step**2 / 12.0, 0.0)))
 
 
-def quantisation_step(samples: pd.Series[Any], channel: Channel) -> float:
+def quantisation_step(samples: Series, channel: Channel) -> float:
     """The step [the channel's unit] of a grid that lost information, 0 where there is none.
 
     A grid is found where its step exceeds the everyday resolution, and is no smaller than the noise (0.7 of its

@@ -1,13 +1,12 @@
 """The samples of channels as the checks see them, and what the checks share: runs, stretches, noise, steps, flags.
 
-Checks of one channel work on its samples in the order of receipt (a pandas series), checks across channels on its
-samples in the rows of the joined table (:class:`Samples`).
+Checks of one channel work on its samples in the order of receipt (:class:`acquisition.core.arrays.Series`), checks
+across channels on its samples in the rows of the joined table (:class:`Samples`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -18,7 +17,7 @@ from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality
-from analysis.tables.table import NANO, index_of, seconds_of, times_ns
+from analysis.tables.table import NANO, seconds_of, times_ns
 
 ASSUMED = "assumed"
 """The source of a channel that a column map gave a value to."""
@@ -38,21 +37,10 @@ class Stretch:
         return (self.end_ns - self.start_ns) / NANO
 
 
-def series_samples(series: Series, name: str) -> pd.Series[Any]:
-    """One channel's values in the order of receipt, indexed by measured time; flagged bad is NaN."""
-    values = np.where(series.quality >= Quality.BAD, np.nan, series.value)
-    return pd.Series(values, index=index_of(series.measured_ns), name=name)
-
-
-def column_samples(table: pd.DataFrame, name: str) -> pd.Series[Any]:
-    """One column's values in the order of the table's rows, without the rows that it has no value in."""
-    found: pd.Series[Any] = table[name].dropna()
-    return found.tz_convert("UTC")
-
-
-def times_of(samples: pd.Series[Any]) -> Ints:
-    """Measured times [ns since 1970] in the order of receipt."""
-    return pd.DatetimeIndex(samples.index).as_unit("ns").asi8
+def series_of(measured_ns: Ints, value: Floats) -> Series:
+    """Samples in the order of receipt of which nothing but times [ns] and values is known."""
+    none = np.zeros(value.size, dtype=np.int32)
+    return Series(measured_ns, measured_ns, value, none.astype(np.uint8), (), none)
 
 
 def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
@@ -72,16 +60,15 @@ def is_possible(name: str, values: Floats) -> Bools:
     return np.asarray(beyond_low & below_high)
 
 
-def sort_by_time(samples: pd.Series[Any], channel: Channel) -> tuple[Ints, Ints, Floats]:
+def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]:
     """Which samples have a value, in the order of measured time: their places, times [ns], values.
 
     Angles come unwrapped, so that differences are turns.
     """
-    times, values = times_of(samples), samples.to_numpy(dtype=float)
-    order = np.argsort(times, kind="stable")
-    order = order[np.isfinite(values[order])]
-    found = values[order]
-    return order, times[order], unwrap(found) if channel.circular else found
+    order = np.argsort(samples.measured_ns, kind="stable")
+    order = order[np.isfinite(samples.value[order])]
+    found = samples.value[order]
+    return order, samples.measured_ns[order], unwrap(found) if channel.circular else found
 
 
 def interval_ns(times_ns: Ints) -> float:
@@ -116,9 +103,8 @@ def flags_where(condition: Bools, flag: Quality, values: Floats) -> NDArray[np.u
     return flags
 
 
-def stretches_of(samples: pd.Series[Any], flagged: Bools) -> list[Stretch]:
-    """Runs of flagged samples as stretches, sized by their number of samples."""
-    times = times_of(samples)
+def stretches_of(times: Ints, flagged: Bools) -> list[Stretch]:
+    """Runs of flagged samples, measured at ``times`` [ns], as stretches, sized by their number of samples."""
     starts, ends = runs(flagged)
     pairs = ((sorted((int(times[a]), int(times[b - 1]))), b - a) for a, b in zip(starts, ends, strict=True))
     return [Stretch(first, last, float(count)) for (first, last), count in pairs]

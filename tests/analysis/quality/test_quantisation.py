@@ -5,17 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.angles import wrap_360
+from acquisition.core.arrays import Series
 from acquisition.core.channels import BY_NAME
 from acquisition.tables.import_table import import_table
 from analysis.quality.check import DataQuality, check_table
 from analysis.quality.repeated_values import grid_step, quantisation_step
-from analysis.tables.table import NANO, index_of, read_table
+from analysis.quality.samples import series_of
+from analysis.tables.table import NANO, read_table
 
 MAPS = Path(__file__).parents[3] / "trials" / "columns"
 NORTH, HEADING, SURGE = (BY_NAME[name] for name in ("north_m", "heading_deg", "surge_mps"))
@@ -27,8 +28,8 @@ def track(size: int = 600, noise_m: float = 0.02, seed: int = 0) -> np.ndarray:
     return np.cumsum(speed) + noise_m * np.random.default_rng(seed).standard_normal(size)
 
 
-def samples(values: np.ndarray) -> pd.Series:
-    return pd.Series(values, index=index_of(np.arange(values.size, dtype=np.int64) * NANO))
+def samples(values: np.ndarray) -> Series:
+    return series_of(np.arange(values.size, dtype=np.int64) * NANO, values)
 
 
 @settings(max_examples=40, deadline=None)

@@ -23,8 +23,9 @@ from analysis.quality.commands import check_orders
 from analysis.quality.findings import CheckResult, Finding
 from analysis.quality.heading_wrap import check_heading_wrap
 from analysis.quality.repairs import RepairResult, repair, write_repaired
+from analysis.quality.samples import series_of
 from analysis.quality.wind import check_wind
-from analysis.tables.table import history_of, read_table, table_of
+from analysis.tables.table import NANO, history_of, read_table, table_of
 from hybrid.simulation.trial import simulate_trial
 from tests.analysis.conftest import table_at
 from tests.analysis.quality import faults
@@ -306,7 +307,7 @@ def test_angles_of_the_other_convention_are_named_and_turned(
 @pytest.mark.parametrize("values", [[10.0, 20.0, -99.0, 30.0, -99.0], [200.0, -1.0, -2.0, -3.0], [5.0, 370.0]])
 def test_codes_for_no_value_are_no_convention(values: list[float]) -> None:
     """One value again and again, angles of both conventions, or more than either has."""
-    angles = pd.Series(values, index=pd.date_range("2026", periods=len(values), freq="s", tz="UTC"))
+    angles = series_of(np.arange(len(values)) * NANO, np.array(values))
     assert not is_other_convention(angles, BY_NAME["heading_deg"])
 
 
