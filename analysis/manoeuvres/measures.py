@@ -278,23 +278,17 @@ def plateaus(values: Floats, step_s: float, tolerance: float, least_s: float = 2
     found = [
         _plateau(calm, first, end) for first, end in stretches(np.abs(change) <= tolerance, round(least_s / step_s))
     ]
-    return _merge_plateaus(calm, found, tolerance, round(_BRIDGE_S / step_s))
+
+    def joined(last: Plateau, each: Plateau) -> Plateau | None:
+        near = each.first - last.end <= round(_BRIDGE_S / step_s) and abs(each.level - last.level) <= tolerance
+        return _plateau(calm, last.first, each.end) if near else None
+
+    return _merge_neighbours(found, joined)
 
 
 def _plateau(values: Floats, first: int, end: int) -> Plateau:
     low, middle, high = np.percentile(values[first:end], [10, 50, 90])
     return Plateau(first, end, float(middle), float(high - low))
-
-
-def _merge_plateaus(values: Floats, found: list[Plateau], tolerance: float, bridge: int) -> list[Plateau]:
-    joined: list[Plateau] = []
-    for each in found:
-        last = joined[-1] if joined else None
-        if last and each.first - last.end <= bridge and abs(each.level - last.level) <= tolerance:
-            joined[-1] = _plateau(values, last.first, each.end)
-        else:
-            joined.append(each)
-    return joined
 
 
 def is_same_order(one_deg: float, other_deg: float) -> bool:
@@ -305,15 +299,22 @@ def is_same_order(one_deg: float, other_deg: float) -> bool:
 def merge_corrections(found: list[Plateau], step_s: float) -> list[Plateau]:
     """Plateaus of helm with those joined that are one order: a short one just before or after a long one at nearly
     the same angle, where the hand went too far and came back."""
-    joined: list[Plateau] = []
+    bridge = round(_BRIDGE_S / step_s)
+
+    def joined(last: Plateau, each: Plateau) -> Plateau | None:
+        longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
+        return replace(longer, first=last.first, end=each.end) if _is_correction(last, each, bridge) else None
+
+    return _merge_neighbours(found, joined)
+
+
+def _merge_neighbours(found: list[Plateau], joined: Callable[[Plateau, Plateau], Plateau | None]) -> list[Plateau]:
+    """Plateaus with each joined to the one before where ``joined`` makes one of the two."""
+    result: list[Plateau] = []
     for each in found:
-        last = joined[-1] if joined else None
-        if last and _is_correction(last, each, round(_BRIDGE_S / step_s)):
-            longer = max(last, each, key=lambda plateau: plateau.end - plateau.first)
-            joined[-1] = replace(longer, first=last.first, end=each.end)
-        else:
-            joined.append(each)
-    return joined
+        both = joined(result[-1], each) if result else None
+        result[-1:] = [both] if both else [*result[-1:], each]
+    return result
 
 
 def _is_correction(last: Plateau, each: Plateau, bridge: int) -> bool:

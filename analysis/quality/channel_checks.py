@@ -18,7 +18,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality, iso
 from analysis.quality.findings import Flags
-from analysis.quality.repeated_values import TimedValues, flag_stuck, quantisation_step
+from analysis.quality.repeated_values import flag_stuck, quantisation_step
 from analysis.quality.samples import (
     Stretch,
     flags_where,
@@ -28,7 +28,7 @@ from analysis.quality.samples import (
     stretches_of,
 )
 from analysis.quality.time_checks import ClockJump, jitter_s
-from analysis.tables.table import NANO, valid_values
+from analysis.tables.table import NANO, TimedValues, valid_values
 
 WIDEST_SPIKE = 3
 _SPIKE_SIZE = 5.0

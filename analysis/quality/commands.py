@@ -23,6 +23,7 @@ from analysis.quality.samples import (
     Samples,
     jackknife_error,
     mask_of_runs,
+    ratios_without_each,
     runs,
     runs_of_equal,
     samples_of,
@@ -284,14 +285,8 @@ def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, f
     off = float(np.sqrt(np.mean((theirs - factor * series.value) ** 2)))
     if not 1.25 < factor < 20.0 or off > 0.05 * float(np.sqrt(np.mean(theirs**2))):
         return {}
-    return {"factor": factor, **_interval(cross, own, factor)}
-
-
-def _interval(cross: Floats, own: Floats, factor: float) -> dict[str, float]:
-    """A jackknife over pieces of the recording."""
-    without = (cross.sum() - cross) / np.maximum(own.sum() - own, 1e-12)
-    half = 2.26 * float(jackknife_error(without))  # Student's t with nine degrees of freedom
-    return {"low": factor - half, "high": factor + half}
+    half = 2.26 * float(jackknife_error(ratios_without_each(cross, own)))  # Student's t, nine degrees of freedom
+    return {"factor": factor, "low": factor - half, "high": factor + half}
 
 
 def _stops_at_100(value: Floats) -> bool:

@@ -89,7 +89,7 @@ def repair(
         changed = _changed(table, done.columns)
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
-        if not changed and not done.told:
+        if not changed and not done.always_reported:
             continue
         repairs.append(Repair(finding.code, finding.channel, done.text, changed))
         table = add_step(
@@ -201,12 +201,12 @@ _EMPTIED = {"out_of_range": "impossible values became gaps", "spike": "stray val
 
 
 class SingleRepair(NamedTuple):
-    """What a repair did, in words, and the columns it gives; ``told`` if it is reported even where no value
+    """What a repair did, in words, and the columns it gives; ``always_reported`` even where no value
     changed."""
 
     text: str
     columns: Columns
-    told: bool = False
+    always_reported: bool = False
 
 
 _NOTHING = SingleRepair("", {})
@@ -302,7 +302,7 @@ def repair_heading(table: pd.DataFrame, finding: Finding, _: FlagsByChannel) -> 
     """Take the shape of the turns from the yaw rate (:mod:`analysis.quality.motion.reconstruction`)."""
     rebuilt = reconstruct_heading(table)
     if rebuilt is None:
-        return SingleRepair(_HEADING_STAYS, {}, told=True)
+        return SingleRepair(_HEADING_STAYS, {}, always_reported=True)
     text = f"heading rebuilt from the integrated yaw rate, tied to the recorded one over {rebuilt.tie_s:.0f} s"
     return SingleRepair(text, rebuilt.columns)
 

@@ -21,10 +21,8 @@ from acquisition.core.frames import Quality
 from analysis.kinematics import to_earth
 from analysis.quality.findings import Flags
 from analysis.quality.samples import flags_where, runs_of_equal, sort_by_time, steps_between, white_noise
-from analysis.tables.table import NANO, times_ns
+from analysis.tables.table import NANO, TimedValues, times_ns
 
-TimedValues = tuple[Ints, Floats]
-"""Times [ns since 1970] and values at them."""
 _SHORTEST, _BESIDE = 8, 100
 _LIKELY = 1e-4
 _TURNING = 0.3

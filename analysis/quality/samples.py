@@ -7,6 +7,7 @@ across channels on its samples in the rows of the joined table (:class:`Samples`
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -175,6 +176,12 @@ def jackknife_error(estimates: Floats) -> Floats:
     """
     count = len(estimates)
     return np.asarray(np.sqrt((count - 1) / count * ((estimates - estimates.mean(axis=0)) ** 2).sum(axis=0)))
+
+
+def ratios_without_each(numerators: NDArray[Any], denominators: NDArray[Any]) -> NDArray[Any]:
+    """The ratio of the sums of n parts, each part left out in turn: [n], as a jackknife wants it."""
+    left = np.maximum(denominators.sum() - denominators, 1e-12)
+    return np.asarray((numerators.sum() - numerators) / left)
 
 
 def set_flags(flags: pd.DataFrame, name: str, judged: Ints, wrong: Ints, flag: Quality = Quality.BAD) -> None:

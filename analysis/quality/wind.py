@@ -18,7 +18,7 @@ from acquisition.core.angles import wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.frames import Quality
 from analysis.quality.findings import CheckResult, Finding, initial_flags
-from analysis.quality.samples import ASSUMED, jackknife_error
+from analysis.quality.samples import ASSUMED, jackknife_error, ratios_without_each
 from analysis.tables.table import NANO, seconds_of, utc_index
 
 JUDGED = ("wind_direction_deg", "wind_speed_mps")
@@ -193,8 +193,7 @@ def _vane_gain(blocks: _Blocks) -> tuple[complex, complex, int]:
         cross = _sums(number, new_felt * new_velocity.conj())
         own = np.bincount(number, np.abs(new_velocity) ** 2)
         gain = complex(cross.sum() / max(own.sum(), 1e-12)) or 1.0 + 0.0j
-    without = (cross.sum() - cross) / np.maximum(own.sum() - own, 1e-12)
-    relative = without / gain
+    relative = ratios_without_each(cross, own) / gain
     error = complex(jackknife_error(relative.real), jackknife_error(relative.imag))
     return gain, error, cross.size - 1
 

@@ -29,6 +29,7 @@ from acquisition.core.errors import DataShortageError, InputError
 from acquisition.recording.reader import Recording
 from analysis.tables.table import (
     NANO,
+    TimedValues,
     add_step,
     attributes_of,
     bounds_ns,
@@ -39,8 +40,6 @@ from analysis.tables.table import (
     times_ns,
     valid_values,
 )
-
-Samples = tuple[Ints, Floats]
 
 _FASTER = 0.95  # of the output step: below this median interval there is something to filter
 _GAP_S, _LONGEST_GAP_S, _GAP_INTERVALS = 3.0, 10.0, 2.5
@@ -82,7 +81,7 @@ def resample(
     time_ns = times_ns(table)
     names = [str(name) for name in table.columns]
 
-    def samples(name: str) -> Samples:
+    def samples(name: str) -> TimedValues:
         return time_ns, table[name].to_numpy(dtype=float)
 
     return _on_grid(names, samples, table.attrs, rate_hz, longest_gap_s, delays)
@@ -103,7 +102,7 @@ def resample_recording(
     names = channels_of(recording)
     first_ns, last_ns = bounds_ns((recording.series[name].measured_ns for name in names), part_percent)
 
-    def samples(name: str) -> Samples:
+    def samples(name: str) -> TimedValues:
         series = recording.series[name]
         inside = (series.measured_ns >= first_ns) & (series.measured_ns <= last_ns)
         if inside.all():
@@ -115,7 +114,7 @@ def resample_recording(
 
 def _on_grid(
     names: list[str],
-    samples_of: Callable[[str], Samples],
+    samples_of: Callable[[str], TimedValues],
     attributes: Mapping[Any, Any],
     rate_hz: float,
     longest_gap_s: float | None,
@@ -125,7 +124,7 @@ def _on_grid(
     rate = rate_fraction(rate_hz)
     delay_ns = delays_in_ns(delays or {})
 
-    def valid(name: str) -> Samples:
+    def valid(name: str) -> TimedValues:
         time_ns, values = samples_of(name)
         there = np.isfinite(values)
         return time_ns[there] - delay_ns.get(name, 0), values[there]

@@ -115,10 +115,12 @@ def valid_values(series: Series) -> Floats:
     return np.where(series.quality >= Quality.BAD, np.nan, series.value)
 
 
+TimedValues = tuple[Ints, Floats]
+"""Times [ns since 1970] and the values at them, both [n]."""
 _KEY = np.dtype([("time", np.int64), ("repeat", np.int64)])
 
 
-def join_channels(channels: Mapping[str, tuple[Ints, Floats]]) -> pd.DataFrame:
+def join_channels(channels: Mapping[str, TimedValues]) -> pd.DataFrame:
     """Channels as times [ns] and values in one table, a row for each time; NaN where a channel has no sample.
 
     The rows are in the order of time; a time that one channel has twice stands in two rows, in its order.

@@ -28,7 +28,7 @@ from analysis.quality.motion.series import (
     rotate,
     turn_model,
 )
-from analysis.quality.samples import jackknife_error
+from analysis.quality.samples import jackknife_error, ratios_without_each
 
 _SHORT_S = 30.0
 _LONG_S = 120.0
@@ -124,8 +124,8 @@ def _excess_over_speed(sums: Floats) -> tuple[float, float, float]:
     _, moved_m2, along_m2, across_m2 = sums.T
     excess_m2 = along_m2 - across_m2
     total, base = excess_m2.sum(), moved_m2.sum()
-    without = (total - excess_m2) / np.maximum(base - moved_m2, 1e-12)
-    return float(total / base), float(jackknife_error(without)), float(base**2 / (moved_m2**2).sum())
+    error = jackknife_error(ratios_without_each(excess_m2, moved_m2))
+    return float(total / base), float(error), float(base**2 / (moved_m2**2).sum())
 
 
 def _about_straight_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
