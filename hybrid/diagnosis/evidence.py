@@ -224,7 +224,6 @@ def design_matrix(
     extent = force_range(log, model.base, linear.origin)
     known = features(log, linear.origin, number)
     basis = nuisance_basis(log, linear.origin, effects, interactions)
-    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([known, basis.features]))
     varying = tuple(each.effect for each in basis.varying)
     of = [model.catalogue[label.split("*")[0]] for label in varying]
     layout = ColumnLayout(
@@ -238,6 +237,7 @@ def design_matrix(
         varying_tolerated=np.array([_tolerated_size(*each) for each in zip(varying, of, strict=True)]),
         depends=basis.depends,
     )
+    columns = columns_of(linear, [*effects, *wind, *basis.varying], np.hstack([known, basis.features]))
     return DesignMatrix(log, model, linearisation.tolerance, linear, effects, columns, layout, extent)
 
 
@@ -361,7 +361,7 @@ class Evidence:
 
 
 def evidence_of(equations: NormalEquations, by_leg: bool = False) -> Evidence:
-    """The reduced products of an examination, its model's own effects put back into the data."""
+    """What the data say of every effect, those of the model itself put back into the data; leg by leg if asked."""
     total = equations.gram.sum(axis=0)
 
     def inner(gram: Floats) -> Floats:

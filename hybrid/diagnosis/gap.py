@@ -25,7 +25,7 @@ from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, sea
 from hybrid.prediction.baselines import present_motion_held
 from hybrid.prediction.scores import distances
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate_batch
 
 HORIZON_S = 15
@@ -71,7 +71,7 @@ def predicted_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horiz
     wind = np.repeat(log.wind[rows], STEPS_PER_SECOND, axis=1)
     still = replace(plant, command_delay_s=0.0)
     runs = simulate_batch(still, origin[starts], settings, wind, DT_S, 1, acting[starts])
-    return measured(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
+    return measure(runs.states[:, ::STEPS_PER_SECOND], plant, 1.0)[..., :3]
 
 
 def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizon_s: int = HORIZON_S) -> Floats:

@@ -28,7 +28,7 @@ from hybrid.vessel.channels import check_ship
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import measured, report_alike
+from hybrid.vessel.sensors import measure, report_alike
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -281,7 +281,7 @@ def _around(log: Log, plant: Plant, ways: Floats, quarters: Sequence[int] = rang
     delays_s = [0.0] * 3 + [plant.speed_delay_s] * 3
     for first, last in _stretches(log):
         some, seconds = ways[first:last], np.arange(last - first, dtype=np.float64)
-        seen = measured(_track(some), plant, DT_S)
+        seen = measure(_track(some), plant, DT_S)
         seen = np.concatenate([2.0 * seen[:1] - seen[half:0:-1], seen])
         jumps = np.concatenate([np.zeros((1, 6)), some[1:, 0] - some[:-1, -1]]).cumsum(axis=0)
         for place, quarter in enumerate(quarters):
@@ -314,6 +314,6 @@ def _sensor_slopes(plant: Plant, origin: Floats) -> Floats:
     for column in range(6):
         step = np.zeros(6)
         step[column] = _STATE_STEPS[column]
-        ahead, behind = (measured((origin + side * step)[:, None], plant, 1.0)[:, 0] for side in (1.0, -1.0))
+        ahead, behind = (measure((origin + side * step)[:, None], plant, 1.0)[:, 0] for side in (1.0, -1.0))
         H[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
     return H

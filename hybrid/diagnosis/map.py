@@ -184,10 +184,10 @@ def notable_places(places: Sequence[Place]) -> tuple[Place, ...]:
     return tuple(ranked[: min(max(sure, _LEAST), _MOST)])
 
 
-def map_of(equations: NormalEquations, repaired: bool = False) -> Map:
-    """The whole map: of the reference model, or ``repaired`` of the model with the effects that were added."""
+def map_of(equations: NormalEquations, with_effects: bool = False) -> Map:
+    """The whole map: of the reference model, or of the model ``with_effects`` that were added."""
     linear, log = equations.linear, equations.log
-    data = columns_of(linear, []) if repaired else _without_effects(equations)
+    data = columns_of(linear, []) if with_effects else _without_effects(equations)
     cells = cells_of(log, linear.origin)
     tolerated, scale = _tolerated(equations)
     places = _forces(equations, data, cells, tolerated, scale) + _errors(equations, data, cells, tolerated, scale)

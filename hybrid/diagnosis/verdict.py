@@ -88,7 +88,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         tied=tuple(tied),
         next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
-        maps=(map_of(equations), map_of(_last_look(accepted, first), repaired=True)),
+        maps=(map_of(equations), map_of(_last_look(accepted, first), with_effects=True)),
     )
 
 

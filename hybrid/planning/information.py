@@ -59,7 +59,7 @@ def _together(information: Information, names: Sequence[str]) -> Ints:
 
 
 def information_of(equations: NormalEquations) -> Information:
-    """The information in all legs of an examination."""
+    """The information in all legs of a trial."""
     kept = 1 + np.arange(len(equations.layout.effect))
     matrix, _ = marginalise(equations.gram.sum(axis=0), kept, equations.nuisance, equations.nuisance_scale)
     return Information(matrix, _columns(equations), equations.model.catalogue)
@@ -91,7 +91,7 @@ class Design:
 
 
 def design_of(equations: NormalEquations) -> Design:
-    """An examination's legs, ready to be put together in other numbers, many times over."""
+    """A trial's legs, ready to be put together in other numbers, many times over."""
     scale, nuisance = equations.nuisance_scale, equations.nuisance
     heard = _heard(equations.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale))
     effects = 1 + np.arange(len(equations.layout.effect))

@@ -23,7 +23,7 @@ from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import sail_through
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 
 MINUTES = 10
 _SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
@@ -264,7 +264,7 @@ def rehearse(
     voyage = sail_through(
         vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
     )
-    seen = measured(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
+    seen = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
     return _log(seen, _mean(voyage.controls, _STEPS), voyage.wind[::per_second], seconds + 1)
 
 

@@ -42,7 +42,7 @@ def overview_figure(diagnosis: Diagnosis) -> Figure:
     return figure
 
 
-def ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> list[Artist]:
+def evidence_ranking(axes: Axes, suspects: Sequence[Suspect], named: Sequence[str]) -> list[Artist]:
     """The likeliest effects by the log evidence of each alone, a colour a family; what was named has an edge."""
     shown = list(suspects)[:_SHOWN]
     bars = axes.barh(

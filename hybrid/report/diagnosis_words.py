@@ -151,7 +151,7 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
     return figures
 
 
-def meaning(diagnosis: Diagnosis) -> str:
+def verdict_meaning(diagnosis: Diagnosis) -> str:
     """What the verdict means, and how errors are judged."""
     gap = diagnosis.gap
     judged = (

@@ -38,7 +38,7 @@ from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant, pack
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import Runs, range_error, simulate
 
 
@@ -141,7 +141,7 @@ def simulate_trial(
     )
     moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     every = slice(None, None, steps_per_row)
-    reported = measured(moving, plant, dt_s)[every]
+    reported = measure(moving, plant, dt_s)[every]
     recorded = add_noise(
         streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every], ship.actuators
     )

@@ -19,7 +19,7 @@ SETTINGS = (
     "speed_delay_s", "speed_scale", "speed_sensor_forward_m", "speed_sensor_starboard_m", "speed_sensor_angle_rad",
     "sway_bias_mps", "yaw_rate_scale", "yaw_rate_bias_radps",
 )  # fmt: skip
-"""What of a plant :func:`measured` looks at."""
+"""What of a plant :func:`measure` looks at."""
 
 
 def report_alike(one: Plant, other: Plant) -> bool:
@@ -27,7 +27,7 @@ def report_alike(one: Plant, other: Plant) -> bool:
     return all(getattr(one, name) == getattr(other, name) for name in SETTINGS)
 
 
-def measured(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
+def measure(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     """States [..., K+1, 6] as the sensors of ``plant`` report them, samples ``dt_s`` apart.
 
     Reported = factor x true, or true + bias; what is stamped late is the value of ``..._delay_s`` before.

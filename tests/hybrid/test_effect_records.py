@@ -17,7 +17,7 @@ from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import controls_of, wind_of
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import acting_controls, simulate, simulate_batch
 from tests.hybrid.conftest import Held
 
@@ -28,7 +28,7 @@ TURN = {"angle_deg": (15.0, 15.0), "tunnel_rpm": 100.0}
 
 def reported(states: Floats, plant: Plant, name: str, dt_s: float = 1.0, **values: float) -> Floats:
     """States as the sensors report them with one effect."""
-    return measured(states, CATALOGUE[name].apply(plant, values), dt_s)
+    return measure(states, CATALOGUE[name].apply(plant, values), dt_s)
 
 
 @pytest.mark.parametrize(("name", "columns"), [("heading_delay", [2]), ("speed_delay", [3, 4, 5])])
@@ -117,7 +117,7 @@ def test_gyro_and_log_report_what_their_effects_say(plant: Plant, held: Held) ->
     both = CATALOGUE["yaw_rate_scale"].apply(plant, {"factor": 1.1})
     both = CATALOGUE["yaw_rate_bias"].apply(both, {"rate_dps": 0.5})
     both = CATALOGUE["sway_bias"].apply(both, {"speed_mps": -0.2})
-    seen = measured(true, both, 1.0)
+    seen = measure(true, both, 1.0)
     assert seen[:, 5] == pytest.approx(1.1 * true[:, 5] + np.deg2rad(0.5))
     assert seen[:, 4] == pytest.approx(true[:, 4] - 0.2)
     assert np.array_equal(seen[:, :4], true[:, :4])

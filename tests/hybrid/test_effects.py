@@ -10,7 +10,7 @@ from hybrid.effects import CATALOGUE, apply_effects, parse_effect, vessel_plant
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from tests.hybrid.conftest import Held
 
 CONTRACT = {
@@ -150,7 +150,7 @@ def test_sensor_effects_report_what_they_promise(plant: Plant, held: Held) -> No
     def reported(name: str, **values: float) -> np.ndarray:
         changed = CATALOGUE[name].apply(plant, values)
         assert np.array_equal(held(changed, angle_deg=(10.0, 10.0)), true)
-        return measured(true, changed, 1.0) - true
+        return measure(true, changed, 1.0) - true
 
     assert reported("heading_bias", angle_deg=2.0)[:, 2] == pytest.approx(np.deg2rad(2.0))
     assert reported("speed_scale", factor=1.1)[:, 3] == pytest.approx(0.1 * true[:, 3])
@@ -163,10 +163,10 @@ def test_sensor_effects_report_what_they_promise(plant: Plant, held: Held) -> No
 def test_a_late_position_is_where_the_ship_was(plant: Plant, held: Held) -> None:
     """A delay of two samples gives the positions of two samples before, and half a one lies between."""
     true = held(plant, angle_deg=(20.0, 20.0))
-    two = measured(true, CATALOGUE["position_delay"].apply(plant, {"seconds": 2.0}), 1.0)
+    two = measure(true, CATALOGUE["position_delay"].apply(plant, {"seconds": 2.0}), 1.0)
     assert two[2:, :2] == pytest.approx(true[:-2, :2], abs=1e-2)  # from speeds a second apart
     fine = held(plant, angle_deg=(20.0, 20.0), seconds=1, substeps=8)
-    half = measured(true, CATALOGUE["position_delay"].apply(plant, {"seconds": 0.5}), 1.0)
+    half = measure(true, CATALOGUE["position_delay"].apply(plant, {"seconds": 0.5}), 1.0)
     controls = np.tile([2.5, np.deg2rad(20.0)] * 2 + [0.0], (60, 1))
     from hybrid.vessel.simulate import simulate
 

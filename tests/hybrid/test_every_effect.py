@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from acquisition.core.arrays import Floats
 from hybrid.effects import CATALOGUE, FAMILIES, Effect
 from hybrid.vessel.plant import Plant, flat, pack
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate
 
 EFFECTS = list(CATALOGUE.values())
@@ -30,7 +30,7 @@ def weaving(plant: Plant) -> Floats:
         2.0 + swing, 0.1 + 0.2 * np.sin(phase) * swing, 2.2 + 0.5 * swing, 0.15 - 0.1 * swing, 300.0 * swing
     ])  # fmt: skip
     wind = np.tile([0.8, 9.0], (60, 1))
-    return measured(simulate(plant, [0.0, 0.0, 0.2, 4.0, 0.1, 0.01], controls, wind, DT_S), plant, DT_S)
+    return measure(simulate(plant, [0.0, 0.0, 0.2, 4.0, 0.1, 0.01], controls, wind, DT_S), plant, DT_S)
 
 
 def at(effect: Effect, free: Any) -> dict[str, float]:

@@ -18,7 +18,7 @@ from analysis.tables.table import read_table
 from hybrid.effects import CATALOGUE, apply_effects
 from hybrid.vessel.channels import controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate
 from tests.benchmarks.other_ship import EFFECTS, OUTSIDE, PROGRAMMES, SEAS, Sea, make_trial
 from tests.benchmarks.other_ship.__main__ import main
@@ -66,7 +66,7 @@ def worst(plant: Plant, table: pd.DataFrame, truth: dict[str, Any], horizon_s: f
         dt_s,
         **lagging,
     )
-    errors = measured(runs, plant, dt_s)[:, : steps + 1] - np.stack([seen[i : i + steps + 1] for i in begins])
+    errors = measure(runs, plant, dt_s)[:, : steps + 1] - np.stack([seen[i : i + steps + 1] for i in begins])
     errors[..., 2] = (errors[..., 2] + np.pi) % (2.0 * np.pi) - np.pi
     return np.abs(errors[:, 10:]).max(axis=(0, 1))  # a delayed position looks back beyond the window's start
 

@@ -7,7 +7,7 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.sensors import measured
+from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -21,7 +21,7 @@ def a_log(plant: Plant, seconds: int = 90, edges: tuple[int, ...] = (), breaks: 
     """
     controls, wind = orders(seconds), np.tile([0.8, 9.0], (seconds * STEPS_PER_SECOND, 1))
     states = simulate(plant, [10.0, -20.0, 0.4, 4.5, 0.1, 0.0], controls, wind, DT_S)
-    seen = measured(states, plant, DT_S)
+    seen = measure(states, plant, DT_S)
     weight = np.random.default_rng(5).dirichlet(np.ones(5), (seconds, 6))
     padded = np.concatenate([np.repeat(seen[:1], 2, axis=0), seen, np.repeat(seen[-1:], 2, axis=0)])
     around = np.stack([padded[q : q + 4 * seconds : 4] for q in range(5)], axis=1)

@@ -90,7 +90,7 @@ def test_the_reconstructed_force_agrees_with_the_cells(turned_map: Map) -> None:
 
 def test_repaired_nothing_is_left(turned: NormalEquations) -> None:
     """With the moment in the model its map is empty."""
-    assert all(abs(each.z) < 4.0 for each in map_of(turned, repaired=True).places)
+    assert all(abs(each.z) < 4.0 for each in map_of(turned, with_effects=True).places)
 
 
 def test_where_is_the_notable_part_of_the_reference_models_map(turned: NormalEquations, turned_map: Map) -> None:

@@ -155,7 +155,7 @@ def test_the_gap_falls_from_before_to_after() -> None:
 def test_the_ranking_marks_what_was_named() -> None:
     """A bar a suspect, as long as its evidence, a colour a family."""
     figure = Figure()
-    plots.ranking(figure.subplots(), SUSPECTS, ["ocean_current"])
+    plots.evidence_ranking(figure.subplots(), SUSPECTS, ["ocean_current"])
     drawn = list(bars(figure).patches)
     assert [each.get_width() for each in drawn] == [each.evidence for each in SUSPECTS]
     named_edge, other_edge = (np.asarray(each.get_edgecolor())[-1] for each in drawn[:2])
