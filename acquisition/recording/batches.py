@@ -38,12 +38,13 @@ _LATEST_NS = 2**63 - 1
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Messages that follow each other, in file order: channel numbers and times [ns], all [n].
+    """Messages that follow each other, in file order: numbers of channel and sequence, times [ns], all [n].
 
     Their data are ``plain[start:end]``.
     """
 
     channel: NDArray[np.uint16]
+    sequence: NDArray[np.uint32]
     log_ns: NDArray[np.uint64]
     publish_ns: NDArray[np.uint64]
     plain: bytes
@@ -55,6 +56,7 @@ class Batch:
         """A message that stands outside of all chunks."""
         return cls(
             np.array([message.channel_id], np.uint16),
+            np.array([message.sequence], np.uint32),
             np.array([message.log_time], np.uint64),
             np.array([message.publish_time], np.uint64),
             message.data,
@@ -69,15 +71,22 @@ class Batch:
         """The undecoded data of each message."""
         return [self.plain[start:end] for start, end in zip(self.start.tolist(), self.end.tolist(), strict=True)]
 
+    def messages(self) -> Iterator[Message]:
+        """Each message by itself, as the library has them."""
+        columns = (self.channel, self.log_ns, self.publish_ns, self.sequence)
+        rows = zip(*(column.tolist() for column in columns), self.data(), strict=True)
+        for channel, log_ns, publish_ns, sequence, data in rows:
+            yield Message(channel, log_ns, data, publish_ns, sequence)
+
     def of_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
         chosen = np.flatnonzero(np.isin(self.channel, list(numbers)))
-        columns = (self.channel[chosen], self.log_ns[chosen], self.publish_ns[chosen])
+        columns = (self.channel[chosen], self.sequence[chosen], self.log_ns[chosen], self.publish_ns[chosen])
         return Batch(*columns, self.plain, self.start[chosen], self.end[chosen])
 
 
 def batches(chunk: Chunk) -> Iterator[Batch | McapRecord]:
-    """What :func:`acquisition.recording.records.contents` gives, messages that follow each other together.
+    """The messages in a chunk, those that follow each other together, and its schemas and channels.
 
     Raises :class:`RecordError` where a record is not what it should be, after all that stands before it.
     """
@@ -120,7 +129,9 @@ def _messages_at(plain: bytes, places: list[int]) -> Batch:
     begin = np.array(places)
     heads = np.frombuffer(plain, np.uint8)[begin[:, None] + _WHOLE_HEAD].view(_HEAD)[:, 0]
     end = begin + (HEAD.size + heads["length"].astype(np.int64))
-    return Batch(heads["channel"], heads["log"], heads["publish"], plain, begin + _HEAD.itemsize, end)
+    return Batch(
+        heads["channel"], heads["sequence"], heads["log"], heads["publish"], plain, begin + _HEAD.itemsize, end
+    )
 
 
 @dataclass(frozen=True, slots=True)

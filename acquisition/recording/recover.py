@@ -41,8 +41,9 @@ from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
+from acquisition.recording.batches import Batch, batches
 from acquisition.recording.reader import MessageStream, open_recording
-from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError, contents
+from acquisition.recording.records import HEAD, LARGEST_BYTES, RecordError
 from acquisition.recording.scan import Damage, Intact, scan
 
 _KEY = struct.Struct("<QQQQ")
@@ -99,7 +100,7 @@ def _size_bytes(record: Channel | Schema) -> int:
 
 
 def _definitions_in(record: McapRecord | None) -> Iterator[Channel | Schema]:
-    within = contents(record, messages=False) if isinstance(record, Chunk) else iter([record])
+    within = batches(record) if isinstance(record, Chunk) else iter([record])
     with suppress(RecordError):  # counted when the messages are copied
         for each in within:
             if isinstance(each, Channel | Schema):
@@ -309,9 +310,10 @@ class _Saving:
 
     def _take_chunk(self, chunk: Chunk, size_bytes: int) -> None:
         try:
-            for record in contents(chunk):
-                if isinstance(record, Message):
-                    self._take_message(record)
+            for record in batches(chunk):
+                if isinstance(record, Batch):
+                    for message in record.messages():
+                        self._take_message(message)
                 elif isinstance(record, Channel | Schema):
                     self._redefine(record)
         except RecordError as error:
