@@ -60,7 +60,7 @@ def validate(
         raise ConfigurationError(
             f"{'.'.join(map(str, keys)) or 'file'}: {_explain(first)}",
             where=f"{path}, line {line_of(text, keys)}",
-            fix=_hint(error.error_count()),
+            fix=f"{error.error_count() - 1} more after this one" if error.error_count() > 1 else "",
         ) from error
 
 
@@ -127,7 +127,3 @@ def _explain(error: Any) -> str:
     message = str(error["msg"]).removeprefix("Value error, ")
     given = error.get("input")
     return f"{given!r}: {message}" if isinstance(given, str | int | float) else message
-
-
-def _hint(count: int) -> str:
-    return f"{count - 1} more after this one" if count > 1 else ""

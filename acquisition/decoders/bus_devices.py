@@ -67,7 +67,8 @@ class BusDevices:
         if former_address == address:
             return False
         if former_address is not None:
-            self._leave(former_address)
+            del self._name_at[former_address]
+            self._label_at.pop(former_address, None)
         if address == _NO_ADDRESS:
             self._lose_label(name)
             return False
@@ -85,10 +86,6 @@ class BusDevices:
             text = f"address {address} was taken over from device {former_label} by device {label} (NAME {name})"
             self._notices.append(("warning", text))
         return former_label not in (None, label) or former_name is not None
-
-    def _leave(self, address: int) -> None:
-        del self._name_at[address]
-        self._label_at.pop(address, None)
 
     def _lose_label(self, name: str) -> None:
         label = self._label_of.pop(name, None)

@@ -86,10 +86,6 @@ def _local_velocity(message: Any) -> Values:
     return [("velocity_north_mps", message.vx), ("velocity_east_mps", message.vy)]
 
 
-def _wind(message: Any) -> Values:
-    return [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)]
-
-
 def _wind_vector(message: Any) -> Values:
     """The vector points to where the wind blows; the direction is where it comes from. A calm has none."""
     speed_mps = hypot(message.wind_x, message.wind_y)
@@ -104,7 +100,7 @@ _READERS: dict[str, Callable[[Any], Values]] = {
     "GLOBAL_POSITION_INT": _global_position,
     "GPS_RAW_INT": _satellite_position,
     "LOCAL_POSITION_NED": _local_velocity,
-    "WIND": _wind,
+    "WIND": lambda message: [("wind_direction_deg", message.direction), ("wind_speed_mps", message.speed)],
     "WIND_COV": _wind_vector,
 }
 _WANTED = (*_READERS, "RPM", "RAW_RPM", "NAMED_VALUE_FLOAT")

@@ -121,12 +121,9 @@ class Nmea0183Decoder:
         reading = self._readers[kind](Fields(fields))
         told_ns = self._told_ns(reading, frame)
         label = _label(frame.origin, talker, kind, tagged, reading)
-        self._count(reading)
-        return self.clock.group(frame, label, reading.values, told_ns, reading.quality)
-
-    def _count(self, reading: Reading) -> None:
         if reading.refused or not (reading.values or reading.date):
             self.refused[reading.refused or "no value"] += 1
+        return self.clock.group(frame, label, reading.values, told_ns, reading.quality)
 
     def _told_ns(self, reading: Reading, frame: Frame) -> int | None:
         """When the sentence says its values were true; what tells the date too also sets the line's clock."""

@@ -120,15 +120,12 @@ def _dbc_frame(
     for channel, (signal, scale) in signals.items():
         if channel in values:
             value = float(signal.scaled_to_raw(values[channel] / scale))
-            if signal.is_float or (_lowest(signal) <= value and missing_by_rule(round(value), signal) is None):
+            lowest = -int(2 ** (signal.length - 1)) if signal.is_signed else 0
+            if signal.is_float or (lowest <= value and missing_by_rule(round(value), signal) is None):
                 raw[signal.name] = value if signal.is_float else round(value)
                 carried.append(channel)
     payload = message.encode(raw, scaling=False, strict=False)
     return [Packet(payload, message.frame_id, message.is_extended_frame, tuple(carried))]
-
-
-def _lowest(signal: DbcSignal) -> int:
-    return -int(2 ** (signal.length - 1)) if signal.is_signed else 0
 
 
 def _not_available(signal: DbcSignal) -> float:

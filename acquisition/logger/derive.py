@@ -156,11 +156,9 @@ class Derivation:
                 continue
             age_ns = sample.monotonic_ns - heading.monotonic_ns
             if age_ns <= _HEADING_KEEPS_NS:
-                return heading.value + self._yaw_rate_dps(sample) * age_ns / 1e9
+                yaw_rate_dps = self._ship_value("yaw_rate_dps", sample) or 0.0
+                return heading.value + yaw_rate_dps * age_ns / 1e9
         return None
-
-    def _yaw_rate_dps(self, sample: Sample) -> float:
-        return self._ship_value("yaw_rate_dps", sample) or 0.0
 
     def _ship_value(self, quantity: str, sample: Sample) -> float | None:
         """The ship's last value of a channel, if it is fresh when ``sample`` came."""

@@ -15,7 +15,6 @@ import time
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import SourceError
-from acquisition.core.frames import Frame
 from acquisition.logger.health import ChannelHealth, Health, SourceHealth
 from acquisition.logger.maintenance import Maintenance, Timescale
 from acquisition.logger.predictions import Predictions
@@ -144,7 +143,7 @@ class Recorder:
             # In a pause frames wait in the inbox, as long as there is room.
             frames = [] if self._parts.paused else self._inbox.take()
             for frame in frames:
-                self._record(frame)
+                self._processing.process(self._scale.stamp(frame))
             self._note_texts()
             self._note_predictions()
             chores.due()
@@ -159,9 +158,6 @@ class Recorder:
     def _note(self, level: str, text: str) -> None:
         """Put an event into the part that is being written, at once; for the recorder's thread only."""
         self._processing.note(text, self._scale.utc_ns(time.monotonic_ns()), level)
-
-    def _record(self, frame: Frame) -> None:
-        self._processing.process(self._scale.stamp(frame))
 
     def _note_texts(self) -> None:
         while not self._texts.empty():

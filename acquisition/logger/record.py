@@ -1,4 +1,7 @@
-"""``seatrial record``: one recording from start to end, with signals, display, marks and a supervisor."""
+"""``seatrial record``: one recording from start to end, with display, marks and a supervisor, or from log files.
+
+Log files are read without threads and without hurry, in the order of their own times.
+"""
 
 from __future__ import annotations
 
@@ -30,6 +33,13 @@ from acquisition.sources import Source, make_source
 _LOOK_S = 0.05
 _REDRAW_PER_S = 4.0
 _WATCHDOG_EVERY_S = 1.0
+_CHORES_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
+_TELL_EVERY_S = 5.0
+_POLL_S = 0.2
+_WITHOUT_TIMES = (
+    "the log has no times of its own; its samples are stamped with the time of reading, unless it tells the time "
+    'and clock = "source"'
+)
 
 
 def record(
@@ -164,16 +174,6 @@ def _display(config: TrialConfig, recorder: Recorder) -> Iterator[None]:
         yield
 
 
-_CHORES_EVERY = 2_000  # frames; as seldom as the files' times allow, as often as memory wants
-_TELL_EVERY_S = 5.0
-_POLL_S = 0.2
-_RECEIVED = attrgetter("received_ns")
-_WITHOUT_TIMES = (
-    "the log has no times of its own; its samples are stamped with the time of reading, unless it tells the time "
-    'and clock = "source"'
-)
-
-
 def record_log_files(
     config: TrialConfig,
     parts: RecordingParts,
@@ -191,7 +191,7 @@ def record_log_files(
             source.open()
             stack.callback(source.close)
         reading = _Reading(FrameProcessor(config, parts, health), parts, stop or threading.Event())
-        frames = heapq.merge(*(reading.frames(source, health) for source in sources), key=_RECEIVED)
+        frames = heapq.merge(*(reading.frames(source, health) for source in sources), key=attrgetter("received_ns"))
         reading.take(frames, float("inf") if duration_s is None else duration_s * 1e9)
         for source in sources:
             _tell_troubles(source, reading)
@@ -227,7 +227,9 @@ class _Reading:
             self.now_ns = frame.received_ns
             if number == 0:
                 until_ns = self.now_ns + duration_ns
-                self._tell_beginning()
+                self.tell("info", "recording started, from log files")
+                for name in self._untimed:
+                    self.tell("warning", f"{name}: {_WITHOUT_TIMES}")
             if self.now_ns > until_ns or self._stop.is_set():
                 break
             self._processing.process(frame)
@@ -245,11 +247,6 @@ class _Reading:
                 seen.count_in(len(block), block[-1].monotonic_ns)
                 yield from block
         seen.state = "ended"
-
-    def _tell_beginning(self) -> None:
-        self.tell("info", "recording started, from log files")
-        for name in self._untimed:
-            self.tell("warning", f"{name}: {_WITHOUT_TIMES}")
 
     def _do_chores(self, frames: int) -> None:
         self._parts.sync()

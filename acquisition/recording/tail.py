@@ -137,7 +137,9 @@ class Tail:
 
     def _note(self, record: Batch | McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
-            numbers = [each for each in np.unique(record.channel).tolist() if self._is_sample(each)]
+            numbers = [
+                each for each in np.unique(record.channel).tolist() if self._topics[each].startswith(CHANNEL_PREFIX)
+            ]
             if numbers:
                 add_samples(samples, record.of_channels(numbers), self._topics)
         elif isinstance(record, Channel):
@@ -148,6 +150,3 @@ class Tail:
             self.metadata[record.name] = record.metadata
         elif isinstance(record, Footer):
             self.ended = True
-
-    def _is_sample(self, number: int) -> bool:
-        return self._topics[number].startswith(CHANNEL_PREFIX)

@@ -100,7 +100,8 @@ def _log(file: BinaryIO, path: Path) -> _TextLog | _LibraryLog:
     head = file.read(_HEAD_BYTES)
     file.seek(0)
     lines = [line.strip() for line in head.decode("utf-8", "replace").splitlines()]
-    times_ns = _readable_times(lines)
+    reader = LineReader()
+    times_ns = [logged.time_ns for line in lines for logged in reader.frames(line)]
     if times_ns or not head:
         return _TextLog(file, differences=_are_differences(times_ns))
     first = next((line.lower() for line in lines if line), "")
@@ -115,11 +116,6 @@ def _log(file: BinaryIO, path: Path) -> _TextLog | _LibraryLog:
 
 def _text(file: BinaryIO) -> TextIOWrapper:
     return TextIOWrapper(file, encoding="utf-8", errors="replace")
-
-
-def _readable_times(lines: list[str]) -> list[int | None]:
-    reader = LineReader()
-    return [logged.time_ns for line in lines for logged in reader.frames(line)]
 
 
 def _are_differences(times_ns: list[int | None]) -> bool:

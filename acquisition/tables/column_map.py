@@ -25,9 +25,8 @@ from acquisition.core.angles import in_turn, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.errors import ConfigurationError, InputError
-from acquisition.core.trial import Trial
 from acquisition.core.units import scale_to
-from acquisition.tables.table_files import RawTable, parse_numbers, parse_times
+from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times
 
 
 def _of_any_ship(name: str) -> str:
@@ -159,16 +158,6 @@ _MOST_TURNS_DEG = 720.0  # an angle beyond this is a sentinel or a fault, and st
 
 
 @dataclasses.dataclass(slots=True)
-class MappedTable:
-    """The channels that a map makes of a table, each with its source, and the columns it has no use for."""
-
-    table: pd.DataFrame
-    trial: Trial
-    sources: dict[str, str] = field(default_factory=dict)
-    passed_over: tuple[str, ...] = ()
-
-
-@dataclasses.dataclass(slots=True)
 class _Asked:
     """The raw columns as a map asks for them; remembers which, and names the map's line for a missing one."""
 
@@ -192,7 +181,7 @@ class _Asked:
         return name
 
 
-def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> MappedTable:
+def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) -> TableFile:
     """A table through its map, in the contract's names, units and signs; angles in their channels' turn.
 
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
@@ -202,7 +191,7 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) ->
     time = columns.time
     name = asked.known(time.column, ("time", "column"))
     index = parse_times(raw, name, time.zone, time.start, seconds=time.format == "seconds")
-    result = MappedTable(pd.DataFrame(index=index), columns.trial.as_trial())
+    result = TableFile(pd.DataFrame(index=index), columns.trial.as_trial())
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
@@ -222,7 +211,7 @@ def _turned_back(name: str, values: Floats) -> Floats:
     return np.where(np.abs(values) <= _MOST_TURNS_DEG, in_turn(name, values), values)
 
 
-def _add_position(result: MappedTable, columns: ColumnMap, asked: _Asked) -> None:
+def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
     """North and east of the map's origin, or of the first fix, on the WGS 84 tangent plane."""
     entry = columns.position
     if entry is None:
@@ -271,7 +260,7 @@ def from_degrees_and_minutes(ddmm: Floats) -> Floats:
     return np.asarray(degrees + (ddmm - 100.0 * degrees) / 60.0)
 
 
-def _add_true_wind(result: MappedTable, columns: ColumnMap, asked: _Asked) -> None:
+def _add_true_wind(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:
     """The wind over ground from the wind past the ship: take away the ship's own motion, turn by the heading."""
     entry = columns.apparent_wind
     if entry is None:

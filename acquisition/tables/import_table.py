@@ -20,37 +20,15 @@ from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_r
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
-from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from acquisition.tables.column_map import apply_column_map, load_column_map
-from acquisition.tables.table_files import RawTable, parse_numbers, parse_times, read_raw
+from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
 """Columns of our own exports that are no channels; they are passed over."""
 
 BESIDE = ("_flag", "_sigma")
 """How columns of our own exports end that say something of a channel; they are passed over too."""
-
-
-@dataclass(frozen=True, slots=True)
-class TableFile:
-    """A table file in the contract's columns and units.
-
-    ``table`` has a UTC index in the file's order; ``sources`` says for each column where it comes from, and
-    ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used.
-    """
-
-    table: pd.DataFrame
-    trial: Trial
-    sources: dict[str, str]
-    passed_over: tuple[str, ...] = ()
-
-    @property
-    def assumed(self) -> dict[str, float]:
-        """The channels that a map gave a constant, with its value in the channel's unit."""
-        return {
-            name: float(self.table[name].iloc[0]) for name, source in self.sources.items() if source == "assumed"
-        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +119,10 @@ def read_table_file(
         fix = "add the column, give it a constant in a map (--columns), or say --allow-missing"
     else:
         columns = load_column_map(map_path)
-        parts = apply_column_map(raw, columns, map_path)
-        ship = ship or actuators_in_columns([*parts.table, *columns.absent])
+        file = apply_column_map(raw, columns, map_path)
+        ship = ship or actuators_in_columns([*file.table, *columns.absent])
         _check_mapped(columns.channels, ship, map_path)
-        file = _table_file(parts.table, parts.trial, ship, raw, parts.sources, parts.passed_over)
+        file = _for_ship(file, ship, raw)
         allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
         fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
     missing = [name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table]
@@ -168,15 +146,12 @@ def _check_mapped(names: Iterable[str], ship: Actuators, map_path: Path | str) -
     channels = channel_names(ship)
     for name in names:
         if name not in channels:
+            hers = ", ".join(each.name for each in ship)
             raise ConfigurationError(
-                f"{_with_hint(name, channels)} is no channel of the ship whose actuators are {_listed(ship)}",
+                f"{_with_hint(name, channels)} is no channel of the ship whose actuators are {hers}",
                 where=f"{map_path}, line {line_of(read_text(map_path), ['channels', name])}",
                 fix="correct the name, or say whose thrusters these are with --vessel FILE",
             )
-
-
-def _listed(ship: Actuators) -> str:
-    return ", ".join(each.name for each in ship)
 
 
 def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> TableFile:
@@ -204,20 +179,14 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
         )
     names = [name for name in channels if name in given]
     table = pd.DataFrame({name: parse_numbers(raw, name) for name in names}, index=parse_times(raw, "time"))
-    return _table_file(table, raw.trial, ship, raw, dict.fromkeys(names, "table"), unknown)
+    return _for_ship(TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown), ship, raw)
 
 
-def _table_file(
-    table: pd.DataFrame,
-    trial: Trial,
-    ship: Actuators,
-    raw: RawTable,
-    sources: dict[str, str],
-    passed_over: tuple[str, ...],
-) -> TableFile:
-    """``table`` in the order of the ship's channels, its trial with a name and the ship's actuators."""
-    trial = replace(trial, name=trial.name or raw.path.stem, actuators=as_text(ship))
-    return TableFile(table[[name for name in channel_names(ship) if name in table]], trial, sources, passed_over)
+def _for_ship(file: TableFile, ship: Actuators, raw: RawTable) -> TableFile:
+    """The table in the order of the ship's channels, its trial with a name and the ship's actuators."""
+    file.trial = replace(file.trial, name=file.trial.name or raw.path.stem, actuators=as_text(ship))
+    file.table = file.table[[name for name in channel_names(ship) if name in file.table]]
+    return file
 
 
 def _is_ours(name: str, channels: Collection[str]) -> bool:

@@ -38,6 +38,27 @@ class RawTable:
     trial: Trial = field(default_factory=Trial)
 
 
+@dataclass(slots=True)
+class TableFile:
+    """A table file in the contract's columns and units.
+
+    ``table`` has a UTC index in the file's order; ``sources`` says for each column where it comes from, and
+    ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used.
+    """
+
+    table: pd.DataFrame
+    trial: Trial
+    sources: dict[str, str] = field(default_factory=dict)
+    passed_over: tuple[str, ...] = ()
+
+    @property
+    def assumed(self) -> dict[str, float]:
+        """The channels that a map gave a constant, with its value in the channel's unit."""
+        return {
+            name: float(self.table[name].iloc[0]) for name, source in self.sources.items() if source == "assumed"
+        }
+
+
 def read_raw(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
