@@ -22,21 +22,9 @@ RebuildPositions = Annotated[
 
 
 def mount(app: typer.Typer) -> None:
-    """Add this package's commands to the command line."""
-    app.command(
-        "check", help="Say what is wrong with a recording, channel by channel.", rich_help_panel=RECORDINGS
-    )(check)
-    app.command("export", help="Write a recording as a table: Parquet, CSV or .mat.", rich_help_panel=RECORDINGS)(
-        export
-    )
-    app.command("windows", help="Cut the windows in which the thrusters were held.", rich_help_panel=RECORDINGS)(
-        windows
-    )
-    app.command("manoeuvres", help="Find the manoeuvres and their indices.", rich_help_panel=RECORDINGS)(manoeuvres)
-    app.command(
-        "smooth", help="Smooth the motion by a Kalman smoother, with covariance.", rich_help_panel=RECORDINGS
-    )(smooth)
-    app.command("batch", help="Analyse every recording below a folder; resumes.", rich_help_panel=RECORDINGS)(batch)
+    """Add this package's commands to the command line; their help is what they say of themselves."""
+    for command in (check, export, windows, manoeuvres, smooth, batch):
+        app.command(rich_help_panel=RECORDINGS)(command)
 
 
 def check(
@@ -50,7 +38,7 @@ def check(
     rebuild_positions: RebuildPositions = False,
     as_json: AsJson = False,
 ) -> None:
-    """Say what is wrong with a recording."""
+    """Say what is wrong with a recording, channel by channel."""
     from acquisition.recording.reader import read_recording
     from analysis.quality.check import check_recording
     from analysis.tables.table import table_of
@@ -101,7 +89,7 @@ def export(
     ] = False,
     flags: Annotated[bool, typer.Option("--flags", help="Add a column of QARTOD flags for each channel.")] = False,
 ) -> None:
-    """Write a recording as a table."""
+    """Write a recording as a table: Parquet, CSV or .mat."""
     from dataclasses import asdict
 
     from acquisition.recording.reader import read_recording
@@ -140,7 +128,7 @@ def windows(
     ] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Cut held windows out of recordings."""
+    """Cut the windows in which the thrusters were held."""
     from acquisition.core.progress import bar
     from analysis.windows.recordings import WindowOptions, windows_of_recordings, write_windows
 
@@ -181,7 +169,7 @@ def manoeuvres(
     every: Annotated[bool, typer.Option("--all", help="Show every index, each overshoot among them.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Find the manoeuvres of recordings and their indices."""
+    """Find the manoeuvres and their indices."""
     from rich.console import Console
 
     from acquisition.core.progress import bar
@@ -208,7 +196,7 @@ def smooth(
     rate: Annotated[float, typer.Option(help="So many rows a second.")] = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Smooth a recording's motion."""
+    """Smooth the motion by a Kalman smoother, with covariance."""
     from analysis.estimation.smoother import smooth as smooth_table
     from analysis.estimation.smoother import summary_of, write_smoothed
     from analysis.tables.table import read_table
@@ -250,7 +238,7 @@ def batch(
     timeout: Annotated[float | None, typer.Option(min=0.1, help="Give a recording up after so many s.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Process a batch of recordings."""
+    """Analyse every recording below a folder; resumes."""
     if workers is not None and scheduler is not None:
         raise typer.BadParameter("give --workers or --scheduler, not both")
     from acquisition.core.progress import bar

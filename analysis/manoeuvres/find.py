@@ -26,7 +26,7 @@ from analysis.manoeuvres.zigzag import FEWEST_SWINGS, zigzag, zigzag_chains
 _LEAST_HELM_DEG, _LEAST_STEP_DEG = 2.5, 1.0
 _STEADY_HELM_SHARE, _STEADY_HELM_DEG = 0.35, 2.0
 _WIDEST_HELM_DEG = 75.0
-_KNOWN_SHARE = 0.9
+_KNOWN_SHARE = 0.9  # of a manoeuvre in which pose and speeds have to be measured
 _RUNNING_SHARE = 0.08
 _SHORTEST_S = 20.0
 
@@ -90,7 +90,9 @@ def find_manoeuvres(
     ]
     running = find_speed_runs(motion, smooth, ~taken, fastest, length_m)
     every = sorted([*steered, *tests, *straight, *running], key=lambda each: each.start)
-    named = (_apply_mark(each, marks) for each in every if _is_measured(motion, each))
+    named = (
+        _apply_mark(each, marks) for each in every if motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE
+    )
     return add_limits(named, length_m)
 
 
@@ -140,11 +142,6 @@ def _is_believable(motion: Motion, chain: list[Plateau], marks: Sequence[Mark]) 
 def _rows_of(motion: Motion, each: Manoeuvre) -> NDArray[np.bool_]:
     start, end = ((time.value - motion.origin_ns) / 1e9 for time in (each.start, each.end))
     return np.asarray((motion.time_s >= start) & (motion.time_s <= end))
-
-
-def _is_measured(motion: Motion, each: Manoeuvre) -> bool:
-    """Whether pose and speeds were measured for at least 90 % of it."""
-    return bool(motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE)
 
 
 def _apply_mark(each: Manoeuvre, marks: Sequence[Mark]) -> Manoeuvre:

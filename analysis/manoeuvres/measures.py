@@ -191,7 +191,9 @@ def bootstrap_indices(
                for name in MEASURED_COLUMNS}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
-        again = smooth_motion(_with_noise(smooth, spectra, random), half_width)
+        noisy = {name: getattr(smooth, name) + _draw(spectra[name], smooth.time_s.size, random)
+                 for name in MEASURED_COLUMNS}  # fmt: skip
+        again = smooth_motion(smooth.with_columns(noisy), half_width)
         shifts = random.uniform(-1.0, 1.0, executes_s.shape) + random.uniform(-1.0, 1.0)
         moved = executes_s + motion.step_s * unsure_rows * shifts
         repeats.append(measure(again, moved))
@@ -213,13 +215,6 @@ def _without_bias(value: float, repeats: Floats) -> tuple[float, float]:
         return value, float("nan")
     bias = float(np.median(repeats)) - value
     return value - bias, _TWO_SIDED_95 * float(np.hypot(repeats.std(ddof=1), 0.5 * bias))
-
-
-def _with_noise(smooth: Motion, spectra: Mapping[str, Floats], random: np.random.Generator) -> Motion:
-    rows = smooth.time_s.size
-    return smooth.with_columns(
-        {name: getattr(smooth, name) + _draw(spectra[name], rows, random) for name in MEASURED_COLUMNS}
-    )
 
 
 def _draw(amplitude: Floats, size: int, random: np.random.Generator) -> Floats:

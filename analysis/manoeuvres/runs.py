@@ -314,7 +314,8 @@ def find_thruster_tests(
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
             cases[f"{_words(name)} thruster to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
-    crab = _crabbing_rows(smooth, ~_all(~runs for runs, _ in state.values()))
+    driven, sideways = ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
+    crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
     found = _tests_of(motion, "crabbing", "crabbing", _bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
                       _CRAB_LEAST_S, length_m)  # fmt: skip
     found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
@@ -330,12 +331,6 @@ def _all(masks: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
 
 def _words(shaft: str) -> str:
     return shaft.removesuffix("_rpm").replace("_", " ")
-
-
-def _crabbing_rows(smooth: Motion, driven: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where the ship is driven and goes more to the side than ahead."""
-    sideways = np.abs(smooth.sway_mps)
-    return np.asarray(driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS))
 
 
 def _tests_of(

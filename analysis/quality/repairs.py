@@ -86,7 +86,7 @@ def repair(
         if recording is not None and OTHER_TURN in finding.estimate:
             table = _with_impossible(table, recording, finding.channel)
         done = REPAIRS[finding.code](table, finding, flags if flags is not None else {})
-        changed = _changed(table, done.columns)
+        changed = sum(int((~_same(table[name].to_numpy(), new)).sum()) for name, new in done.columns.items())
         if finding.code == "out_of_range" and finding.channel in table:
             changed = max(changed, int(finding.estimate.get("count", 0)))  # the reader has made them gaps already
         if not changed and not done.always_reported:
@@ -168,10 +168,6 @@ def flags_after(before: pd.DataFrame, after: pd.DataFrame, flags: FlagsByChannel
         flag[~there] = Quality.MISSING
         qualities[str(name)] = flag
     return pd.DataFrame(qualities, index=before.index)
-
-
-def _changed(table: pd.DataFrame, columns: Columns) -> int:
-    return int(sum(np.sum(~_same(table[name].to_numpy(), values)) for name, values in columns.items()))
 
 
 def _same(first: Floats, second: Floats) -> Bools:

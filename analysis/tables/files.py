@@ -99,13 +99,10 @@ def read_parquet(path: Path | str) -> tuple[pd.DataFrame, dict[str, str]]:
         arrow = pq.read_table(path)
         frame = arrow.to_pandas()
     except (pa.ArrowException, OSError) as error:
-        raise InputError("is not a readable Parquet file", where=str(path), why=_first_line(error)) from error
+        why = (str(error).splitlines() or [type(error).__name__])[0]
+        raise InputError("is not a readable Parquet file", where=str(path), why=why) from error
     texts = {key.decode(): text.decode() for key, text in (arrow.schema.metadata or {}).items()}
     own = {
         key.removeprefix(METADATA_PREFIX): text for key, text in texts.items() if key.startswith(METADATA_PREFIX)
     }
     return frame, own
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]

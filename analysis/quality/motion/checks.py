@@ -275,7 +275,8 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     best = Explanation((), np.empty(0), np.empty(0), 0.0)
     for count in range(4):
         tried = sorted(
-            (_explanation(fit, causes, jitter_s2) for causes in combinations(CAUSES, count)), key=_misfit
+            (_explanation(fit, causes, jitter_s2) for causes in combinations(CAUSES, count)),
+            key=lambda each: each.misfit,
         )
         best = tried[0]
         if best.misfit <= _ADEQUATE:
@@ -283,10 +284,6 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
             named = tuple((each.causes[0], float(each.sizes[0])) for each in rivals)
             return Explanation(best.causes, best.sizes, best.standard_errors, best.misfit, named)
     return best
-
-
-def _misfit(tried: Explanation) -> float:
-    return tried.misfit
 
 
 def _explanation(fit: Kinematics, causes: tuple[str, ...], jitter_s2: float) -> Explanation:

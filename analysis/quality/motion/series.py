@@ -89,7 +89,9 @@ def motion_of(table: pd.DataFrame) -> Motion:
     require(table, MOTION)
     raw = {name: group_samples(table, channels) for name, channels in GROUPS.items()}
     step_s = max(STEP_S, min(each.interval_s for each in raw.values()))
-    speed, yaw_rate = (_average(_without_spikes(raw[name]), step_s) for name in ("surge_mps", "yaw_rate_dps"))
+    speed, yaw_rate = (
+        _average(each.without(outliers(each.levels)), step_s) for each in (raw["surge_mps"], raw["yaw_rate_dps"])
+    )
     heading = _average(_sound_heading(raw["heading_deg"], yaw_rate), step_s)
     path = path_at(raw["north_m"].time_s, heading, speed, step_s)
     spikes = outliers(raw["north_m"].levels - path)
@@ -172,10 +174,6 @@ def rotate(angle_rad: Floats, body: Floats) -> Floats:
     return np.column_stack(to_earth(body[:, 0], body[:, 1], angle_rad))
 
 
-def _without_spikes(samples: Group) -> Group:
-    return samples.without(outliers(samples.levels))
-
-
 def _average(samples: Group, step_s: float) -> Group:
     """Means of time and value over each step; what is slower stays as it is, but for repeated times."""
     bins = np.floor(samples.time_s / step_s + 1e-6).astype(np.int64)
@@ -191,7 +189,8 @@ def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
     The difference of heading and integrated yaw rate wanders slowly; it is interpolated over samples where it
     is far from the median of its neighbourhood, as in headings interpolated through north.
     """
-    turned = _turn_at(heading.time_s, yaw_rate)
+    turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
+    turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
     apart = heading.levels[:, 0] - turned
     slow = _slow_angle(apart, heading.interval_s)
     off = np.angle(np.exp(1j * (apart - slow)))
@@ -211,11 +210,6 @@ def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
     middle = median_filter(vector.real, size) + 1j * median_filter(vector.imag, size)
     places = np.arange(0, angle_rad.size, thin)
     return np.asarray(np.interp(np.arange(angle_rad.size), places, np.unwrap(np.angle(middle))))
-
-
-def _turn_at(time_s: Floats, yaw_rate: Group) -> Floats:
-    rate = yaw_rate.levels[:, 0]
-    return np.asarray(np.interp(time_s, yaw_rate.time_s, integrate(rate, yaw_rate.time_s)))
 
 
 def block_starts(motion: Motion, grid_s: Floats, length: int) -> NDArray[np.int64]:
