@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats
+from analysis.quality.findings import Finding
 from analysis.quality.motion.jumps import PositionErrors, position_errors
 from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
 from analysis.quality.motion.series import (
@@ -30,6 +31,7 @@ from analysis.quality.motion.series import (
 )
 from analysis.quality.samples import jackknife_error, ratios_without_each
 
+SMALLEST_POSITION_JITTER_S = 0.15
 _SHORT_S = 30.0
 _LONG_S = 120.0
 _FEWEST_SAMPLES = 8
@@ -137,6 +139,22 @@ def _about_straight_lines(values: Floats, stretch: NDArray[np.int64]) -> Floats:
     values = values - (np.bincount(stretch, values) / some)[stretch]
     slope = np.bincount(stretch, place * values) / np.maximum(np.bincount(stretch, place**2), 1e-12)
     return np.asarray((values - slope[stretch] * place) * np.sqrt(some / np.maximum(count - 2, 1))[stretch])
+
+
+def position_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    """The finding of positions whose stamps jitter, None where they do not by enough to matter."""
+    if not jitter.beyond(SMALLEST_POSITION_JITTER_S):
+        return None
+    low, high = jitter.interval()
+    text = (
+        f"The positions err along the way, with {jitter.ratio:.0f} times the variance across: their stamps jitter"
+        f" by {jitter.seconds:.2f} s (95 % {low:.2f} to {high:.2f})"
+    )
+    return Finding(
+        "position_time_jitter", "north_m", start, end, text,
+        "Take the receiver's own times; the path integrated from the speeds is the better truth meanwhile.",
+        {"seconds": jitter.seconds, "low": low, "high": high},
+    )  # fmt: skip
 
 
 _SMALLEST_S = 0.1
@@ -326,3 +344,21 @@ def _slopes(sums: Floats, least: float) -> Floats:
     still = (left2 - slope * spoils2) / count
     through = (product - least * spoils2) / np.maximum(spoils4, 1e-300)
     return np.asarray(np.where(still < least, through, slope))
+
+
+def heading_jitter_finding(jitter: Jitter, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
+    """The finding of headings whose stamps jitter, None where they do not by enough to matter."""
+    if not is_certain(jitter):
+        return None
+    low, high = jitter.interval()
+    text = (
+        f"The heading errs as the ship turns, with {jitter.ratio:.0f} times the variance about the integrated yaw"
+        f" rate that it has without turning: its stamps jitter by {jitter.seconds:.2f} s"
+        f" (95 % {low:.2f} to {high:.2f})"
+    )
+    return Finding(
+        "heading_time_jitter", "heading_deg", start, end, text,
+        "Take the compass's own times; the integrated yaw rate is the better guide to the shape of a turn until"
+        " then, and --rebuild-positions takes it.",
+        {"seconds": jitter.seconds, "low": low, "high": high},
+    )  # fmt: skip
