@@ -75,15 +75,21 @@ _PLACES = {
     "batch": "analysis.batch.batch:run_batch",
     "export": "analysis.tables.export:export_table",
     "import_table": "acquisition.tables.import_table:import_table",
+    "links": "hybrid.report.notebook:links",
     "load_calibrator": "hybrid.calibrators.artefact:load",
+    "load_case": "hybrid.report.case:load_case",
+    "load_diagnosis": "hybrid.diagnosis.serialisation:read_diagnosis",
     "load_vessel": "hybrid.vessel.files:load_vessel",
     "read": "analysis.tables.table:read_table",
+    "reproduction_sections": "hybrid.reproduction.page:results_sections",
     "resample": "analysis.tables.resample:resample",
     "save_calibrator": "hybrid.calibrators.artefact:save",
     "save_vessel": "hybrid.vessel.files:save_vessel",
+    "sections": "hybrid.report.notebook:sections",
     "smooth": "analysis.estimation.smoother:smooth",
     "vessels": "hybrid.vessel.files:vessel_names",
     "version": "acquisition.core.trial:software_version",
+    "write_interactive_pages": "hybrid.report.trial_sections:write_interactive_pages",
 } | {
     name: f"{_SCRIPTING}:{name}"
     for name in (

@@ -24,15 +24,14 @@ beside: dict[str, str] = {}  # pages to link to, by what they are
 figures_folder = "figures"
 
 # %%
-from hybrid.diagnosis.serialisation import read_diagnosis
-from hybrid.report.notebook import links, sections
+import seatrial as st
 
-diagnosis, extras = read_diagnosis(folder)
-show = sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)
+diagnosis, extras = st.load_diagnosis(folder)
+show = st.sections("diagnosis.html", figures_folder, diagnosis=diagnosis, extras=extras)
 show("question")
 
 # %%
-links(beside)
+st.links(beside)
 
 # %% [markdown]
 # ## Found

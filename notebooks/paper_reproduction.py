@@ -22,9 +22,9 @@ folder = "reproduction"  # what `seatrial reproduce table3 -o` wrote
 figures_folder = "figures"
 
 # %%
-from hybrid.reproduction.page import results_sections
+import seatrial as st
 
-show = results_sections(folder, figures_folder)
+show = st.reproduction_sections(folder, figures_folder)
 
 # %% [markdown]
 # ## Against what was published

@@ -32,20 +32,18 @@ interactive: str | None = None  # the folder for a page to zoom into
 figures_folder = "figures"  # every figure as SVG and PDF, its numbers as JSON
 
 # %%
-from hybrid.report.case import load_case
-from hybrid.report.notebook import links, sections
-from hybrid.report.trial_sections import write_interactive_pages
+import seatrial as st
 
-case = load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
-show = sections("trial.html", figures_folder, case=case, remark=remark)
+case = st.load_case(recordings, calibrator, vessel, horizon_s, part=part, repair=repair, allow_seen=allow_seen)
+show = st.sections("trial.html", figures_folder, case=case, remark=remark)
 show("headline")
 
 # %%
-sections("diagnosis.html", figures_folder)("in_short", folder=diagnosis)
+st.sections("diagnosis.html", figures_folder)("in_short", folder=diagnosis)
 
 # %%
-pages = {} if interactive is None else write_interactive_pages(case, interactive)
-links({"how the diagnosis came to that": story, **pages})
+pages = {} if interactive is None else st.write_interactive_pages(case, interactive)
+st.links({"how the diagnosis came to that": story, **pages})
 
 # %% [markdown]
 # ## Run sheet

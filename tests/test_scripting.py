@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -78,3 +79,23 @@ def test_manoeuvres_and_effects_are_tables(tmp_path: Path) -> None:
     advance = indices[indices["index"] == "advance_m"].iloc[0]
     assert advance["low"] <= advance["value"] <= advance["high"]
     assert {"ocean_current", "hull_fouling"} <= set(st.effects()["effect"])
+
+
+@pytest.mark.pages
+def test_the_readmes_script_runs(
+    earlier: list[Path],
+    unseen: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Word by word, on two simulated voyages: it prints three results and leaves two pictures."""
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    script = readme.split("```python\n")[1].split("```")[0]
+    shutil.copyfile(earlier[0], tmp_path / "earlier.mcap")
+    shutil.copyfile(unseen, tmp_path / "trial.mcap")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(script, "README.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert all(words in printed for words in ("rate Hz", "mean distance m", "hybrid", "The model lacks"))
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("trial.png", "prediction.png"))
