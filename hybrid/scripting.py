@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 Paths = str | Path | Sequence[str | Path]
 HORIZON_S = 15
 """How far is predicted where nobody says [s]."""
-SIMULATED_ORIGIN = (63.44, 10.40)
-"""Latitude and longitude that simulated trials start from [deg]."""
 
 
 def write(table: pd.DataFrame, path: str | Path, vessel: str = "", **trial: Any) -> Path:
@@ -146,13 +144,13 @@ def simulate(
     from acquisition.core.trial import Trial
     from acquisition.recording.tables import write_table
     from hybrid.effects.catalogue import catalogue_with
-    from hybrid.simulation.trial import simulate_trial, write_truth
+    from hybrid.simulation.trial import ORIGIN_DEG, simulate_trial, write_truth
     from hybrid.vessel.files import load_vessel
 
     target, ship = Path(path), load_vessel(vessel)
     known = catalogue_with(actuators=ship.actuators) if catalogue is None else catalogue
     table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)
-    latitude_deg, longitude_deg = SIMULATED_ORIGIN
+    latitude_deg, longitude_deg = ORIGIN_DEG
     trial = Trial(
         name=target.stem,
         vessel=str(vessel),

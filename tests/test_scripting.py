@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import seatrial as st
+from tests.conftest import Simulated
 
 
 def test_importing_loads_nothing_heavy() -> None:
@@ -82,9 +83,10 @@ def test_manoeuvres_and_effects_are_tables(tmp_path: Path) -> None:
 
 
 @pytest.mark.pages
+@pytest.mark.timeout(900)
 def test_the_readmes_script_runs(
     earlier: list[Path],
-    unseen: Path,
+    simulated: Simulated,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -93,7 +95,7 @@ def test_the_readmes_script_runs(
     readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     script = readme.split("```python\n")[1].split("```")[0]
     shutil.copyfile(earlier[0], tmp_path / "earlier.mcap")
-    shutil.copyfile(unseen, tmp_path / "trial.mcap")
+    shutil.copyfile(simulated("gentle", 101, 600.0), tmp_path / "trial.mcap")
     monkeypatch.chdir(tmp_path)
     exec(compile(script, "README.md", "exec"), {})
     printed = capsys.readouterr().out

@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from acquisition.core.result import Result
+from acquisition.core.serialisation import to_json
 from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
 from hybrid.prediction.prediction_windows import PredictionWindows
@@ -106,7 +107,7 @@ class Evaluation(Result):
             "legs": self.legs,
             "outside_model_range": self.outside,
             "splits": {kind: _split_dict(each) for kind, each in self.splits.items()},
-            "leak": {method: factor.as_dict() for method, factor in self.leak.items()},
+            "leak": to_json(self.leak),
         }
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
 from acquisition.core.result import Result
+from acquisition.core.serialisation import to_json
 from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import constant_velocity
@@ -64,7 +65,7 @@ class Validation(Result):
             "windows": len(self.windows),
             "outside_model_range": self.outside,
             "outside_training_range": None if self.outside_domain is None else int(self.outside_domain.sum()),
-            "methods": {name: each.as_dict() for name, each in self.scores.items()},
+            "methods": to_json(self.scores),
             "reduction": self.reduction,
             "coverage_95": self.coverage_95,
             "band_m": None if self.band_m is None else [float(each) for each in self.band_m],

@@ -145,10 +145,6 @@ class Part:
     minutes: float
     legs: Manoeuvre
 
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"name": self.name, "what": self.what, "minutes": self.minutes}
-
 
 @dataclass(frozen=True, slots=True)
 class Programme:
@@ -178,10 +174,8 @@ class Programme:
         """For JSON: a limit that no possible size would reach is ``None``."""
         limits = {name: value if isfinite(value) and value > 0.0 else None for name, value in self.limits.items()}
         pairs = [list(pair) for pair in self.indistinguishable_pairs()]
-        return {
-            "minutes": self.minutes, "parts": [part.as_dict() for part in self.parts], "limits": limits,
-            "indistinguishable": pairs,
-        }  # fmt: skip
+        parts = [{"name": each.name, "what": each.what, "minutes": each.minutes} for each in self.parts]
+        return {"minutes": self.minutes, "parts": parts, "limits": limits, "indistinguishable": pairs}
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,7 @@ Ratios are paired: both means come from the same legs. The sequences of a campai
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +33,6 @@ class Score:
     mae_east_m: float
     heading_error_deg: float
     by_second: tuple[float, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**asdict(self), "by_second": list(self.by_second)}
 
 
 def distances(predicted: Floats, measured: Floats) -> Floats:

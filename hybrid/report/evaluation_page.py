@@ -12,9 +12,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition.core.errors import storage_error
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
+from analysis.tables.files import atomic_file
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval
@@ -157,10 +157,8 @@ HEADER = ["method", "mean distance [m]", "end [m]", "north, east [m]", "heading 
 def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the JSON ``text`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
     path = folder / JSON_FILE
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
+    with atomic_file(path) as partial:
+        partial.write_text(text + "\n", encoding="utf-8")
     return [path, page_of(evaluation, about).write(folder / PAGE_FILE)]
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.core.errors import storage_error
 from analysis.report.rendering import Page, render
+from analysis.tables.files import atomic_file
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
 from hybrid.report.notebook import templates
@@ -31,11 +31,8 @@ _LEAST = 1.0
 def write_plan(plan: Plan, folder: Path) -> list[Path]:
     """Write ``plan.json`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
     path = folder / JSON_FILE
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(plan.as_dict()) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
+    with atomic_file(path) as partial:
+        partial.write_text(json.dumps(plan.as_dict()) + "\n", encoding="utf-8")
     return [path, page_of(plan).write(folder / PAGE_FILE)]
 
 

@@ -11,13 +11,15 @@ Three rows are no method: ``floor`` is the true ship from the same measurements,
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pydantic import computed_field
 
 from acquisition.core.arrays import Floats
 from acquisition.core.result import Result
+from acquisition.core.serialisation import to_json
 from hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
 from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job
 
@@ -52,10 +54,6 @@ class PublishedRow:
     reduction: float = 0.0
     reduction_x: float = 0.0
     reduction_y: float = 0.0
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 PUBLISHED = (
@@ -124,14 +122,11 @@ class Cell:
     perfect_start: float
     waves_only: float
 
+    @computed_field  # type: ignore[prop-decorator]
     @property
     def above(self) -> bool:
         """Whether ours is above the published one."""
         return self.hybrid.value > self.published
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {**asdict(self), "above": self.above}
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,8 +142,8 @@ class Table3(Result):
         """The contract's JSON object."""
         return {
             "rows": [each.as_dict() for each in self.rows],
-            "published": [each.as_dict() for each in PUBLISHED],
-            "cells": [each.as_dict() for each in self.cells],
+            "published": to_json(PUBLISHED),
+            "cells": to_json(self.cells),
         }
 
 

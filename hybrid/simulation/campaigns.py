@@ -27,11 +27,8 @@ from analysis.tables.files import atomic_file
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named
-from hybrid.simulation.trial import Noise, simulate_trial, write_truth
+from hybrid.simulation.trial import ORIGIN_DEG, Noise, simulate_trial, write_truth
 from hybrid.vessel.files import load_vessel, located
-
-ORIGIN_DEG = (63.44, 10.40)
-"""Latitude and longitude that simulated trials start from."""
 
 INDEX = "campaign.csv"
 

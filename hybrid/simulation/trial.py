@@ -18,8 +18,9 @@ import pandas as pd
 
 from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
-from acquisition.core.errors import ConfigurationError, storage_error
+from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import software_version
+from analysis.tables.files import atomic_file
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, main_shafts, manoeuvre_named
@@ -87,6 +88,8 @@ def add_noise(
 
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
+ORIGIN_DEG = (63.44, 10.40)
+"""Latitude and longitude that simulated trials start from."""
 SLOWEST_LOOP_HZ = 10.0
 Hidden = Mapping[str, Mapping[str, float]]
 _APPROACH_S = 300
@@ -215,10 +218,8 @@ def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
     """Write what was hidden as JSON, without the arrays. Raises :class:`StorageError`."""
     plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant)}
     text = json.dumps({**plain, "software_version": software_version()}, indent=2)
-    try:
-        Path(path).write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
+    with atomic_file(path) as partial:
+        partial.write_text(text + "\n", encoding="utf-8")
 
 
 def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
