@@ -67,24 +67,24 @@ def motion_values(table: pd.DataFrame) -> Floats:
     return values
 
 
-def internal_step_s(time_ns: Ints, values: Floats, fastest_hz: float = FASTEST_HZ) -> float:
-    """The internal step: the median interval of the fastest channel, or that of ``fastest_hz`` if longer."""
+def internal_step_s(time_ns: Ints, values: Floats) -> float:
+    """The internal step: the median interval of the fastest channel, or that of :data:`FASTEST_HZ` if longer."""
     intervals = [
         float(np.median(np.diff(np.unique(time_ns[there])))) / NANO
         for there in np.isfinite(values).T
         if np.unique(time_ns[there]).size > 1
     ]
-    return max(min(intervals, default=1.0), 1.0 / fastest_hz)
+    return max(min(intervals, default=1.0), 1.0 / FASTEST_HZ)
 
 
-def combine_samples(table: pd.DataFrame, fastest_hz: float = FASTEST_HZ) -> MotionSamples:
-    """The samples of a table in any order, combined into internal steps of at most ``fastest_hz``."""
+def combine_samples(table: pd.DataFrame) -> MotionSamples:
+    """The samples of a table in any order, combined into internal steps of at most :data:`FASTEST_HZ`."""
     time_ns, values = times_ns(table), motion_values(table)
     there = np.isfinite(values)
     some = there.any(axis=1)
     epoch_ns = int(time_ns[some].min())
     since_s = (time_ns - epoch_ns) / NANO
-    number = np.rint(since_s / internal_step_s(time_ns, values, fastest_hz)).astype(np.int64)
+    number = np.rint(since_s / internal_step_s(time_ns, values)).astype(np.int64)
     step_of = np.full(len(table), -1, dtype=np.int64)
     kept, step_of[some] = np.unique(number[some], return_inverse=True)
     time_s = _mean(step_of[some], since_s[some], kept.size)

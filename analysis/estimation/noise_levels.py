@@ -9,7 +9,7 @@ model where they make the data more likely by more than their three numbers woul
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -123,10 +123,6 @@ class NoiseLevels:
                 found.add(name)
         return tuple(sorted(found))
 
-    def as_json(self) -> dict[str, float]:
-        """The levels by name."""
-        return asdict(self)
-
 
 def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevels:
     """The levels of maximum likelihood of combined samples; a channel that is absent keeps a least level.
@@ -150,9 +146,7 @@ def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevel
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
         horizontal = _with_direction(moving, horizontal)
-        yaw = _with_waves(
-            turning, _calm(turning), _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25])
-        )
+        yaw = _with_waves(turning, yaw_calm, _YAW_SPEEDS, float(np.exp(horizontal[4])) * np.array([1.0, 1.25]))
     return _levels(horizontal, yaw)
 
 

@@ -334,7 +334,7 @@ def summary_of(smoothed: SmoothedMotion) -> dict[str, Any]:
     return {
         "rows": len(smoothed.states),
         "missing": int(smoothed.states["north_m"].isna().sum()),
-        "noise": smoothed.noise.as_json(),
+        "noise": asdict(smoothed.noise),
         "rejected": {str(name): int(count) for name, count in smoothed.rejected.sum().items()},
         "consistency": smoothed.consistency.as_json(),
     }

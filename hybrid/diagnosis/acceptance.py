@@ -23,7 +23,6 @@ import numpy as np
 from scipy.stats import chi2, t
 
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.progress import Progress
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS
 from hybrid.diagnosis.evidence import (
     Evidence,
@@ -408,13 +407,13 @@ class Acceptance:
     lack_of_fit: tuple[LackOfFit, ...] = ()
 
 
-def accept(selection: Selection, progress: Progress = lambda share: None) -> Acceptance:
+def accept(selection: Selection) -> Acceptance:
     """The fifth stage: test every selected effect, then what they leave unexplained.
 
     Each named effect may then also change with the operating point, as a relative of it would that is in no
     catalogue.
     """
-    accepted = accept_names(selection, progress)
+    accepted = accept_names(selection)
     if accepted.names:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
@@ -422,7 +421,7 @@ def accept(selection: Selection, progress: Progress = lambda share: None) -> Acc
     return replace(accepted, lack_of_fit=_lack_of_fit_that_matters(accepted))
 
 
-def accept_names(selection: Selection, progress: Progress = lambda share: None) -> Acceptance:
+def accept_names(selection: Selection) -> Acceptance:
     """Test every selected effect; who fails is barred, and the search goes on without."""
     while True:
         evidence = evidence_of(selection.evidence.equations, by_leg=True)
@@ -430,7 +429,7 @@ def accept_names(selection: Selection, progress: Progress = lambda share: None) 
         if set(names) == set(selection.at) or selection.looks >= LOOKS:
             return Acceptance(names, tests, evidence, rival_deficits(evidence, names, selection.tried))
         at = fitted_coordinates(evidence, names)
-        selection = search_on(replace(selection, evidence=evidence, at=at, barred=barred), progress)
+        selection = search_on(replace(selection, evidence=evidence, at=at, barred=barred))
 
 
 def _drop_failures(

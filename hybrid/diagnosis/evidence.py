@@ -191,9 +191,9 @@ class NormalEquations(Linearisation):
     nuisance_scale: Floats
 
 
-def weigh_evidence(estimate: NoiseEstimate, progress: Progress = lambda share: None) -> Evidence:
+def weigh_evidence(estimate: NoiseEstimate) -> Evidence:
     """The third stage: what the data say of every effect of the catalogue at once."""
-    return evidence_of(normal_equations(estimate.linearisation, estimate.noise, progress=progress))
+    return evidence_of(normal_equations(estimate.linearisation, estimate.noise))
 
 
 def normal_equations(

@@ -102,13 +102,13 @@ class Log:
 _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block", "leg", "recording")
 
 
-def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
+def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     """The log of raw tables of one ship's channels, at any rate and with NaN where a channel has no sample.
 
     Wind that was not recorded counts as none. Raises :class:`InputError` for a table without motion or thrusters,
     :class:`DataShortageError` where no stretch is long enough.
     """
-    parts = [_one(table, block_s) for table in tables]
+    parts = [_one(table) for table in tables]
     first_block, first_leg, joined = 0, 0, list[Log]()
     for number, part in enumerate(parts):
         if not len(part):
@@ -134,14 +134,14 @@ def log_of(tables: Sequence[pd.DataFrame], block_s: int = BLOCK_S) -> Log:
     )
 
 
-def _one(table: pd.DataFrame, block_s: int) -> Log:
+def _one(table: pd.DataFrame) -> Log:
     actuators = table_actuators(table)
     require(table, (*MOTION, *control_names(actuators)))
     seconds, motion, slopes, levels = smoothed_motion(table)
     measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
     controls = mean_settings(table, seconds)
     usable = np.asarray(np.isfinite(motion).all(axis=1) & np.isfinite(controls).all(axis=(1, 2)))
-    block = _blocks(usable, block_s)
+    block = _blocks(usable)
     leg = np.where(block >= 0, _legs(block, seconds), -1)
     rows = block >= 0
     others = {hold: mean_settings(table, seconds, hold) for hold in INPUT_HOLDS[1:]}
@@ -154,15 +154,15 @@ def _one(table: pd.DataFrame, block_s: int) -> Log:
     )  # fmt: skip
 
 
-def _blocks(usable: NDArray[np.bool_], block_s: int) -> Ints:
-    """Number of the block of each second, -1 outside: usable stretches in even blocks of about ``block_s``."""
+def _blocks(usable: NDArray[np.bool_]) -> Ints:
+    """Number of the block of each second, -1 outside: usable stretches in even blocks of about :data:`BLOCK_S`."""
     block = np.full(len(usable), -1, dtype=np.int64)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], usable.astype(int), [0]])))
     number = 0
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         if last - first < _SHORTEST_BLOCK_S:
             continue
-        pieces = max(1, round((last - first) / block_s))
+        pieces = max(1, round((last - first) / BLOCK_S))
         cuts = np.linspace(first, last, pieces + 1).round().astype(int)
         for a, b in itertools.pairwise(cuts):
             block[a:b] = number
