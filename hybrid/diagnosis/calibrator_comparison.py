@@ -52,48 +52,48 @@ def compare_calibrators(
     """
     equations = conclusion.accepted.evidence.equations
     try:
-        gathered = load_dataset(
+        dataset = load_dataset(
             files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
             rebuild_positions=rebuild_positions, shorter=True,
         )  # fmt: skip
-        seconds = seconds_in_folds(gathered.windows, equations.log, trial_names(files))
+        seconds = seconds_in_folds(dataset.windows, equations.log, trial_names(files))
         named = conclusion.gap.without if conclusion.accepted.names else None
-        return ladder(gathered.windows, seconds, equations.model, named, seed=seed, progress=progress)
+        return ladder(dataset.windows, seconds, equations.model, named, seed=seed, progress=progress)
     except DataShortageError as error:
         return Ladder(HORIZON_S, METHOD, why_not=error.what)
 
 
-def seconds_in_folds(horizons: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
+def seconds_in_folds(windows: PredictionWindows, log: Log, trials: Sequence[str]) -> Ints:
     """How many seconds of each window are in the legs of each fold [N, FOLDS]; ``trials`` names the recordings."""
-    first, last = horizons.known_seconds()
-    fold, counts = fold_of(log), np.zeros((len(horizons), FOLDS), dtype=np.int64)
+    first, last = windows.known_seconds()
+    fold, counts = fold_of(log), np.zeros((len(windows), FOLDS), dtype=np.int64)
     for number, trial in enumerate(trials):
-        mine = np.flatnonzero(horizons.trial == trial)
+        mine = np.flatnonzero(windows.trial == trial)
         for each in range(FOLDS):
             known = np.sort(log.time_s[(log.recording == number) & (fold == each)])
             counts[mine, each] = np.searchsorted(known, last[mine], "right") - np.searchsorted(known, first[mine])
     return counts
 
 
-def draws_of_folds(horizons: PredictionWindows, seconds: Ints, seed: int) -> dict[int, Draw]:
+def draws_of_folds(windows: PredictionWindows, seconds: Ints, seed: int) -> dict[int, Draw]:
     """By fold the windows judged, all in its legs, and those learned from, which share no second with them.
 
     Raises :class:`DataShortageError` where there are too few legs to judge by, or to learn from.
     """
-    first, last = horizons.known_seconds()
-    inside = (seconds == (last - first + 1)[:, None]) & horizons.whole[:, None]
-    legs = np.unique(horizons.leg[inside.any(axis=1)]).size
+    first, last = windows.known_seconds()
+    inside = (seconds == (last - first + 1)[:, None]) & windows.whole[:, None]
+    legs = np.unique(windows.leg[inside.any(axis=1)]).size
     if legs < _LEAST_LEGS:
         raise DataShortageError(
             f"{legs} legs have held windows to judge by within the models' range, {_LEAST_LEGS} are needed",
             fix="hold the thrusters longer",
         )
     folds = np.flatnonzero(inside.any(axis=0)).tolist()
-    return {fold: with_stopping(horizons, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}
+    return {fold: with_stopping(windows, seconds[:, fold] == 0, inside[:, fold], seed + fold) for fold in folds}
 
 
 def ladder(
-    horizons: PredictionWindows,
+    windows: PredictionWindows,
     seconds: Ints,
     model: Model,
     named: Mapping[int, Coordinates] | None,
@@ -113,23 +113,23 @@ def ladder(
     for fold, at in (named or {}).items():
         bases[fold]["named"] = replace(model, at=at).plant()
     plants = [plant for each in bases.values() for plant in each.values()]
-    known = np.all([np.isfinite(reference(horizons, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
-    horizons, seconds = horizons.subset(known), seconds[known]
-    draws = {fold: draw for fold, draw in draws_of_folds(horizons, seconds, seed).items() if fold in bases}
+    known = np.all([np.isfinite(reference(windows, plant)).all(axis=(1, 2)) for plant in plants], axis=0)
+    windows, seconds = windows.subset(known), seconds[known]
+    draws = {fold: draw for fold, draw in draws_of_folds(windows, seconds, seed).items() if fold in bases}
     rungs = [
-        _rungs(draw, horizons, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
+        _rungs(draw, windows, bases[fold], method, seed + fold, part_of(progress, number, len(draws)))
         for number, (fold, draw) in enumerate(draws.items())
     ]
-    return _together(horizons, list(draws.values()), rungs, method, seed)
+    return _together(windows, list(draws.values()), rungs, method, seed)
 
 
 def _rungs(
-    draw: Draw, horizons: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
+    draw: Draw, windows: PredictionWindows, bases: Mapping[str, Plant], method: str, seed: int, progress: Progress
 ) -> dict[str, Errors]:
     """The errors of each model and of a calibrator on top of it, on the windows that ``draw`` holds out."""
     models, calibrated = dict[str, Errors](), dict[str, Errors]()
     for number, (name, plant) in enumerate(bases.items()):
-        examples = horizons, reference(horizons, plant)
+        examples = windows, reference(windows, plant)
         errors = evaluate_draw(draw, examples, [method], plant, seed, part_of(progress, number, len(bases)))
         models |= {"constant_velocity": errors["constant_velocity"], name: errors["reference"]}
         calibrated[f"{name}_calibrated"] = errors[method]
@@ -137,20 +137,20 @@ def _rungs(
 
 
 def _together(
-    horizons: PredictionWindows,
+    windows: PredictionWindows,
     draws: Sequence[Draw],
     rungs: Sequence[Mapping[str, Errors]],
     method: str,
     seed: int,
 ) -> Ladder:
     """The means over all windows judged, and the ratios that the ladder is made for, with intervals by legs."""
-    result = pool_draws("leg", horizons, draws, rungs)
-    legs = LegBootstrap.of(horizons.leg[result.held_out], seed)
+    result = pool_draws("leg", windows, draws, rungs)
+    legs = LegBootstrap.of(windows.leg[result.held_out], seed)
     mean_m = {name: each.distance_m.mean(axis=1) for name, each in result.errors.items()}
     pairs = [("named", "reference"), *((f"{name}_calibrated", name) for name in ("reference", "named"))]
     pairs.append(("named_calibrated", "reference_calibrated"))
     return Ladder(
-        horizons.horizon_s,
+        windows.horizon_s,
         method,
         int(result.held_out.sum()),
         legs.legs,

@@ -114,20 +114,20 @@ class Case:
         return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
 
     @cached_property
-    def gathered(self) -> Dataset:
+    def dataset(self) -> Dataset:
         """The held windows of the recordings that have any. Raises :class:`DataShortageError` where there is
         none."""
         held = [name for name, each in self.products.items() if each.windows is not None and each.windows.kept]
         paths = [self.named_paths[name] for name in held or self.products]
-        gathered = load_dataset(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
-        return _renamed(gathered, dict(zip(trial_names(paths), held or self.products, strict=True)))
+        dataset = load_dataset(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
+        return _renamed(dataset, dict(zip(trial_names(paths), held or self.products, strict=True)))
 
     @property
-    def seen(self) -> str:
-        """What the calibrator has seen of what it is judged on: ``some`` of it, ``another part`` of its recordings,
-        or ``nothing``."""
+    def training_overlap(self) -> str:
+        """What the calibrator was trained on of what it is judged on: ``some`` of it, ``another part`` of its
+        recordings, or ``nothing``."""
         others = () if self.trained is None else self.trained.sources
-        pairs = [(each, other) for each in self.gathered.sources for other in others]
+        pairs = [(each, other) for each in self.dataset.sources for other in others]
         if any(each.overlaps(other) for each, other in pairs):
             return "some"
         return "another part" if any(each.sha256 == other.sha256 for each, other in pairs) else "nothing"
@@ -136,8 +136,8 @@ class Case:
     def validation(self) -> Validation:
         """Every method on the held windows. Raises :class:`InputError` where a calibrator has seen them."""
         if self.trained is not None and not self.allow_seen:
-            refuse_training_data(self.gathered.sources, self.trained)
-        return validate(self.gathered, self.plant, self.trained)
+            refuse_training_data(self.dataset.sources, self.trained)
+        return validate(self.dataset, self.plant, self.trained)
 
     @cached_property
     def why_not(self) -> str:
@@ -172,12 +172,12 @@ class Case:
 
     def predicted(self, name: str) -> dict[str, pd.DataFrame]:
         """What :data:`SHOWN` methods predict in windows of a trial that follow each other."""
-        horizons, tracks = self.validation.windows, self.validation.tracks
-        chosen = consecutive_windows(horizons)
-        chosen = chosen[horizons.trial[chosen] == name]
+        windows, tracks = self.validation.windows, self.validation.tracks
+        chosen = consecutive_windows(windows)
+        chosen = chosen[windows.trial[chosen] == name]
         if not len(chosen):
             return {}
-        return {each: predicted_motion(horizons, tracks[each], chosen) for each in SHOWN if each in tracks}
+        return {each: predicted_motion(windows, tracks[each], chosen) for each in SHOWN if each in tracks}
 
     @cached_property
     def residuals(self) -> dict[str, Residuals]:
@@ -214,13 +214,13 @@ def ship_of(name: str) -> Ship | None:
     )  # fmt: skip
 
 
-def _renamed(gathered: Dataset, names: dict[str, str]) -> Dataset:
+def _renamed(dataset: Dataset, names: dict[str, str]) -> Dataset:
     """Trials and their legs under other names."""
-    horizons = gathered.windows
-    trial = np.array([names[each] for each in horizons.trial.tolist()])
+    windows = dataset.windows
+    trial = np.array([names[each] for each in windows.trial.tolist()])
     leg = np.array([f"{new}{one.removeprefix(old)}" for one, old, new in zip(
-        horizons.leg.tolist(), horizons.trial.tolist(), trial.tolist(), strict=True)])  # fmt: skip
-    return replace(gathered, windows=replace(horizons, trial=trial, leg=leg))
+        windows.leg.tolist(), windows.trial.tolist(), trial.tolist(), strict=True)])  # fmt: skip
+    return replace(dataset, windows=replace(windows, trial=trial, leg=leg))
 
 
 def load_case(

@@ -27,7 +27,7 @@ __all__ = ["ENOUGH_S", "FEW_LEGS", "QUANTITIES", "error_rows", "events_of", "run
 
 INTERACTIVE = "interactive"
 _A_DAY_S = 86_400.0  # received so long after: the source's clock is of another day
-_SEEN = {
+_OVERLAP = {
     "nothing": "None has seen these recordings.",
     "another part": "The calibrator was trained on another part of the same recordings.",
     "some": "The calibrator has seen some of this.",
@@ -133,15 +133,15 @@ def baseline_words(case: Case) -> str:
         f"Means over {len(judged.windows)} held windows of {judged.windows.horizon_s} s in {legs} legs, one "
         f"every {case.stride_s} s; seconds 1 to {judged.windows.horizon_s}. Constant velocity is dead reckoning, "
         "data driven the network without a model. Networks learn no heading: it is the reference's, for data "
-        f"driven the present turn held. {_SEEN[case.seen]} {_dropped(case)}"
+        f"driven the present turn held. {_OVERLAP[case.training_overlap]} {_dropped(case)}"
     )
 
 
 def _dropped(case: Case) -> str:
     """How many windows were tried, and why the others are not judged."""
-    gathered = case.gathered
-    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in gathered.dropped.items() if count)
-    return f"Of {gathered.candidates:,} windows tried others were left out: {reasons}." if reasons else ""
+    dataset = case.dataset
+    reasons = ", ".join(f"{count:,} {plain(reason)}" for reason, count in dataset.dropped.items() if count)
+    return f"Of {dataset.candidates:,} windows tried others were left out: {reasons}." if reasons else ""
 
 
 def seconds_up_to(horizon_s: int) -> list[int]:
