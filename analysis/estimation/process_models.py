@@ -106,7 +106,8 @@ class WaveMotion:
     order 2 or 3) has its corner a little above, so that no two roots are the same. The spectrum of position falls
     with the power 4 + 2 ``order`` of frequency above the peak: that of a sea's surface falls with the fifth, and
     a hull, longer and deeper than short waves, averages them over her draught and, what turns her more than
-    what shifts her, along her length. The state has derivatives up to ``order`` + 1.
+    what shifts her, along her length. The state has derivatives up to ``order`` + 1. Of order 0 there is no
+    low-pass and the state is that of :func:`oscillator`, which the diagnosis uses: it asks for no acceleration.
     """
 
     speed: float

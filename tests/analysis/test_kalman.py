@@ -212,7 +212,7 @@ def test_what_comes_later_makes_no_state_less_certain(seed: int) -> None:
 
 @given(dt_s=st.floats(0.01, 5.0), frequency=st.floats(0.3, 3.0), damping=st.floats(0.02, 0.9))
 @settings(max_examples=40, deadline=None)
-def test_the_oscillator_is_the_matrix_exponential_and_keeps_its_variances(
+def test_the_oscillator_is_the_wave_without_a_low_pass_and_keeps_its_variances(
     dt_s: float, frequency: float, damping: float
 ) -> None:
     step = np.array(oscillator(dt_s, frequency, damping)).reshape(2, 2)
@@ -220,4 +220,6 @@ def test_the_oscillator_is_the_matrix_exponential_and_keeps_its_variances(
     assert step == pytest.approx(exact, rel=1e-8, abs=1e-10)
     stationary = np.diag([1.0, frequency**2])
     assert np.linalg.eigvalsh(stationary - step @ stationary @ step.T).min() > -1e-12
+    (swing,), _ = WaveMotion(0.4, frequency, damping, order=0).over(np.array([dt_s]))
+    assert swing == pytest.approx(step, rel=1e-8, abs=1e-10)
     assert decay(dt_s, 7.0) * decay(2.0, 7.0) == pytest.approx(decay(dt_s + 2.0, 7.0))
