@@ -4,7 +4,8 @@ A trial is two figures of a page: its track, and its channels against time.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from itertools import cycle
 
 import matplotlib.dates as dates
 import numpy as np
@@ -194,7 +195,7 @@ def series(
     artists: list[Artist] = []
     if windows is not None:
         artists.append(held_shade(axes, windows))
-    for name, colour in zip(names, PALETTE, strict=False):
+    for name, colour in zip(names, cycle(PALETTE), strict=False):
         present = table[name].dropna()
         shown = break_at_wrap(present) if BY_NAME[name].circular else present.to_numpy(dtype=float)
         artists += axes.plot(present.index, shown, color=colour, label=label(name))
@@ -225,24 +226,6 @@ def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:
     )
     axes.add_collection(shade, autolim=False)
     return shade
-
-
-def consistency(axes: Axes, channels: Mapping[str, Mapping[str, float]]) -> list[Artist]:
-    """Mean NIS by channel with the bounds it should lie in; one is what a filter that is right has.
-
-    ``channels`` is :meth:`analysis.estimation.smoother.Consistency.as_json` of a smoothed recording.
-    """
-    names = list(channels)
-    places = np.arange(len(names), dtype=float)
-    low, high, nis = (np.array([channels[name][key] for name in names]) for key in ("low", "high", "nis"))
-    expected = axes.axhline(1.0, color=INK, linewidth=0.8)
-    bounds = axes.vlines(places, low, high, color=FAINT, linewidth=9.0, label="95 % bounds")
-    (points,) = axes.plot(places, nis, "o", color=PALETTE[0], label="mean NIS")
-    axes.set_xticks(places, [label(name).rsplit(" [", 1)[0] for name in names], rotation=20.0)
-    axes.set_ylabel("normalised innovation squared")
-    axes.set_ylim(bottom=0.0)
-    axes.legend()
-    return [expected, bounds, points]
 
 
 Drawing = tuple[Callable[[Figure], None], tuple[float, float], str]

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.report.plots import STYLE, held_shade, series, track
+from analysis.report.plots import STYLE, held_shade, label, series, track
 from analysis.windows.held import held_windows
 from tests.analysis.conftest import steady_table
 
@@ -39,6 +39,12 @@ def test_a_heading_is_not_drawn_across_the_turn(axes: Axes) -> None:
     (line,) = series(axes, table, ["heading_deg"])
     assert np.flatnonzero(np.isnan(line.get_ydata())).tolist() == [2, 4]
     assert axes.get_ylabel() == "heading [deg]"
+
+
+def test_every_shaft_of_a_ship_with_many_is_drawn(axes: Axes) -> None:
+    names = [f"thruster_{letter}_rpm" for letter in "abcdefghij"]
+    table = steady_table(60)[[]].assign(**dict.fromkeys(names, 100.0))
+    assert [line.get_label() for line in series(axes, table, names)] == [label(name) for name in names]
 
 
 def test_held_windows_are_shaded_over_the_full_height(axes: Axes) -> None:

@@ -207,18 +207,6 @@ def test_position_and_heading_are_needed() -> None:
         smooth(table, 0.0, levels=result(*CASES[0]).noise)
 
 
-def test_the_figure_of_consistency_shows_every_channel() -> None:
-    from matplotlib.figure import Figure
-
-    from analysis.report.plots import consistency
-
-    channels = result(*CASES[0]).consistency.as_json()
-    axes = Figure().add_subplot()
-    consistency(axes, channels)
-    assert [text.get_text() for text in axes.get_xticklabels()][:2] == ["heading", "yaw rate"]
-    assert axes.get_ylim()[0] == 0.0
-
-
 def test_what_is_in_doubt_is_remarked_on_and_nothing_else() -> None:
     """Good data get no remark; levels that are wrong or at their bounds get one for each channel concerned."""
     case = CASES[0]
