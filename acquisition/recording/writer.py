@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TypeVar
 
 from acquisition.core.errors import StorageError, storage_error
 from acquisition.core.trial import Trial, software_version
@@ -21,6 +21,8 @@ from acquisition.recording.storage import CommittedFile, sync_folder
 _CHUNK_BYTES = 64 * 1024
 _LATEST_NS = 2**63 - 1
 _MEDIA_TYPES = {".toml": "application/toml"}
+
+Answer = TypeVar("Answer")
 
 
 class RecordingWriter(MessageSink):
@@ -64,10 +66,7 @@ class RecordingWriter(MessageSink):
     @property
     def vanished(self) -> bool:
         """Whether somebody has deleted the file that is being written. Raises :class:`StorageError`."""
-        try:
-            return not self._file.closed and self._file.vanished
-        except OSError as error:  # a network's disk may not even answer this
-            raise storage_error(self.path, error) from error
+        return not self._file.closed and self._guarded(lambda: self._file.vanished)
 
     def write(self, topic: str, data: bytes, log_ns: int, publish_ns: int) -> None:
         channel = self._topics.get(topic) or self._register(topic)
@@ -99,10 +98,7 @@ class RecordingWriter(MessageSink):
         Trouble of the last time is raised now.
         """
         self._guarded(self._mcap.end_chunk)
-        try:
-            return self._file.begin_sync()
-        except OSError as error:
-            raise storage_error(self.path, error) from error
+        return self._guarded(self._file.begin_sync)
 
     def close(self) -> None:
         """Write the index and close the file; a second call does nothing."""
@@ -139,8 +135,8 @@ class RecordingWriter(MessageSink):
         self._topics[topic] = [self._mcap.register_channel(topic, "json", schema_id), 0]
         return self._topics[topic]
 
-    def _guarded(self, call: Callable[[], Any]) -> None:
+    def _guarded(self, call: Callable[[], Answer]) -> Answer:
         try:
-            call()
+            return call()
         except OSError as error:
             raise storage_error(self.path, error) from error
