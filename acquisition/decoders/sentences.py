@@ -89,8 +89,8 @@ class Reading:
 
 
 Reader = Callable[[Fields], Reading]
-Controls = dict[float, tuple[str, ...]]
-"""The control channels of each actuator, shaft speed first, by its number in TRD and TRC."""
+Controls = dict[float, tuple[str, str]]
+"""The channels of each actuator's shaft speed and angle, empty if it has none, by its number in TRD and TRC."""
 
 
 def _present(*pairs: tuple[str, float | None]) -> Values:
@@ -265,11 +265,11 @@ def _rpm(fields: Fields, shafts: tuple[str, ...]) -> Reading:
 def _thruster(fields: Fields, controls: Controls) -> Reading:
     """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust."""
     number = fields.number(0)
-    names = None if number is None else controls.get(number)
-    if names is None:
+    shaft, azimuth = ("", "") if number is None else controls.get(number, ("", ""))
+    if not shaft:
         return Reading(refused="thruster not understood")
-    rpm, mode = _present((names[0], fields.number(1))), fields.text(2)
-    angle = _present(*((name, fields.number(5)) for name in names[1:]))
+    rpm, mode = _present((shaft, fields.number(1))), fields.text(2)
+    angle = _present((azimuth, fields.number(5))) if azimuth else []
     if mode == "R" or not rpm:
         return Reading(rpm + angle)
     return Reading(angle, refused="thruster in percent" if mode == "P" else _NOT_VALID)
@@ -305,9 +305,10 @@ def readers(
 ) -> dict[str, Reader]:
     """The reader of each sentence, by its last three letters, on a vessel with these settings and actuators."""
     theoretical = "theoretical" if theoretical_wind == "ground" else "water"
-    controls: Controls = {
-        thrusters.numbers[each.name]: tuple(channel.name for channel in each.channels) for each in actuators
-    }
+    controls: Controls = {}
+    for each in actuators:
+        shaft, azimuth, *_ = (*(channel.name for channel in each.channels), "")
+        controls[thrusters.numbers[each.name]] = shaft, azimuth
     demand = thrusters.channels_from == "demand"
     unwanted = Reading(refused="thruster response where demands are wanted")
     return {
