@@ -79,17 +79,8 @@ class PredictionWindows:
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
         """The windows that a mask or index chooses."""
-        return PredictionWindows(
-            self.start[chosen],
-            self.track[chosen],
-            self.wind[chosen],
-            self.control[chosen],
-            self.trial[chosen],
-            self.leg[chosen],
-            self.start_time[chosen],
-            self.past[chosen],
-            self.actuators,
-        )
+        rows = {each.name: getattr(self, each.name)[chosen] for each in fields(self) if each.name != "actuators"}
+        return replace(self, **rows)
 
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
