@@ -97,16 +97,10 @@ def mean_errors(errors: Iterable[TrackError]) -> MeanErrors:
     result = MeanErrors(len(counted), len(every) - len(counted))
     if not counted:
         return result
+    names = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg")
+    means = {name: float(np.mean([getattr(each, name) for each in counted])) for name in names}
     inside = [each.inside_band for each in counted if each.inside_band is not None]
-    return replace(
-        result,
-        mean_distance_m=float(np.mean([each.mean_distance_m for each in counted])),
-        end_distance_m=float(np.mean([each.end_distance_m for each in counted])),
-        along_m=float(np.mean([each.along_m for each in counted])),
-        across_m=float(np.mean([each.across_m for each in counted])),
-        heading_deg=float(np.mean([each.heading_deg for each in counted])),
-        inside_band=float(np.mean(inside)) if inside else None,
-    )
+    return replace(result, **means, inside_band=float(np.mean(inside)) if inside else None)
 
 
 def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tolerances | None = None) -> bool:
