@@ -98,7 +98,7 @@ def mean_errors(errors: Iterable[TrackError]) -> MeanErrors:
     if not counted:
         return result
     names = ("mean_distance_m", "end_distance_m", "along_m", "across_m", "heading_deg")
-    means = {name: float(np.mean([getattr(each, name) for each in counted])) for name in names}
+    means: dict[str, Any] = {name: float(np.mean([getattr(each, name) for each in counted])) for name in names}
     inside = [each.inside_band for each in counted if each.inside_band is not None]
     return replace(result, **means, inside_band=float(np.mean(inside)) if inside else None)
 
