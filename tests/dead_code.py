@@ -22,7 +22,11 @@ def template_words() -> set[str]:
 def loaded_names() -> set[str]:
     """Every function that is loaded by the text ``"module:function"``."""
     sources = [path for folder in ("analysis", "hybrid") for path in (ROOT / folder).rglob("*.py")]
-    return {name for path in sources for name in re.findall(r'"[\w.]+:(\w+)"', path.read_text(encoding="utf-8"))}
+    return {
+        name
+        for path in (ROOT / "seatrial.py", *sources)
+        for name in re.findall(r'"[\w.]+:(\w+)"', path.read_text(encoding="utf-8"))
+    }
 
 
 def unused() -> list[str]:
