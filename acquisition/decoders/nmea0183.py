@@ -53,7 +53,7 @@ def split_tag(line: bytes) -> TaggedSentence:
     A block with a wrong checksum says nothing, but the sentence behind it has a checksum of its own.
 
     >>> split_tag(rb"\s:GN01,c:1795255200*3E\$HEHDT,12.3,T*1F")
-    Tagged(sentence=b'$HEHDT,12.3,T*1F', time_ns=1795255200000000000, source='GN01', sound=True)
+    TaggedSentence(sentence=b'$HEHDT,12.3,T*1F', time_ns=1795255200000000000, source='GN01', sound=True)
     """
     line = line.removeprefix(_DATAGRAM_PREFIX)
     if not line.startswith(b"\\"):

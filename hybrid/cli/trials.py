@@ -109,11 +109,12 @@ def campaign(
         raise typer.Exit(1)
 
 
-def effects(effects_file: EffectsOption = None, as_json: AsJson = False) -> None:
+def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_json: AsJson = False) -> None:
     """List the catalogue of effects."""
     from hybrid.effects.catalogue import VERSION, catalogue_with
+    from hybrid.vessel.files import DEFAULT, load_vessel
 
-    catalogue = catalogue_with(effects_file or ())
+    catalogue = catalogue_with(effects_file or (), actuators=load_vessel(vessel or DEFAULT).actuators)
     if as_json:
         listed = [effect.as_dict() for effect in catalogue.values()]
         typer.echo(json.dumps({"version": VERSION, "effects": listed}))

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.ndimage import median_filter
 
-from acquisition.core.actuators import DEFAULT, Actuators, control_names
+from acquisition.core.actuators import Actuators, control_names
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import CIRCULAR, ENVIRONMENT, POSE, VELOCITY, is_circular
@@ -65,12 +65,12 @@ class Log:
     block: Ints
     leg: Ints
     recording: Ints
+    actuators: Actuators
     refused: int = 0
     setting_step_s: float = 0.1
     levels: tuple[NoiseLevels, ...] = ()
     input_hold: InputHold = "line"
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
-    actuators: Actuators = DEFAULT
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -148,9 +148,8 @@ def _one(table: pd.DataFrame) -> Log:
     held = {hold: np.where(np.isfinite(each), each, controls)[rows] for hold, each in others.items()}
     return Log(
         measured[rows], weight[rows], motion[rows], controls[rows], mean_wind(table, seconds)[rows], seconds[rows],
-        block[rows],
-        leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), refused, setting_step_s(table), (levels,), held=held,
-        actuators=actuators,
+        block[rows], leg[rows], np.zeros(int(rows.sum()), dtype=np.int64), actuators, refused,
+        setting_step_s(table), (levels,), held=held,
     )  # fmt: skip
 
 

@@ -40,11 +40,13 @@ def _actuator_effects(actuators: Actuators) -> list[Effect]:
 @lru_cache(maxsize=32)
 def _catalogue_for(actuators: Actuators) -> dict[str, Effect]:
     own = _actuator_effects(actuators)
-    catalogue = {
-        effect.name: effect
-        for effect in (*hull.EFFECTS, *own, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
-    }
-    for effect in own:
+    every = (*hull.EFFECTS, *own, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
+    catalogue = {effect.name: effect for effect in every}
+    if twice := sorted({each.name for each in every if catalogue[each.name] is not each}):
+        raise ConfigurationError(
+            f"two effects of this ship are called {', '.join(twice)}", fix="rename an actuator in the vessel file"
+        )
+    for effect in every:
         _confuse_both_ways(catalogue, effect)
     return catalogue
 

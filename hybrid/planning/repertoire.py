@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.core.actuators import names_of
+from acquisition.core.actuators import Actuators, names_of
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre, alone, reciprocal, settle, steer, turning_circle, zigzag
@@ -265,17 +265,17 @@ def rehearse(
         vessel, plant, sea, legs, (seconds + 1) * per_second, dt_s, heading_deg, streams[0], streams[1]
     )
     seen = measure(voyage.states, plant, dt_s)[:-1:per_second][: seconds + 1]
-    return _log(seen, _mean(voyage.controls, _STEPS), voyage.wind[::per_second], seconds + 1)
+    return _log(seen, _mean(voyage.controls, _STEPS), voyage.wind[::per_second], seconds + 1, vessel.actuators)
 
 
-def _log(seen: Floats, controls: Floats, wind: Floats, rows: int) -> Log:
+def _log(seen: Floats, controls: Floats, wind: Floats, rows: int, actuators: Actuators) -> Log:
     block = np.arange(rows, dtype=np.int64) * max(1, round(rows / BLOCK_S)) // rows
     weight = np.zeros((rows, 6, STEPS_PER_SECOND + 1))
     weight[:, :, STEPS_PER_SECOND // 2] = 1.0
     return Log(
         seen, weight, seen.copy(), controls[: rows * STEPS_PER_SECOND].reshape(rows, STEPS_PER_SECOND, -1),
         wind[:rows].copy(), np.arange(rows, dtype=np.int64), block, block // round(LEG_S / BLOCK_S),
-        np.zeros(rows, dtype=np.int64),
+        np.zeros(rows, dtype=np.int64), actuators,
     )  # fmt: skip
 
 

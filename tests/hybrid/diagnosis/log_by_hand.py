@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.vessel.plant import Plant
@@ -37,6 +38,7 @@ def a_log(plant: Plant, seconds: int = 90, edges: tuple[int, ...] = (), breaks: 
         block=block.astype(np.int64),
         leg=block.astype(np.int64),
         recording=np.zeros(seconds, dtype=np.int64),
+        actuators=DEFAULT,
     )
 
 

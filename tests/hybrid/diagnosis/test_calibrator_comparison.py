@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from hybrid.calibrators.calibrator import Calibrator
@@ -57,7 +58,7 @@ def log_about(horizons: PredictionWindows, leg_s: int, trials: tuple[str, ...] =
     none = np.zeros((len(seconds), 6))
     return Log(
         none, np.zeros((*none.shape, 5)), none, np.zeros((len(seconds), 4, 5)), none[:, :2], seconds, leg, leg,
-        np.repeat(np.arange(len(trials)), length),
+        np.repeat(np.arange(len(trials)), length), DEFAULT,
     )  # fmt: skip
 
 
