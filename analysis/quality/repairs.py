@@ -224,7 +224,7 @@ def remove_flagged(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel)
         if finding.code == "out_of_range" and find_channel(name):
             value[~is_possible(name, value)] = np.nan
         columns[name] = value
-    return SingleRepair(_EMPTIED[finding.code], columns)
+    return SingleRepair(_EMPTIED.get(finding.code, "flagged values became gaps"), columns)
 
 
 def repair_impossible(table: pd.DataFrame, finding: Finding, flags: FlagsByChannel) -> SingleRepair:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -14,10 +15,11 @@ from hybrid.diagnosis.acceptance import accept_names
 from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.estimate_noise import estimate_noise
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations, weigh_evidence
-from hybrid.diagnosis.linearise import Model, linearise
+from hybrid.diagnosis.linearise import Model, linearise, model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import select_effects
 from hybrid.effects import CATALOGUE
+from hybrid.effects.catalogue import catalogue_for, vessel_plant
 from hybrid.planning.information import (
     Information,
     as_parameter,
@@ -30,9 +32,10 @@ from hybrid.planning.information import (
     separation,
 )
 from hybrid.planning.repertoire import rehearse
-from hybrid.simulation.manoeuvres import zigzag
+from hybrid.simulation.manoeuvres import turning_circle, zigzag
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 
@@ -173,3 +176,16 @@ def test_an_effect_a_little_over_its_limit_is_found(plant: Plant) -> None:
         if not accept_names(select_effects(weigh_evidence(estimate))).names:
             missed.append(name)
     assert len(missed) <= 0.2 * len(names), missed
+
+
+def test_rehearsal_is_of_the_ship_that_is_rehearsed() -> None:
+    """With the controls of her own actuators, whatever their number; her own effects are linear about it."""
+    hull = load_vessel("gunnerus_short")
+    port, starboard, _ = hull.actuator
+    fore = replace(port, name="fore", x_m=10.0, y_m=0.0)
+    ship = replace(hull, base="", actuator=(fore, replace(port, name="left"), replace(starboard, name="right")))
+    log = rehearse(turning_circle(20.0), ship, vessel_plant(ship), CALM, 60)
+    assert log.actuators == ship.actuators
+    assert log.controls.shape[-1] == 6
+    found = linearise(log, model_of(ship, catalogue_for(ship.actuators)), 0.01)
+    assert "thrust_loss_fore" in {each.effect for each in found.effects}
