@@ -200,10 +200,10 @@ def train(
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.train import train as train_calibrator
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.vessel.files import DEFAULT, load_vessel, located
+    from hybrid.vessel.files import DEFAULT, load_vessel, locate_vessel
 
     refuse_unknown(method)
-    name = located(str(vessel or DEFAULT))
+    name = locate_vessel(str(vessel or DEFAULT))
     plant = vessel_plant(load_vessel(name))
     dataset = _dataset(recordings, horizon_s, stride_s, part, repair, rebuild_positions, shorter=True)
     with bar("training") as progress:

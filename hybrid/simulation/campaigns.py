@@ -28,7 +28,7 @@ from hybrid.effects import apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.simulation.trial import ORIGIN_DEG, Noise, simulate_trial, write_truth
-from hybrid.vessel.files import load_vessel, located
+from hybrid.vessel.files import load_vessel, locate_vessel
 
 INDEX = "campaign.csv"
 
@@ -108,7 +108,7 @@ def trials_of(campaign: Campaign) -> tuple[PlannedTrial, ...]:
         apply_effects(vessel_plant(load_vessel(vessel)), campaign.hidden)
     common = {name: getattr(campaign, name) for name in ("duration_s", "rate_hz", "heading_deg", "hidden", "noise")}
     every = product(campaign.vessels, campaign.sea_states, campaign.manoeuvres, campaign.seeds)
-    trials = tuple(PlannedTrial(_name(*each), located(each[0]), *each[1:], **common) for each in every)
+    trials = tuple(PlannedTrial(_name(*each), locate_vessel(each[0]), *each[1:], **common) for each in every)
     twice = {trial.name for trial in trials if sum(trial.name == other.name for other in trials) > 1}
     if twice or not trials:
         raise ConfigurationError(

@@ -34,7 +34,7 @@ from hybrid.simulation.sea_state import (
 )
 from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.channels import as_table
-from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
@@ -188,7 +188,7 @@ def sail_through(
     wind[:, 1] *= plant.wind_speed_factor
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
     (leg_array, ends), packed = as_arrays(legs, vessel), pack(plant)
-    extra, parameters = combined((plant,))
+    extra, parameters = combine_forces((plant,))
     start = _start(vessel, plant, leg_array[0], heading_deg)
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     drives = drives_of(vessel)

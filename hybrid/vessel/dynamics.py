@@ -3,7 +3,8 @@
 eta' = R(psi) nu and M nu_r' = tau(nu_r), with nu over ground in the state and nu_r through the water inside.
 A steady current in the earth frame turns in the body frame as the ship turns, hence u' = u_r' + v_c r and
 v' = v_r' - u_c r. Runge-Kutta of fourth order; whatever is constant in a step is worked out once, in
-:class:`Held`. The ship's actuators are rows of a table, gone through one by one, whatever their number and kind.
+:class:`StepConstants`. The ship's actuators are rows of a table, gone through one by one, whatever their number and
+kind.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Environment(NamedTuple):
     plant: Record
 
 
-class Held(NamedTuple):
+class StepConstants(NamedTuple):
     """What a step keeps constant: the controls, the actuators' working numbers, the air's motion."""
 
     control: Control
@@ -86,13 +87,15 @@ def scratch_for(p: Record, control: Control) -> Scratch:
 
 
 @compiled
-def hold(p: Record, control: Control, work: Floats, wind_direction_rad: float, wind_speed_mps: float) -> Held:
+def hold(
+    p: Record, control: Control, work: Floats, wind_direction_rad: float, wind_speed_mps: float
+) -> StepConstants:
     """What stays constant while ``control`` and the reported wind do; fills ``work``."""
     for i in range(len(p.actuators)):
         row = p.actuators[i]
         hold_actuator(p, row, control, int(row[CONTROL]), work[i])
     wind_north, wind_east = wind_vector(p, wind_direction_rad, wind_speed_mps)
-    return Held(control, work, wind_north, wind_east)
+    return StepConstants(control, work, wind_north, wind_east)
 
 
 @compiled
@@ -107,7 +110,7 @@ def actuators_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -
 
 @compiled
 def total_force(
-    p: Record, held: Held, cosine: float, sine: float, u: float, v: float, r: float, u_c: float, v_c: float
+    p: Record, held: StepConstants, cosine: float, sine: float, u: float, v: float, r: float, u_c: float, v_c: float
 ) -> tuple[float, float, float]:
     """All forces on the ship X [N], Y [N], N [N m], given u, v, r over ground and the current u_c, v_c.
 
@@ -131,7 +134,7 @@ def total_force(
 def rate(
     p: Record,
     mass: InverseMass,
-    held: Held,
+    held: StepConstants,
     time_s: float,
     state: State,
     extra: ForceFunction | None,
@@ -160,7 +163,7 @@ def rate(
 
 
 @compiled
-def moved(state: State, slope: State, dt_s: float) -> State:
+def add_scaled(state: State, slope: State, dt_s: float) -> State:
     """``state + dt slope``."""
     n, e, p, u, v, r = state
     dn, de, dp, du, dv, dr = slope
@@ -171,7 +174,7 @@ def moved(state: State, slope: State, dt_s: float) -> State:
 def runge_kutta(
     p: Record,
     mass: InverseMass,
-    held: Held,
+    held: StepConstants,
     time_s: float,
     dt_s: float,
     state: State,
@@ -181,13 +184,13 @@ def runge_kutta(
     """The state one classical Runge-Kutta step of fourth order later."""
     half = 0.5 * dt_s
     k1 = rate(p, mass, held, time_s, state, extra, parameters)
-    k2 = rate(p, mass, held, time_s + half, moved(state, k1, half), extra, parameters)
-    k3 = rate(p, mass, held, time_s + half, moved(state, k2, half), extra, parameters)
-    k4 = rate(p, mass, held, time_s + dt_s, moved(state, k3, dt_s), extra, parameters)
-    state = moved(state, k1, dt_s / 6.0)
-    state = moved(state, k2, dt_s / 3.0)
-    state = moved(state, k3, dt_s / 3.0)
-    end: State = moved(state, k4, dt_s / 6.0)
+    k2 = rate(p, mass, held, time_s + half, add_scaled(state, k1, half), extra, parameters)
+    k3 = rate(p, mass, held, time_s + half, add_scaled(state, k2, half), extra, parameters)
+    k4 = rate(p, mass, held, time_s + dt_s, add_scaled(state, k3, dt_s), extra, parameters)
+    state = add_scaled(state, k1, dt_s / 6.0)
+    state = add_scaled(state, k2, dt_s / 3.0)
+    state = add_scaled(state, k3, dt_s / 3.0)
+    end: State = add_scaled(state, k4, dt_s / 6.0)
     return end
 
 

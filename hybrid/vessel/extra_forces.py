@@ -21,7 +21,7 @@ from hybrid.vessel.plant import ForceFunction, Plant, Plants
 _NONE = np.zeros((1, 1))
 
 
-def combined(plants: Plants) -> tuple[ForceFunction | None, Floats]:
+def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     """One compiled force for all of ``plants`` and its parameters [P, Q], or ``None`` where none has any.
 
     A plant's parameters are, force by force, a switch (1 on, 0 off) and then the force's own. Packed plants

@@ -65,7 +65,7 @@ def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
     return vessel
 
 
-def located(name_or_file: str) -> str:
+def locate_vessel(name_or_file: str) -> str:
     """What means the same vessel from any folder: the name of one of Seatrial's own, or a file's whole path."""
     path = _find(name_or_file, Path.cwd())
     return path.stem if path.parent == VESSELS else str(path.resolve())

@@ -22,7 +22,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from analysis.compiling import FAST, Record
 from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over, scratch_for
-from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.plant import PHYSICS_STAMP, ForceFunction, Plant, Plants, angles_in, controls_in, pack
 
@@ -143,7 +143,7 @@ def simulate_batch(
     plant's ``command_delay_s`` says to be recorded late act earlier (:func:`acting_controls`).
     """
     packed = pack(plants)
-    extra, parameters = combined(plants)
+    extra, parameters = combine_forces(plants)
     arrays = _inputs(controls_in(packed), start, _prompt(packed, controls, dt_s), wind, acting_start)
     number = max(len(packed), *(len(array) for array in arrays))
     _check_sizes(number, {"plants": len(packed)} | dict(zip(_NAMES, map(len, arrays), strict=True)))
@@ -183,7 +183,7 @@ def stepper(plant: Plant, dt_s: float, substeps: int | None = None) -> Callable[
     and a delay of the commands is not seen.
     Raises :class:`ModelRangeError` as :func:`simulate` does.
     """
-    extra, parameters = combined(plant)
+    extra, parameters = combine_forces(plant)
     packed, steps = pack(plant), substeps or steps_for(dt_s)
     states = np.empty((2, 6))
 

@@ -30,7 +30,7 @@ from hybrid.calibrators.artefact import FORMAT, SIDECAR, load, save
 from hybrid.calibrators.networks import REFERENCE_INPUTS, DataDrivenCalibrator, start_labels
 from hybrid.calibrators.train import TrainedCalibrator, plant_for
 from hybrid.prediction.baselines import Fallback
-from hybrid.vessel.files import load_vessel, located, save_vessel, with_effects
+from hybrid.vessel.files import load_vessel, locate_vessel, save_vessel, with_effects
 from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant, bare_plant
 from tests.hybrid.windows_by_hand import random_windows
@@ -463,7 +463,7 @@ def test_a_vessel_file_that_is_gone_is_not_missed(
     ship, mine = load_vessel("gunnerus_short"), tmp_path / "mine.toml"
     save_vessel(ship, mine)
     monkeypatch.chdir(tmp_path)
-    folder = save(replace(tiny(), vessel=located("mine.toml")), tmp_path / "calibrator").parent
+    folder = save(replace(tiny(), vessel=locate_vessel("mine.toml")), tmp_path / "calibrator").parent
     save_vessel(replace(ship, water_density_kgpm3=1000.0), mine)
     loaded = load(copytree(folder, tmp_path / "elsewhere" / "calibrator"))
     assert loaded.vessel == str(mine)

@@ -21,7 +21,7 @@ from analysis.estimation.process_models import decay, oscillator
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_predict
 from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows, difference_rad
 from hybrid.vessel.actuators import KINDS, angle_columns
-from hybrid.vessel.extra_forces import combined
+from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.plant import HULL, Plant, flat, pack, places_of
 
 _DIFFUSE = 10.0
@@ -264,7 +264,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
         past[..., WIND] = np.stack(add_wind(vector, *np.moveaxis(past[..., WIND], -1, 0)), axis=-1)
         wind = np.column_stack(add_wind(vector, wind[:, 0], wind[:, 1]))
     plants = np.repeat(adapt_plant(vector, plant), len(observations))
-    extra, parameters = combined(plant)
+    extra, parameters = combine_forces(plant)
     shape = len(observations), observations.control.shape[1] + 1
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
     known, control = observations.known_s, observations.control
