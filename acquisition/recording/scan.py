@@ -132,7 +132,9 @@ class _Records:
         self._amid_damage = True
         claimed_end = end = _claimed_end(start, head)
         measured = end is not None and end <= self.size_bytes and self._leads_on(end)
-        if end is None or not measured:
+        if end is not None and self._ends_within_magic(end):
+            end = self.size_bytes
+        elif end is None or not measured:
             end, begun = self._next_intact(start + 1)
             chunks += begun
         unfinished = len(head) < HEAD.size or claimed_end is not None or not any(head)
@@ -205,6 +207,11 @@ class _Records:
         """Whether the file ends here or something begins that looks like a record."""
         head = self._peek(offset, HEAD.size)
         return not head or head.startswith(MCAP_MAGIC) or _claimed_end(offset, head) is not None
+
+    def _ends_within_magic(self, offset: int) -> bool:
+        """Whether all that is left of the file from here on is the beginning of its last bytes."""
+        left = self.size_bytes - offset
+        return 0 < left < len(MCAP_MAGIC) and self._peek(offset, left) == MCAP_MAGIC[:left]
 
     def _next_intact(self, start: int) -> tuple[int, int]:
         """Where the next intact record begins, or the end of the file; and the damaged chunks on the way."""

@@ -28,6 +28,8 @@ POD_AND_TUNNELS = (
     replace(TUNNEL, name="aft", x_m=-11.0),
 )
 SHIPS = {"four_pods": (FOUR_PODS, "aft_left"), "pod_and_tunnels": (POD_AND_TUNNELS, "main")}
+BY_SHIP = [pytest.param("four_pods", marks=pytest.mark.slow), "pod_and_tunnels"]
+"""What takes long is left to ``make test-slow`` for the ship with more actuators."""
 LOSS = 0.3
 
 
@@ -68,6 +70,7 @@ def test_windows_hold_every_actuator(ship: tuple[Path, str]) -> None:
     assert (spread.max() < 25.0).all()
 
 
+@pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
 def test_calibrator_beats_the_model_that_lacks_something(ship: tuple[Path, str]) -> None:
     """Trained on one trial, judged on the other; and saved, loaded and used for one prediction."""
     file, folder = ship[0], ship[0].parent
@@ -79,6 +82,7 @@ def test_calibrator_beats_the_model_that_lacks_something(ship: tuple[Path, str])
     assert len(st.predict(folder / "2.mcap", "+300", trained).track) == 16
 
 
+@pytest.mark.parametrize("ship", BY_SHIP, indirect=True)
 def test_diagnosis_names_the_actuator_that_lost_force(ship: tuple[Path, str]) -> None:
     file, weak = ship
     found = st.diagnose(file.parent / "1.mcap", vessel=file).diagnosis
