@@ -37,7 +37,17 @@ class Actuator:
     @property
     def channels(self) -> tuple[Channel, ...]:
         """The control channels of this actuator."""
-        return tuple(make(self.name) for make in KINDS[self.kind])
+        return tuple(make(self.name) for make in KINDS[self.kind].channels)
+
+    @property
+    def drives(self) -> bool:
+        """Whether it is there to drive the ship ahead."""
+        return KINDS[self.kind].drives
+
+    @property
+    def angle(self) -> Channel | None:
+        """The channel of the angle that it steers the ship with; None where it has none."""
+        return next((each for each in self.channels if each.unit == "deg"), None)
 
     @property
     def is_at_bow(self) -> bool:
@@ -47,12 +57,12 @@ class Actuator:
     @property
     def orders(self) -> tuple[Channel, ...]:
         """The auxiliary channels of the orders to this actuator."""
-        kind = {"deg": "azimuth", "rpm": "shaft" if len(KINDS[self.kind]) > 1 else f"{self.kind} thruster"}
         place = "" if self.name == self.kind else f"{self.name.replace('_', ' ')} "
+        parts = zip(KINDS[self.kind].parts, self.channels, strict=True)
         return tuple(
             Channel(name_of_order(each.name), each.unit, each.low, each.high, "auxiliary",
-                    f"Order to the {place}{kind[each.unit]}", each.circular)
-            for each in self.channels
+                    f"Order to the {place}{part}", each.circular)
+            for part, each in parts
         )  # fmt: skip
 
 
@@ -84,29 +94,84 @@ def _tunnel(name: str) -> Channel:
     return Channel(f"{name}_rpm", "rpm", -_HIGHEST_RPM, _HIGHEST_RPM, "command", meaning)
 
 
-KINDS: dict[str, tuple[Callable[[str], Channel], ...]] = {"azimuth": (_shaft, _azimuth), "tunnel": (_tunnel,)}
-"""The control channels of an actuator of each kind, made from its name."""
+def _rudder(name: str) -> Channel:
+    meaning = f"{_words(name)} angle, positive turns the ship to starboard"
+    return Channel(f"{name}_angle_deg", "deg", -90.0, 90.0, "command", meaning)
 
-_BY_RULE: dict[str, Callable[[str], Channel]] = {"_rpm": _shaft, "_angle_deg": _azimuth}
-"""How the name of a control channel ends, and what it is where the actuator's kind is not known."""
+
+def _pitch(name: str) -> Channel:
+    meaning = f"{_words(name)} pitch, of the full one ahead, negative astern"
+    return Channel(f"{name}_pitch_percent", "%", -150.0, 150.0, "command", meaning)
+
+
+def _nozzle(name: str) -> Channel:
+    meaning = f"{_words(name)} nozzle, positive turns the jet's thrust to starboard"
+    return Channel(f"{name}_angle_deg", "deg", -90.0, 90.0, "command", meaning)
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a kind of actuator is to a recording and to who handles the ship.
+
+    ``channels`` make its control channels from its name, ``parts`` are what these are called in an order. One
+    that ``drives`` is there to push the ship ahead. ``turns`` is how a positive angle of it, astern, turns the ship:
+    1 to starboard, -1 to port, 0 where it has no angle.
+    """
+
+    channels: tuple[Callable[[str], Channel], ...]
+    parts: tuple[str, ...]
+    drives: bool = False
+    turns: float = 0.0
+
+
+KINDS: dict[str, Kind] = {
+    "azimuth": Kind((_shaft, _azimuth), ("shaft", "azimuth"), drives=True, turns=-1.0),
+    "tunnel": Kind((_tunnel,), ("tunnel thruster",)),
+    "propeller": Kind((_shaft,), ("shaft",), drives=True),
+    "controllable_propeller": Kind((_shaft, _pitch), ("shaft", "pitch"), drives=True),
+    "rudder": Kind((_rudder,), ("rudder",), turns=1.0),
+    "waterjet": Kind((_shaft, _nozzle), ("shaft", "nozzle"), drives=True, turns=-1.0),
+}
+"""The kinds of actuators; what their forces are is in ``hybrid/vessel/actuators``."""
+
+_ENDINGS = ("_rpm", "_angle_deg", "_pitch_percent")
+"""How the names of control channels end."""
+
+_ASIDE = ("tunnel", "thruster", "bow", "stern", "aft", "fore")
+"""Parts of the names of thrusters that push sideways, where nothing tells the kind."""
+
+
+def _by_rule(stem: str, ending: str) -> Channel:
+    """What a control channel is where the actuator's kind is not known."""
+    angle = _rudder if "rudder" in stem else _azimuth
+    return {"_rpm": _shaft, "_angle_deg": angle, "_pitch_percent": _pitch}[ending](stem)
+
+
+def _kind_by_rule(stem: str, endings: set[str]) -> str:
+    """The kind of an actuator that is known by its channels only."""
+    if "_angle_deg" in endings:
+        return "azimuth" if "_rpm" in endings else "rudder"
+    if "_pitch_percent" in endings:
+        return "controllable_propeller"
+    return "tunnel" if any(part in stem for part in _ASIDE) else "propeller"
 
 
 def name_of_order(control: str) -> str:
     """The channel of the orders to a control channel: ``port_rpm`` is ordered as ``port_order_rpm``."""
-    ending = next(each for each in _BY_RULE if control.endswith(each))
+    ending = next(each for each in _ENDINGS if control.endswith(each))
     return f"{control.removesuffix(ending)}{_ORDER}{ending}"
 
 
 def channel_by_rule(name: str) -> Channel | None:
     """The control or order channel that a name stands for by its ending, of whatever ship; None for another."""
-    for ending, make in _BY_RULE.items():
+    for ending in _ENDINGS:
         stem = name.removesuffix(ending)
         if stem == name or not NAME_PATTERN.fullmatch(stem):
             continue
         if stem.endswith(_ORDER):
-            of = make(stem.removesuffix(_ORDER))
+            of = _by_rule(stem.removesuffix(_ORDER), ending)
             return Channel(name, of.unit, of.low, of.high, "auxiliary", f"Order: {of.meaning}", of.circular)
-        return make(stem)
+        return _by_rule(stem, ending)
     return None
 
 
@@ -142,13 +207,19 @@ def names_of(actuators: Actuators, kind: str) -> tuple[str, ...]:
 
 def shafts(actuators: Actuators) -> tuple[str, ...]:
     """The names of the propulsors, which protocols know by a number; of a pair the port one is listed first."""
-    return tuple(each.name for each in actuators if each.kind != "tunnel")
+    return tuple(each.name for each in actuators if each.drives)
+
+
+def rudders(actuators: Actuators) -> tuple[str, ...]:
+    """The names of the rudders, which protocols know by a number; of a pair the port one is listed first."""
+    return names_of(actuators, "rudder")
 
 
 def thruster_numbers(actuators: Actuators) -> dict[str, int]:
-    """The number of each actuator in TRD and TRC (IEC 61162-1), in order: odd at the bow, even at the stern."""
+    """The number of each thruster in TRD and TRC (IEC 61162-1), in order: odd at the bow, even at the stern."""
     stern, bow = count(2, 2), count(1, 2)
-    return {each.name: next(bow if each.is_at_bow else stern) for each in actuators}
+    thrusters = (each for each in actuators if each.kind in ("azimuth", "tunnel"))
+    return {each.name: next(bow if each.is_at_bow else stern) for each in thrusters}
 
 
 @lru_cache(maxsize=64)
@@ -175,7 +246,7 @@ def order_channels(actuators: Actuators) -> tuple[Channel, ...]:
 
 
 def actuators_in(names: Iterable[str]) -> Actuators:
-    """The actuators whose control channels are among ``names``, by rule: one with an angle is an azimuth thruster.
+    """The actuators whose control channels are among ``names``, of the kinds that their channels and names tell.
 
     In the order in which they come; channels that a fixed meaning is known for are no control channels.
     """
@@ -183,9 +254,9 @@ def actuators_in(names: Iterable[str]) -> Actuators:
     for name in names:
         channel = channel_by_rule(name)
         if channel is not None and channel.group == "command":
-            ending = next(each for each in _BY_RULE if name.endswith(each))
+            ending = next(each for each in _ENDINGS if name.endswith(each))
             stems.setdefault(name.removesuffix(ending), set()).add(ending)
-    return tuple(Actuator(stem, "azimuth" if "_angle_deg" in has else "tunnel") for stem, has in stems.items())
+    return tuple(Actuator(stem, _kind_by_rule(stem, endings)) for stem, endings in stems.items())
 
 
 def as_text(actuators: Actuators) -> str:
