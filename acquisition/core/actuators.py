@@ -114,8 +114,8 @@ class Kind:
     """What a kind of actuator is to a recording and to who handles the ship.
 
     ``channels`` make its control channels from its name, ``parts`` are what these are called in an order. One
-    that ``drives`` is there to push the ship ahead. ``turns`` is how a positive angle of it, astern, turns the ship:
-    1 to starboard, -1 to port, 0 where it has no angle.
+    that ``drives`` is there to push the ship ahead. ``turns`` is how a positive angle of it, astern, turns the
+    ship: 1 to starboard, -1 to port, 0 where it has no angle.
     """
 
     channels: tuple[Callable[[str], Channel], ...]
