@@ -87,7 +87,7 @@ _PLACES = {
     "save_vessel": "hybrid.vessel.files:save_vessel",
     "sections": "hybrid.report.notebook:sections",
     "smooth": "analysis.estimation.smoother:smooth",
-    "vessels": "hybrid.vessel.files:vessel_names",
+    "vessels": "acquisition.config.vessel_file:vessel_names",
     "version": "acquisition.core.trial:software_version",
     "write_interactive_pages": "hybrid.report.trial_sections:write_interactive_pages",
 } | {

@@ -273,21 +273,10 @@ def from_text(text: str) -> Actuators:
     return check_actuators(Actuator(name, kind) for name, _, kind in parts)
 
 
-def load_actuators(vessel: str | Path) -> Actuators:
-    """The names and kinds of the actuators in a vessel file, or in that of a name in :data:`VESSELS`.
-
-    Raises :class:`ConfigurationError` for what is no vessel file and for a list that cannot be one ship's.
-    """
-    named = VESSELS / f"{vessel}.toml"
-    path = named if named.is_file() else Path(vessel)
-    try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-        base = {each.name: each for each in load_actuators(path.parent / tree["base"])} if tree.get("base") else {}
-        own = {each["name"]: Actuator(each["name"], each.get("kind", "")) for each in tree.get("actuator", ())}
-    except (OSError, ValueError, TypeError, KeyError) as error:
-        raise ConfigurationError("is no vessel file", where=str(vessel), why=str(error)) from error
-    return check_actuators((base | {name: each for name, each in own.items() if name not in base}).values())
+def _default() -> Actuators:
+    tree = tomllib.loads((VESSELS / f"{DEFAULT_VESSEL}.toml").read_text(encoding="utf-8"))
+    return check_actuators(Actuator(each["name"], each["kind"]) for each in tree["actuator"])
 
 
-DEFAULT: Actuators = load_actuators(DEFAULT_VESSEL)
+DEFAULT: Actuators = _default()
 """The actuators of the vessel whose recordings do not say theirs: R/V Gunnerus', from her vessel file."""

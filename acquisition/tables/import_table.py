@@ -16,7 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.config.toml_file import line_of, read_text
-from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text, load_actuators
+from acquisition.config.vessel_file import load_actuators
+from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from acquisition.config.vessel_file import vessel_names
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
 from acquisition.recording.reader import read_trial
@@ -39,7 +40,7 @@ from hybrid.report.errors import (
     predicted_motion,
     residuals_of,
 )
-from hybrid.vessel.files import DEFAULT, load_vessel, vessel_names
+from hybrid.vessel.files import DEFAULT, load_vessel
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant
 

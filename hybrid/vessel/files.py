@@ -8,7 +8,6 @@ name, more actuators, and effects added to the model as ``[effects.NAME]`` table
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from math import isfinite
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from acquisition.config.toml_file import line_of, read_text, validate
+from acquisition.config.vessel_file import Tree, find_vessel, vessel_names, vessel_tree
 from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
 from acquisition.core.errors import ConfigurationError, storage_error
 from hybrid.vessel.parameters import Vessel
@@ -37,23 +37,14 @@ _POSITIVE = {
 }
 """The numbers that must be above zero, by table."""
 
-Tree = dict[str, Any]
-
-
-def vessel_names() -> list[str]:
-    """The names of the vessels that come with Seatrial."""
-    return sorted(path.stem for path in VESSELS.glob("*.toml"))
-
 
 def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
     """Read a vessel by the name of a file in ``trials/vessels``, or from a file of one's own.
 
     Raises :class:`ConfigurationError` naming file, line and key of what is missing, unknown or ill-typed.
     """
-    path = _find(str(name_or_file), Path.cwd())
-    text = read_text(path)
-    tree = _parse(text, path)
-    merged = _resolved(tree, path, seen=(path,))
+    path = find_vessel(name_or_file)
+    text, merged = read_text(path), vessel_tree(path)
     _check_form(merged, text, path)
     _check_effects(merged, text, path)
     vessel = validate(_with_tuples(merged), text, path, Vessel)
@@ -67,7 +58,7 @@ def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
 
 def locate_vessel(name_or_file: str) -> str:
     """What means the same vessel from any folder: the name of one of Seatrial's own, or a file's whole path."""
-    path = _find(name_or_file, Path.cwd())
+    path = find_vessel(name_or_file)
     return path.stem if path.parent == VESSELS else str(path.resolve())
 
 
@@ -97,70 +88,8 @@ def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **p
     return replace(vessel, base=base, effects=added, provenance={**vessel.provenance, **provenance})
 
 
-def _find(name_or_file: str, folder: Path) -> Path:
-    named = VESSELS / f"{name_or_file}.toml"
-    if "/" not in name_or_file and named.is_file():
-        return named
-    path = folder / name_or_file
-    if path.is_file():
-        return path
-    raise ConfigurationError(
-        f"no vessel {name_or_file!r}",
-        why=f"it is neither a file nor one of {', '.join(vessel_names())}",
-        fix="give one of these names, or the path of a vessel file",
-    )
-
-
-def _parse(text: str, path: Path) -> Tree:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError("is not valid TOML", where=str(path), why=str(error)) from error
-
-
-def _resolved(tree: Tree, path: Path, seen: tuple[Path, ...]) -> Tree:
-    """``tree`` with everything its base states and it does not."""
-    base = tree.get("base", "")
-    if not base:
-        return {key: value for key, value in tree.items() if key != "base"}
-    if not isinstance(base, str):
-        raise ConfigurationError("base is not a name", where=str(path), fix='write base = "NAME or FILE"')
-    base_path = _find(base, path.parent)
-    if base_path.resolve() in [each.resolve() for each in seen]:
-        raise ConfigurationError(f"base {base!r} leads back to this file", where=str(path))
-    below = _resolved(_parse(read_text(base_path), base_path), base_path, (*seen, base_path))
-    return _merged(below, tree)
-
-
 def _whole(name: str) -> Tree:
-    path = _find(name, Path.cwd())
-    return _with_tuples(_resolved(_parse(read_text(path), path), path, (path,)))
-
-
-def _merged(below: Tree, above: Tree) -> Tree:
-    """``below`` with what ``above`` says; another ``model`` takes the place of a table, actuators meet by name."""
-    result = dict(below)
-    for key, value in above.items():
-        under = result.get(key)
-        if key == "actuator" and isinstance(under, list) and isinstance(value, list):
-            result[key] = _merged_by_name(under, value)
-        elif (
-            isinstance(under, dict)
-            and isinstance(value, dict)
-            and value.get("model", under.get("model")) == under.get("model")
-        ):
-            result[key] = _merged(under, value)
-        else:
-            result[key] = value
-    return result
-
-
-def _merged_by_name(below: list[Any], above: list[Any]) -> list[Any]:
-    merged = {each.get("name"): each for each in below if isinstance(each, dict)}
-    for each in above:
-        name = each.get("name") if isinstance(each, dict) else None
-        merged[name] = _merged(merged[name], each) if name in merged else each
-    return list(merged.values())
+    return _with_tuples(vessel_tree(find_vessel(name)))
 
 
 def _names_in(tree: Tree) -> set[str]:

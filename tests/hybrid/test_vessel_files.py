@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from acquisition.config.vessel_file import load_actuators, vessel_names
+from acquisition.core.actuators import VESSELS, Actuator
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.files import VESSELS, load_vessel, save_vessel, vessel_names, with_effects
+from hybrid.effects.catalogue import catalogue_for
+from hybrid.vessel.actuators import list_of
+from hybrid.vessel.files import load_vessel, save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, dtype_of, flat, pack, places_of
 
@@ -51,12 +56,44 @@ def test_an_unknown_vessel_lists_the_known() -> None:
         load_vessel("titanic")
 
 
-def test_a_circle_of_bases_is_refused(tmp_path: Path) -> None:
-    """A file that builds on itself is no ship."""
-    (tmp_path / "a.toml").write_text('base = "b.toml"')
-    (tmp_path / "b.toml").write_text('base = "a.toml"')
+@pytest.mark.parametrize("load", [load_vessel, load_actuators])
+@pytest.mark.parametrize("first", ["a.toml", "outside.toml"])
+def test_a_circle_of_bases_is_refused(load: Callable[[Path], object], first: str, tmp_path: Path) -> None:
+    """A file that builds on itself is no ship, nor is one that builds on such files."""
+    for name, base in (("outside", "a"), ("a", "b"), ("b", "c"), ("c", "a")):
+        (tmp_path / f"{name}.toml").write_text(f'base = "{base}.toml"')
     with pytest.raises(ConfigurationError, match="leads back"):
-        load_vessel(tmp_path / "a.toml")
+        load(tmp_path / first)
+
+
+@pytest.mark.parametrize("how", ["name", "absolute", "relative"])
+def test_recorder_and_simulator_find_the_same_base(
+    how: str, tmp_path: Path, vessel: Vessel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the name of one of Seatrial's own, by a path from anywhere, and by one from the derived file's folder."""
+    (tmp_path / "ships").mkdir()
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    whole = tmp_path / "whole.toml"
+    whole.write_text(SHORT)
+    base = {"name": "gunnerus_short", "absolute": str(whole), "relative": "../whole.toml"}[how]
+    derived = tmp_path / "ships" / "derived.toml"
+    derived.write_text(f"base = {base!r}\n[[actuator]]\nname = 'tunnel'\nx_m = 9.0\n")
+    assert load_actuators(derived) == load_actuators("gunnerus_short") == list_of(vessel.actuator)
+    assert load_vessel(derived).actuator[-1] == replace(vessel.actuator[-1], x_m=9.0)
+
+
+@pytest.mark.parametrize("text", ["actuator = 3", "[[actuator]]\nname = 'port'", "[[actuator]]\nkind = 'tunnel'"])
+def test_a_list_of_actuators_that_is_none_is_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "ship.toml").write_text(text)
+    with pytest.raises(ConfigurationError, match=r"ship\.toml.*name and kind"):
+        load_actuators(tmp_path / "ship.toml")
+
+
+def test_an_actuator_may_not_take_the_name_of_a_pair() -> None:
+    """``thrust_loss_both`` is the loss of both of a pair; of an actuator called so it would be another effect."""
+    with pytest.raises(ConfigurationError, match=r"two effects of this ship are called .*thrust_loss_both"):
+        catalogue_for((Actuator("both", "azimuth"), Actuator("port", "azimuth")))
 
 
 def test_a_file_on_a_base_overrides_single_numbers(tmp_path: Path, vessel: Vessel) -> None:

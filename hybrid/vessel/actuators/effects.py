@@ -42,8 +42,8 @@ def for_each_and_all(
     effects ``like`` them; one alone with ``one_is_like`` besides, all together with ``all_are_like``.
     """
     together = {1: "", 2: f"{stem}_both"}.get(len(names), f"{stem}_all")
-    groups: dict[str, tuple[str, ...]] = {f"{stem}_{name}": (name,) for name in names}
-    groups |= {together: names} if together else {}
+    groups: list[tuple[str, tuple[str, ...]]] = [(f"{stem}_{name}", (name,)) for name in names]
+    groups += [(together, names)] if together else []
 
     def effect(name: str, group: tuple[str, ...]) -> Effect:
         def changed(plant: Plant, values: Values) -> Plant:
@@ -60,7 +60,7 @@ def for_each_and_all(
             source=source,
             parameters=(parameter,),
             change=changed,
-            confused_with=tuple(sorted({*groups, *like, *besides} - {name})),
+            confused_with=tuple(sorted({*(each for each, _ in groups), *like, *besides} - {name})),
         )
 
-    return tuple(effect(name, group) for name, group in groups.items())
+    return tuple(effect(name, group) for name, group in groups)
