@@ -120,9 +120,9 @@ def trial_names(actuators: Actuators) -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def channel_names(actuators: Actuators) -> tuple[str, ...]:
-    """Every channel that a recording of a ship with these actuators may have, auxiliary ones last."""
+    """Every channel that a recording of a ship with these actuators may have, once each, auxiliary ones last."""
     orders = (channel.name for channel in order_channels(actuators))
-    return (*trial_names(actuators), *(channel.name for channel in _AUXILIARY), *orders)
+    return tuple(dict.fromkeys((*trial_names(actuators), *(channel.name for channel in _AUXILIARY), *orders)))
 
 
 def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:

@@ -1,11 +1,13 @@
 """A column map, the TOML file that says what a foreign table's columns are, and the table through it.
 
-Units, signs, constants, the plane's position and the true wind become the contract's channels.
+Units, signs, constants, the plane's position and the true wind become the contract's channels. A map may list the
+ship's actuators, and it says what becomes of rows that cannot be read.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from dataclasses import field, replace
 from datetime import datetime
 from difflib import get_close_matches
@@ -19,14 +21,22 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.sections import RunSheet, check_channel
+from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
 from acquisition.config.toml_file import line_of, load_toml, read_text
+from acquisition.core.actuators import Actuator, Actuators, check_actuators
 from acquisition.core.angles import in_turn, wrap_360
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import scale_to
-from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times
+from acquisition.tables.table_files import (
+    RawTable,
+    TableFile,
+    parse_numbers,
+    parse_times,
+    read_times,
+    readable_rows,
+)
 
 
 def _of_any_ship(name: str) -> str:
@@ -70,14 +80,35 @@ def _instant(text: str) -> str:
     return text
 
 
+_IN_NAMES = {
+    **dict.fromkeys(("%d", "%m", "%H", "%M", "%S", "%y"), r"\d{1,2}"),
+    "%Y": r"\d{4}", "%j": r"\d{3}", "%b": "[A-Za-z]{3}", "%B": "[A-Za-z]+",
+}  # fmt: skip
+"""What the directives of :meth:`datetime.strptime` that a file's name may hold look like."""
+
+
+def _in_name(text: str) -> str:
+    unknown = set(re.findall("%.?", text)) - set(_IN_NAMES)
+    if unknown or "%" not in text:
+        raise ValueError(f"is no time such as %Y-%m-%d_%H%M%S; known are {' '.join(_IN_NAMES)}")
+    return text
+
+
 @dataclass(frozen=True, config=_STRICT)
 class TimeColumn:
-    """The time column: ISO 8601 (``zone`` where the text has none), or seconds from 1970 or from ``start``."""
+    """The time column: ISO 8601 (``zone`` where the text has none), or seconds.
+
+    Seconds count from ``start``, or from the local time in ``zone`` that the file's name holds in the form
+    ``in_name`` (of :meth:`datetime.strptime`), which is that of the first row, or of the last where
+    ``name_tells`` the "end". With none of them they are taken for seconds since 1970.
+    """
 
     column: str
     format: Literal["iso", "seconds"] = "iso"
     zone: Annotated[str, AfterValidator(_known_zone)] | None = None
     start: Annotated[str, AfterValidator(_instant)] | None = None
+    in_name: Annotated[str, AfterValidator(_in_name)] | None = None
+    name_tells: Literal["start", "end"] = "start"
 
 
 def _known_angle_unit(unit: str) -> str:
@@ -110,14 +141,35 @@ class ApparentWind:
 
 @dataclass(frozen=True, config=_STRICT)
 class ColumnMap:
-    """A whole map. ``absent`` names channels that the table has not and that stay away."""
+    """A whole map. ``absent`` names channels that the table has not and that stay away.
+
+    ``actuator`` lists the ship's, as in a vessel file. Rows without a time or with text for a number are an error,
+    or dropped and counted where ``unreadable_rows`` says "drop".
+    """
 
     time: TimeColumn
+    actuator: tuple[ActuatorSection, ...] = ()
+    unreadable_rows: Literal["refuse", "drop"] = "refuse"
     channels: dict[AnyChannel, Column] = field(default_factory=dict)
     position: Position | None = None
     apparent_wind: ApparentWind | None = None
     trial: RunSheet = field(default_factory=RunSheet)
     absent: tuple[AnyChannel, ...] = ()
+
+    @property
+    def actuators(self) -> Actuators:
+        """The ship's actuators, none where the map does not list them."""
+        return tuple(Actuator(each.name, each.kind) for each in self.actuator)
+
+    @property
+    def columns_of_numbers(self) -> tuple[str, ...]:
+        """The table's columns that have to hold numbers."""
+        named = [entry.column for entry in self.channels.values()]
+        if self.position:
+            named += [self.position.latitude, self.position.longitude]
+        if self.apparent_wind:
+            named += [self.apparent_wind.angle, self.apparent_wind.speed]
+        return tuple(dict.fromkeys(name for name in named if name is not None))
 
 
 def load_column_map(path: Path | str) -> ColumnMap:
@@ -129,6 +181,13 @@ def load_column_map(path: Path | str) -> ColumnMap:
         if complaint:
             line = line_of(text, ["channels", name, "unit"])
             raise ConfigurationError(f"{name}: {complaint}", where=f"{path}, line {line}")
+    if loaded.time.in_name and (loaded.time.start or not loaded.time.zone or loaded.time.format == "iso"):
+        raise ConfigurationError(
+            "in_name is for seconds, with a zone and without a start",
+            where=f"{path}, line {line_of(text, ['time', 'in_name'])}",
+        )
+    if loaded.actuator:
+        check_actuators(loaded.actuators)
     return loaded
 
 
@@ -165,6 +224,13 @@ class _Asked:
     map_path: Path | str
     used: set[str] = field(default_factory=set)
 
+    def drop_unreadable(self, time: TimeColumn, start: str | None, columns: ColumnMap) -> dict[str, int]:
+        """Let rows go that cannot be read; how many, by the reason."""
+        given = [name for name in columns.columns_of_numbers if name in self.raw.columns]
+        times = read_times(self.raw, time.column, time.zone, start, time.format == "seconds")
+        self.raw, dropped = readable_rows(self.raw, times, given)
+        return dropped
+
     def numbers(self, name: str, keys: tuple[str, ...]) -> Floats:
         return parse_numbers(self.raw, self.known(name, keys))
 
@@ -187,11 +253,12 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) ->
     Raises :class:`ConfigurationError` naming the map's line for a column that the table has not, and
     :class:`InputError` for cells that are no numbers and rows without a time.
     """
-    asked = _Asked(raw, map_path)
-    time = columns.time
+    asked, time = _Asked(raw, map_path), columns.time
     name = asked.known(time.column, ("time", "column"))
-    index = parse_times(raw, name, time.zone, time.start, seconds=time.format == "seconds")
-    result = TableFile(pd.DataFrame(index=index), columns.trial.as_trial())
+    start = time.start if time.in_name is None else _start_in_name(raw, time)
+    dropped = asked.drop_unreadable(time, start, columns) if columns.unreadable_rows == "drop" else {}
+    index = parse_times(asked.raw, name, time.zone, start, seconds=time.format == "seconds")
+    result = TableFile(pd.DataFrame(index=index), columns.trial.as_trial(), dropped=dropped)
     for name, entry in columns.channels.items():
         if entry.column is None:
             result.table[name] = float(entry.constant or 0.0)
@@ -206,9 +273,41 @@ def apply_column_map(raw: RawTable, columns: ColumnMap, map_path: Path | str) ->
     return result
 
 
+def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
+    """The instant that the seconds count from, by the time that the file's name holds."""
+    form = time.in_name or ""
+    parts = (_IN_NAMES.get(part) or re.escape(part) for part in re.split("(%.)", form))
+    found = re.search("".join(parts), raw.path.name)
+    try:
+        local = pd.Timestamp(datetime.strptime(found[0] if found else "", form)).tz_localize(time.zone)
+    except ValueError as error:
+        raise InputError(
+            f"holds no time like {form} in its name", where=str(raw.path), why=str(error),
+            fix="rename the file, or give `start` in the map's [time]",
+        ) from error  # fmt: skip
+    seconds = pd.to_numeric(raw.columns[time.column], errors="coerce")
+    counted = float(seconds.max() if time.name_tells == "end" else seconds.min())
+    return str(local.tz_convert("UTC") - pd.Timedelta(0 if np.isnan(counted) else round(1e6 * counted), "us"))
+
+
 def _turned_back(name: str, values: Floats) -> Floats:
-    """Angles that a unit, sign or offset took out of their channel's turn come back into it."""
-    return np.where(np.abs(values) <= _MOST_TURNS_DEG, in_turn(name, values), values)
+    """Angles that a unit, sign or offset took out of their channel's turn, or that run on, come back into it."""
+    return np.where((np.abs(values) <= _MOST_TURNS_DEG) | _runs_on(values), in_turn(name, values), values)
+
+
+def _runs_on(values: Floats) -> Bools:
+    """Where angles [deg] that are counted on beyond a turn are measured ones, not sentinels.
+
+    A column is counted on where one of its parts, between steps of half a turn and more, spans over a turn. A
+    sentinel is such a part of no more than two values.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    steps = np.abs(np.diff(values[there])) >= 180.0
+    parts = np.split(there, np.flatnonzero(steps) + 1)
+    result = np.zeros(values.size, np.bool_)
+    if any(np.ptp(values[part]) > 360.0 for part in parts if part.size):
+        result[np.concatenate([part for part in parts if np.unique(values[part]).size > 2])] = True
+    return result
 
 
 def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:

@@ -16,13 +16,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.config.toml_file import line_of, read_text
-from acquisition.config.vessel_file import load_actuators
+from acquisition.config.vessel_file import load_actuators, vessel_names
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.tables import write_table
-from acquisition.tables.column_map import apply_column_map, load_column_map
+from acquisition.tables.column_map import ColumnMap, apply_column_map, load_column_map
 from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
@@ -46,9 +46,11 @@ class ImportSummary:
     assumed: dict[str, float] = field(default_factory=dict)
     missing: tuple[str, ...] = ()
     passed_over: tuple[str, ...] = ()
+    dropped: dict[str, int] = field(default_factory=dict)
 
     def __str__(self) -> str:
         parts = [f"{self.rows:,} rows, {self.samples:,} samples of {len(self.channels)} channels"]
+        parts += [f"{count:,} rows {reason} dropped" for reason, count in self.dropped.items()]
         parts += [
             f"{count} values of {name} out of range, flagged bad" for name, count in self.out_of_range.items()
         ]
@@ -95,6 +97,7 @@ def import_table(
         assumed=file.assumed,
         missing=tuple(name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table),
         passed_over=file.passed_over,
+        dropped=file.dropped,
     )
 
 
@@ -108,7 +111,7 @@ def read_table_file(
     """A CSV, Parquet or .mat file in the contract's columns and units.
 
     Without a map the columns are named as the channels and ``time``. The ship's actuators are those of the file
-    ``vessel``, or as the table says, or as its columns are named (:func:`actuators_in_columns`). Raises
+    ``vessel``, or as the map or the table says, or as the columns are named (:func:`actuators_in_columns`). Raises
     :class:`InputError` for what cannot be read, for columns that are no channels unless ``ignore_unknown``, and
     for a table that lacks one of the ship's channels unless ``allow_missing``; :class:`ConfigurationError` for a
     wrong map or vessel file.
@@ -121,7 +124,7 @@ def read_table_file(
     else:
         columns = load_column_map(map_path)
         file = apply_column_map(raw, columns, map_path)
-        ship = ship or actuators_in_columns([*file.table, *columns.absent])
+        ship = ship or said_by_map(columns) or actuators_in_columns([*file.table, *columns.absent])
         _check_mapped(columns.channels, ship, map_path)
         file = _for_ship(file, ship, raw)
         allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
@@ -132,6 +135,12 @@ def read_table_file(
     if file.table.columns.empty:
         raise InputError("has no column that is a channel", where=str(path), fix="give a map with --columns")
     return file
+
+
+def said_by_map(columns: ColumnMap) -> Actuators:
+    """The actuators that a map lists, or those of the vessel that it names if that is one of Seatrial's; else none."""
+    name = columns.trial.vessel
+    return columns.actuators or (load_actuators(name) if name in vessel_names() else ())
 
 
 def actuators_in_columns(names: Iterable[str]) -> Actuators:
@@ -185,7 +194,7 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
 
 def _for_ship(file: TableFile, ship: Actuators, raw: RawTable) -> TableFile:
     """The table in the order of the ship's channels, its trial with a name and the ship's actuators."""
-    file.trial = replace(file.trial, name=file.trial.name or raw.path.stem, actuators=as_text(ship))
+    file.trial = replace(file.trial, name=file.trial.name or raw.name, actuators=as_text(ship))
     file.table = file.table[[name for name in channel_names(ship) if name in file.table]]
     return file
 

@@ -5,12 +5,15 @@ Rows keep their order and their number. What cannot be read is one :class:`Input
 
 from __future__ import annotations
 
+import bz2
 import csv
+import gzip
 import json
+import lzma
 import warnings
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +21,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 
-SUFFIXES = (".csv", ".parquet", ".mat")
+_OPENERS: dict[str, Callable[[Path], Any]] = {
+    "": lambda path: path.open("rb"),
+    ".gz": gzip.open,
+    ".bz2": bz2.open,
+    ".xz": lzma.open,
+}
+"""How a CSV file is opened, by what comes after ``.csv``."""
 _NANO, _MICRO = 1_000_000_000, 1_000_000
 _DELIMITERS = (",", ";", "\t")
 _PROBE_BYTES = 8192
@@ -37,19 +46,26 @@ class RawTable:
     columns: pd.DataFrame
     trial: Trial = field(default_factory=Trial)
 
+    @property
+    def name(self) -> str:
+        """The file's name without what says its kind."""
+        return self.path.name.removesuffix("".join(_kind_of(self.path)))
+
 
 @dataclass(slots=True)
 class TableFile:
     """A table file in the contract's columns and units.
 
     ``table`` has a UTC index in the file's order; ``sources`` says for each column where it comes from, and
-    ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used.
+    ``assumed`` for a constant of the map; ``passed_over`` are the file's columns that were not used, and
+    ``dropped`` counts the rows that a map let go, by what is wrong with them.
     """
 
     table: pd.DataFrame
     trial: Trial
     sources: dict[str, str] = field(default_factory=dict)
     passed_over: tuple[str, ...] = ()
+    dropped: dict[str, int] = field(default_factory=dict)
 
     @property
     def assumed(self) -> dict[str, float]:
@@ -62,14 +78,18 @@ class TableFile:
 def read_raw(path: Path | str) -> RawTable:
     """The table as it is in the file. Raises :class:`InputError` for anything that is no table with rows."""
     path = Path(path)
-    suffix = path.suffix.lower()
+    suffix, packed = _kind_of(path)
+    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}
     if not path.is_file():
         raise InputError("is no file", where=str(path), fix="check the path")
-    if suffix not in SUFFIXES:
-        raise InputError("is of no kind that can be imported", where=str(path), fix="give .csv, .parquet or .mat")
+    if suffix.lower() not in readers or packed.lower() not in _OPENERS or (packed and suffix.lower() != ".csv"):
+        raise InputError(
+            "is of no kind that can be imported", where=str(path),
+            fix=f"give .csv, also with {', '.join(filter(None, _OPENERS))}, or .parquet or .mat",
+        )  # fmt: skip
     if path.stat().st_size == 0:
         raise InputError("is an empty file", where=str(path), fix="give a table that holds data")
-    reader = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}[suffix]
+    reader = readers[suffix.lower()]
     try:
         raw = reader(path)
     except InputError:
@@ -82,9 +102,16 @@ def read_raw(path: Path | str) -> RawTable:
     return raw
 
 
+def _kind_of(path: Path) -> tuple[str, str]:
+    """What a file's name says of its kind: ``.csv`` and how it is packed, for instance ``.gz``, or nothing."""
+    packed = path.suffix if path.suffix.lower() in _OPENERS else ""
+    return Path(path.name.removesuffix(packed)).suffix, packed
+
+
 def _read_csv(path: Path) -> RawTable:
     """Comma, semicolon or tab between the cells; with semicolons a comma in a number is the decimal point."""
-    with path.open("rb") as stream:
+    unpacked = _OPENERS[_kind_of(path)[1].lower()]
+    with unpacked(path) as stream:
         probe = stream.read(_PROBE_BYTES)
     if b"\0" in probe:
         raise InputError("is no text", where=str(path), why="it holds zero bytes", fix="save it as CSV in UTF-8")
@@ -92,10 +119,10 @@ def _read_csv(path: Path) -> RawTable:
     delimiter = max(_DELIMITERS, key=first.count)
     _refuse_twins([name.strip() for name in next(csv.reader([first], delimiter=delimiter))], path)
     decimal = "," if delimiter == ";" and any("," in line for line in rest) else "."
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), unpacked(path) as stream:
         warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header would be cut
         frame = pd.read_csv(
-            path, sep=delimiter, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig", low_memory=False,
+            stream, sep=delimiter, decimal=decimal, skipinitialspace=True, encoding="utf-8-sig", low_memory=False,
             index_col=False,
         )  # fmt: skip
     frame.columns = pd.Index([str(name).strip() for name in frame.columns])
@@ -190,11 +217,34 @@ def _trial(values: Mapping[str, Any]) -> Trial:
     return Trial.from_metadata(texts)
 
 
+def no_numbers(column: pd.Series[Any]) -> Bools:
+    """Where a column holds something that is no number; an empty cell is none of these."""
+    values = pd.to_numeric(column, errors="coerce")
+    return np.asarray(values.isna().to_numpy() & column.notna().to_numpy())
+
+
+def readable_rows(
+    raw: RawTable, times: pd.DatetimeIndex, numbers: Sequence[str]
+) -> tuple[RawTable, dict[str, int]]:
+    """The rows that have a time and no text where a number belongs, and how many others there are, by the reason.
+
+    ``times`` are as :func:`read_times` gives them. Raises :class:`InputError` where no row is left.
+    """
+    timeless = np.asarray(times.isna())
+    text = np.any([no_numbers(raw.columns[name]) for name in numbers], axis=0) & ~timeless
+    dropped = {"without a time": int(timeless.sum()), "with text for a number": int(text.sum())}
+    kept = raw.columns[~(timeless | text)].reset_index(drop=True)
+    if kept.empty:
+        why = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
+        raise InputError("holds no row that can be read", where=str(raw.path), why=why, fix="check the columns")
+    return replace(raw, columns=kept), {reason: count for reason, count in dropped.items() if count}
+
+
 def parse_numbers(raw: RawTable, name: str) -> Floats:
     """A column as numbers, empty cells as NaN. Raises :class:`InputError` naming the first cell that is none."""
     column = raw.columns[name]
     values = pd.to_numeric(column, errors="coerce")
-    wrong = np.flatnonzero(values.isna().to_numpy() & column.notna().to_numpy())
+    wrong = np.flatnonzero(no_numbers(column))
     if wrong.size:
         raise InputError(
             f"row {wrong[0] + 1} of column {name!r} is no number but {column.iloc[wrong[0]]!r}",
@@ -208,18 +258,11 @@ def parse_numbers(raw: RawTable, name: str) -> Floats:
 def parse_times(
     raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
 ) -> pd.DatetimeIndex:
-    """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or since ``start``.
-
-    Text without a zone is in ``zone``, or an :class:`InputError` where that is None: local time is ambiguous
-    twice a year. Numbers are seconds; ``seconds`` says that nothing else will do. Every row needs a time.
-    """
+    """A column as UTC times in ns, as :func:`read_times`; every row needs one, or it is an :class:`InputError`."""
     column = raw.columns[name]
-    if seconds or pd.api.types.is_numeric_dtype(column):
-        index = _from_seconds(parse_numbers(raw, name), start)
-    elif isinstance(column.dtype, pd.DatetimeTZDtype):
-        index = pd.DatetimeIndex(column)
-    else:
-        index = _from_text(raw, column, zone)
+    if seconds:
+        parse_numbers(raw, name)
+    index = read_times(raw, name, zone, start, seconds)
     empty = np.flatnonzero(index.isna())
     if empty.size:
         given = column.iloc[empty[0]]
@@ -228,6 +271,24 @@ def parse_times(
             f"row {empty[0] + 1} of column {name!r} {what}", where=str(raw.path), why=f"{empty.size} such rows",
             fix="give every row a time like 2026-05-17T12:00:00Z",
         )  # fmt: skip
+    return index
+
+
+def read_times(
+    raw: RawTable, name: str, zone: str | None = None, start: str | None = None, seconds: bool = False
+) -> pd.DatetimeIndex:
+    """A column as UTC times in ns: ISO 8601 text, or seconds since 1970 or ``start``; NaT for what is neither.
+
+    Text without a zone is in ``zone``, or an :class:`InputError` where that is None: local time is ambiguous
+    twice a year. Numbers are seconds; ``seconds`` says that nothing else will do.
+    """
+    column = raw.columns[name]
+    if seconds or pd.api.types.is_numeric_dtype(column):
+        index = _from_seconds(pd.to_numeric(column, errors="coerce").to_numpy(dtype=float), start)
+    elif isinstance(column.dtype, pd.DatetimeTZDtype):
+        index = pd.DatetimeIndex(column)
+    else:
+        index = _from_text(raw, column, zone)
     return index.tz_convert("UTC").as_unit("ns").rename("time")
 
 

@@ -273,3 +273,112 @@ def test_true_wind_undoes_the_ships_own_motion(
     found_deg, found_mps = true_wind(np.array([angle]), np.array([abs(past_ship)]), *motion)
     assert found_mps[0] == pytest.approx(speed_mps, abs=1e-9)
     assert abs(np.exp(1j * np.deg2rad(found_deg[0])) - np.exp(1j * wind)) < 1e-6
+
+
+RUDDER_MAP = """
+unreadable_rows = "drop"
+[[actuator]]
+name = "main"
+kind = "propeller"
+[[actuator]]
+name = "rudder"
+kind = "rudder"
+[time]
+column = "t"
+format = "seconds"
+zone = "Asia/Tokyo"
+in_name = "%d-%b-%Y_%H_%M_%S"
+[channels]
+north_m = { column = "x", unit = "m" }
+east_m = { constant = 0 }
+heading_deg = { column = "psi", unit = "rad" }
+surge_mps = { column = "u" }
+sway_mps = { constant = 0 }
+yaw_rate_dps = { column = "r", unit = "rad/s" }
+wind_direction_deg = { constant = 0 }
+wind_speed_mps = { constant = 0 }
+main_rpm = { column = "n", unit = "rps" }
+rudder_angle_deg = { column = "delta", unit = "rad" }
+"""
+TURNING = pd.DataFrame(
+    {
+        "t": np.arange(0.0, 100.0, 10.0),
+        "x": np.arange(10.0),
+        "psi": np.arange(10.0) * 2.0 - 1.0,
+        "u": 0.5,
+        "r": 0.2,
+        "n": 10.0,
+        "delta": np.pi / 6,
+    }
+)
+
+
+def packed(folder: Path, table: pd.DataFrame, ending: str = ".gz") -> Path:
+    path = folder / f"turn_14-Sep-2020_13_39_32.csv{ending}"
+    table.to_csv(path, index=False)
+    return path
+
+
+@pytest.mark.parametrize("ending", ["", ".gz", ".bz2", ".xz"])
+def test_a_rudder_ships_map_names_her_actuators_and_the_file_its_time(tmp_path: Path, ending: str) -> None:
+    path, columns = packed(tmp_path, TURNING, ending), column_map(tmp_path, RUDDER_MAP)
+    import_table(path, tmp_path / "out.mcap", columns)
+    recording = read_recording(tmp_path / "out.mcap")
+    assert recording.trial.actuators == "main:propeller, rudder:rudder"
+    assert recording.trial.name == "turn_14-Sep-2020_13_39_32"
+    assert recording.series["main_rpm"].value.tolist() == [600.0] * 10
+    assert recording.series["rudder_angle_deg"].value == pytest.approx([30.0] * 10)
+    assert recording.series["yaw_rate_dps"].value == pytest.approx(np.rad2deg([0.2] * 10))
+    times = recording.series["north_m"].measured_ns
+    assert pd.Timestamp(times[0], tz="UTC").isoformat() == "2020-09-14T04:39:32+00:00"
+    last = column_map(tmp_path, RUDDER_MAP.replace("in_name", 'name_tells = "end"\nin_name'))
+    assert read_table_file(path, last).table.index[-1].isoformat() == "2020-09-14T04:39:32+00:00"
+
+
+def test_a_heading_that_runs_on_is_wrapped_and_a_sentinel_is_not(tmp_path: Path) -> None:
+    """17 rad are two turns and more; 9999 rad is no heading, wherever the others run to."""
+    psi = TURNING["psi"].where(TURNING.index != 4, 9999.0)
+    found = read_table_file(packed(tmp_path, TURNING.assign(psi=psi)), column_map(tmp_path, RUDDER_MAP)).table
+    heading = found["heading_deg"].to_numpy()
+    others = np.arange(10) != 4
+    assert heading[others] == pytest.approx(np.rad2deg(psi[others]) % 360.0)
+    assert heading[4] == pytest.approx(np.rad2deg(9999.0))
+
+
+def test_rows_that_cannot_be_read_are_dropped_with_a_count_where_a_map_says_so(tmp_path: Path) -> None:
+    faulty = TURNING.astype(object)
+    faulty.loc[2, "u"] = "#NAME?"
+    faulty.loc[3, "t"] = None
+    faulty.loc[4, ["t", "u"]] = "lost"
+    faulty.loc[5, "u"] = None  # an empty cell is a missing value, and the row stays
+    path = packed(tmp_path, faulty)
+    summary = import_table(path, tmp_path / "out.mcap", column_map(tmp_path, RUDDER_MAP))
+    assert (summary.rows, summary.dropped) == (7, {"without a time": 2, "with text for a number": 1})
+    assert "2 rows without a time dropped; 1 rows with text for a number dropped" in str(summary)
+    series = read_recording(tmp_path / "out.mcap").series
+    assert series["north_m"].value.tolist() == [0.0, 1.0, 5.0, 6.0, 7.0, 8.0, 9.0]
+    assert series["surge_mps"].value.size == 6
+    with pytest.raises(InputError, match="row 5 of column 't' is no number but 'lost'"):
+        read_table_file(path, column_map(tmp_path, RUDDER_MAP.replace('unreadable_rows = "drop"', "")))
+    faulty["t"] = "lost"
+    with pytest.raises(InputError, match="holds no row that can be read: 10 without a time"):
+        read_table_file(packed(tmp_path, faulty), column_map(tmp_path, RUDDER_MAP))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('kind = "rudder"', 'kind = "sail"', "no kind 'sail'"),
+        ("%d-%b", "%d-%Q", "line 13.*no time such as"),
+        ("main_rpm =", "port_rpm =", "port_rpm.*no channel of the ship whose actuators are main, rudder"),
+        ('zone = "Asia/Tokyo"', "", "in_name is for seconds, with a zone"),
+    ],
+)
+def test_a_rudder_ships_wrong_map_says_what_is_wrong(tmp_path: Path, old: str, new: str, says: str) -> None:
+    with pytest.raises(ConfigurationError, match=says):
+        read_table_file(packed(tmp_path, TURNING), column_map(tmp_path, RUDDER_MAP.replace(old, new, 1)))
+
+
+def test_a_file_without_a_time_in_its_name_is_told_so(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no time like %d-%b-%Y_%H_%M_%S in its name"):
+        read_table_file(csv(tmp_path, TURNING), column_map(tmp_path, RUDDER_MAP))

@@ -1,0 +1,71 @@
+"""A second real ship, with one propeller and one rudder: the recordings of the 3 m model of Esso Osaka."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.core.angles import difference
+from acquisition.tables.import_table import import_table
+
+COLUMNS = Path(__file__).parents[2] / "trials" / "columns" / "esso_osaka.toml"
+TRIALS = [
+    *(f"berthing/berthing_12-Nov-2020_{time}" for time in ("11_07_23", "11_14_47")),
+    *(f"random/random_31-Jul-2020_{time}" for time in ("12_29_58", "12_48_39", "14_52_18")),
+    *(f"turning/turn_14-Sep-2020_{time}" for time in ("13_39_32", "13_51_45", "14_16_04", "14_50_41")),
+    *(f"zigzag/zigzag_31-Jul-2020_{time}" for time in ("13_04_24", "13_14_21", "13_22_52", "13_29_19")),
+]
+
+
+@pytest.fixture(scope="session")
+def esso_osaka(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Path]]:
+    """The published table of each trial and the recording that is made of it."""
+    folder = tmp_path_factory.mktemp("esso_osaka")
+    tables = {name: shared_data / "esso_osaka" / f"{name}.csv.gz" for name in TRIALS}
+    if not all(path.is_file() for path in tables.values()):
+        pytest.skip(f"no recordings of Esso Osaka in {shared_data}")
+    return {name: (path, folder / f"{Path(name).name}.mcap") for name, path in tables.items()}
+
+
+@pytest.mark.parametrize("name", TRIALS)
+def test_every_table_becomes_a_recording_with_its_own_numbers(
+    esso_osaka: dict[str, tuple[Path, Path]], name: str
+) -> None:
+    from acquisition.recording.reader import read_recording
+
+    table, output = esso_osaka[name]
+    summary = import_table(table, output, COLUMNS)
+    recording, source = read_recording(output), pd.read_csv(table)
+    assert (summary.rows, summary.missing, summary.passed_over) == (len(source), (), ())
+    assert (summary.out_of_range, summary.times_backwards) == ({}, 0)
+    assert recording.trial.actuators == "propeller:propeller, rudder:rudder"
+    for row in np.linspace(0, len(source) - 1, 5).astype(int):
+        cells = source.iloc[row]
+        value = {name: float(series.value[row]) for name, series in recording.series.items()}
+        assert value["north_m"] == cells["x_position_mid [m]"]
+        assert value["propeller_rpm"] == pytest.approx(60.0 * cells["n_prop [rps]"])
+        assert value["rudder_angle_deg"] == pytest.approx(np.rad2deg(cells["delta_rudder [rad]"]))
+        for angle, of in {
+            "heading_deg": "psi_hat [rad]", "wind_direction_deg": "wind_dir_true [rad]",
+            "apparent_wind_angle_deg": "wind_dir_relative_mid [rad]",
+        }.items():  # fmt: skip
+            assert 0.0 <= value[angle] < 360.0
+            assert float(difference(value[angle], np.rad2deg(cells[of]))) == pytest.approx(0.0, abs=1e-9)
+    measured = recording.series["north_m"].measured_ns
+    assert np.ptp(measured) == pytest.approx(1e9 * np.ptp(source["t [s]"]))
+    ends = pd.to_datetime(name.split("_", 1)[1], format="%d-%b-%Y_%H_%M_%S").tz_localize("Asia/Tokyo")
+    assert pd.Timestamp(measured[-1], tz="UTC") == ends
+
+
+def test_no_two_trials_of_a_day_overlap(esso_osaka: dict[str, tuple[Path, Path]]) -> None:
+    """What says that the time in a file's name is that of its last row."""
+    days = defaultdict(list)
+    for name, (table, _) in esso_osaka.items():
+        ends = pd.to_datetime(name.split("_", 1)[1], format="%d-%b-%Y_%H_%M_%S")
+        days[ends.date()].append((ends - pd.Timedelta(seconds=float(pd.read_csv(table)["t [s]"].max())), ends))
+    for spans in days.values():
+        assert all(one[1] <= other[0] for one, other in zip(sorted(spans), sorted(spans)[1:], strict=False))
