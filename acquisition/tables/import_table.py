@@ -138,7 +138,7 @@ def read_table_file(
 
 
 def said_by_map(columns: ColumnMap) -> Actuators:
-    """The actuators that a map lists, or those of the vessel that it names if that is one of Seatrial's; else none."""
+    """The actuators that a map lists, or those of the vessel of Seatrial's that it names; else none."""
     name = columns.trial.vessel
     return columns.actuators or (load_actuators(name) if name in vessel_names() else ())
 
