@@ -116,7 +116,12 @@ def windows(
     horizon: Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")] = 15,
     stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
     keep_moving: Annotated[
-        bool, typer.Option("--keep-moving", help="Keep windows in which a thruster moved, marked in `held`.")
+        bool,
+        typer.Option(
+            "--any",
+            "--keep-moving",
+            help="Every window that has data, whatever the controls do; `held` marks those in which they are held.",
+        ),
     ] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")] = False,
     remove_delays: Annotated[

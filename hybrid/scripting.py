@@ -88,20 +88,27 @@ def prepare(
 
 
 def windows(
-    data: Paths | pd.DataFrame, horizon_s: int = HORIZON_S, stride_s: int = 5, *, repair: bool = False
+    data: Paths | pd.DataFrame,
+    horizon_s: int = HORIZON_S,
+    stride_s: int = 5,
+    *,
+    any_commands: bool = False,
+    repair: bool = False,
 ) -> HeldWindows:
-    """The stretches of ``horizon_s`` in which the actuators were held: of recordings, or of a table at 1 Hz."""
+    """The stretches of ``horizon_s`` in which the actuators were held: of recordings, or of a table at 1 Hz.
+
+    With ``any_commands`` all stretches that have data, whatever the actuators do; ``held`` tells them apart.
+    """
     import pandas as pd
 
     from analysis.windows.held import held_windows
     from analysis.windows.recordings import WindowOptions, windows_of_recordings
 
     if isinstance(data, pd.DataFrame):
-        return held_windows(data, horizon_s, stride_s)
+        return held_windows(data, horizon_s, stride_s, keep_moving=any_commands)
     with bar("reading") as progress:
-        return windows_of_recordings(
-            as_paths(data), WindowOptions(horizon_s, stride_s, repair=repair, starts=False), progress
-        )
+        how = WindowOptions(horizon_s, stride_s, any_commands, repair=repair, starts=False)
+        return windows_of_recordings(as_paths(data), how, progress)
 
 
 def manoeuvres(recording: str | Path, length_m: float | None = None) -> pd.DataFrame:
@@ -189,13 +196,15 @@ def train(
     *,
     stride_s: int = 5,
     part: str = "0..100",
+    any_commands: bool = False,
     repair: bool = False,
     rebuild_positions: bool = False,
     seed: int = 0,
 ) -> TrainedCalibrator:
-    """A calibrator on the model of ``vessel``, trained on held windows of recordings.
+    """A calibrator on the model of ``vessel``, trained on held windows of recordings; with ``any_commands`` on all
+    windows, under the commands as they were recorded.
 
-    Raises :class:`DataShortageError` where no window is held, :class:`ConfigurationError` for an unknown method.
+    Raises :class:`DataShortageError` where there is no window, :class:`ConfigurationError` for an unknown method.
     """
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.train import train as train_calibrator
@@ -205,7 +214,7 @@ def train(
     refuse_unknown(method)
     name = locate_vessel(str(vessel or DEFAULT))
     plant = vessel_plant(load_vessel(name))
-    dataset = _dataset(recordings, horizon_s, stride_s, part, repair, rebuild_positions, shorter=True)
+    dataset = _dataset(recordings, horizon_s, stride_s, part, any_commands, repair, rebuild_positions, shorter=True)
     with bar("training") as progress:
         return train_calibrator(dataset, name, plant, method, seed, progress)
 
@@ -218,11 +227,13 @@ def validate(
     *,
     stride_s: int = 5,
     part: str = "0..100",
+    any_commands: bool = False,
     repair: bool = False,
     rebuild_positions: bool = False,
     allow_seen: bool = False,
 ) -> Validation:
-    """Every baseline, and the calibrator if one is given, judged on the held windows of recordings.
+    """Every baseline, and the calibrator if one is given, judged on the held windows of recordings; with
+    ``any_commands`` on all windows, under the commands as they were recorded.
 
     Recordings that the calibrator was trained on are refused with :class:`InputError` unless ``allow_seen``.
     """
@@ -230,7 +241,7 @@ def validate(
     from hybrid.evaluation.validate import validate as validate_dataset
 
     trained, plant, seconds = _model(calibrator, vessel, horizon_s)
-    dataset = _dataset(recordings, seconds, stride_s, part, repair, rebuild_positions)
+    dataset = _dataset(recordings, seconds, stride_s, part, any_commands, repair, rebuild_positions)
     if trained is not None and not allow_seen:
         refuse_training_data(dataset.sources, trained)
     return validate_dataset(dataset, plant, trained)
@@ -245,6 +256,7 @@ def evaluate(
     methods: Sequence[str] = (),
     draws: int = 5,
     stride_s: int = 5,
+    any_commands: bool = False,
     repair: bool = False,
     rebuild_positions: bool = False,
     seed: int = 0,
@@ -252,7 +264,8 @@ def evaluate(
     """What each method is worth on recordings like these: fitted on one part of them and judged on the other.
 
     ``splits`` are ``leg``, ``time``, ``recording``, ``random`` (without any: leg and time, and recording where
-    there are several); ``methods`` are kinds of calibrators (without any: all).
+    there are several); ``methods`` are kinds of calibrators (without any: all). With ``any_commands`` on all
+    windows that have data, under the commands as they were recorded; otherwise on held ones.
     """
     from hybrid.calibrators import METHODS, refuse_unknown
     from hybrid.effects.catalogue import vessel_plant
@@ -269,7 +282,9 @@ def evaluate(
     for each in names:
         refuse_unknown(each)
     plant = vessel_plant(load_vessel(vessel or DEFAULT))
-    dataset = _dataset(recordings, horizon_s, stride_s, "0..100", repair, rebuild_positions, shorter=True)
+    dataset = _dataset(
+        recordings, horizon_s, stride_s, "0..100", any_commands, repair, rebuild_positions, shorter=True
+    )
     with bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
     return evaluation_of(judged, plant.length_overall_m, seed)
@@ -411,6 +426,7 @@ def _dataset(
     horizon_s: int,
     stride_s: int,
     part: str,
+    any_commands: bool,
     repair: bool,
     rebuild_positions: bool,
     *,
@@ -422,5 +438,5 @@ def _dataset(
     with bar("reading") as progress:
         return load_dataset(
             as_paths(recordings), horizon_s, stride_s, percent_of(part), progress, shorter=shorter,
-            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+            any_commands=any_commands, repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip

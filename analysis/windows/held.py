@@ -261,11 +261,12 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
     if windows.kept:
         return windows
     reasons = ", ".join(f"{times} {reason}" for reason, times in windows.dropped.items())
+    sort, fix = ("whole", "longer") if "held" in windows.rows else ("held", "held")
     raise DataShortageError(
-        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a held window",
+        f"none of {windows.candidates} candidates of {windows.horizon_s} s is a {sort} window",
         where=where,
         why=reasons or "shorter than the horizon",
-        fix="lower --horizon, or give recordings with held stretches",
+        fix=f"lower --horizon, or give recordings with {fix} stretches",
     )
 
 

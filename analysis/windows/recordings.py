@@ -64,12 +64,17 @@ def tables_of_recordings(
     return tables
 
 
-def windows_of_tables(tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, stride_s: int = 5) -> HeldWindows:
-    """The held windows of 1 Hz tables by trial, joined.
+def windows_of_tables(
+    tables: Mapping[str, pd.DataFrame], horizon_s: int = 15, stride_s: int = 5, *, keep_moving: bool = False
+) -> HeldWindows:
+    """The held windows of 1 Hz tables by trial, joined; with ``keep_moving`` all windows that have data.
 
-    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them.
+    Raises :class:`DataShortageError` with the counts by reason when there is none in any of them.
     """
-    parts = [held_windows(table, horizon_s, stride_s, trial=trial) for trial, table in tables.items()]
+    parts = [
+        held_windows(table, horizon_s, stride_s, trial=trial, keep_moving=keep_moving)
+        for trial, table in tables.items()
+    ]
     return require_windows(join_windows(parts), ", ".join(tables))
 
 

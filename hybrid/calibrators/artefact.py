@@ -94,7 +94,10 @@ class StoredFallback:
 
 @dataclass(frozen=True, slots=True)
 class Sidecar:
-    """Everything about an artefact but the weights; ``files`` has their hashes."""
+    """Everything about an artefact but the weights; ``files`` has their hashes.
+
+    ``any_commands`` is written where it is so: a calibrator of held controls does not know the word.
+    """
 
     format: int
     trained_at: datetime
@@ -110,6 +113,7 @@ class Sidecar:
     reserve: StoredFallback
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
+    any_commands: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,8 +256,14 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
     contents = {_file(name): safetensors.torch.save(each) for name, each in tensors.items()}
     sidecar = _sidecar(trained, tensors, {name: _digest(each) for name, each in contents.items()})
     make_folder(folder)
-    _write_together(folder, contents | {SIDECAR: _SIDECAR.dump_json(sidecar, indent=2) + b"\n"})
+    _write_together(
+        folder, contents | {SIDECAR: _SIDECAR.dump_json(sidecar, indent=2, exclude=_left_out(sidecar)) + b"\n"}
+    )
     return folder / SIDECAR
+
+
+def _left_out(sidecar: Sidecar) -> set[str]:
+    return set() if sidecar.any_commands else {"any_commands"}
 
 
 def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
@@ -289,6 +299,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         reserve=_stored_fallback(trained.fallback),
         data=trained.sources,
         metrics=trained.metrics,
+        any_commands=trained.calibrator.any_commands,
     )
 
 
@@ -297,8 +308,8 @@ def load(folder: Path) -> TrainedCalibrator:
     sidecar, plant = read_sidecar(folder)
     tensors = {name: _tensors(folder / _file(name), sidecar.files) for name in PARTS}
     return TrainedCalibrator(
-        calibrator=_restored(sidecar.calibrator, plant, tensors["calibrator"], folder),
-        data_driven=_restored(sidecar.data_driven, plant, tensors["data_driven"], folder),
+        calibrator=_restored(sidecar, "calibrator", plant, tensors, folder),
+        data_driven=_restored(sidecar, "data_driven", plant, tensors, folder),
         horizon_s=sidecar.horizon_s,
         vessel=sidecar.vessel.name,
         plant=plant,
@@ -323,9 +334,12 @@ def _fallback_from(stored: StoredFallback) -> Fallback:
     return Fallback(training_m, hindcast_m, np.array(stored.band))
 
 
-def _restored(model: Model, plant: Plant, tensors: Tensors, folder: Path) -> Calibrator:
-    """The calibrator that ``model`` describes, with its weights, if one goes with the other."""
+def _restored(sidecar: Sidecar, part: str, plant: Plant, every: dict[str, Tensors], folder: Path) -> Calibrator:
+    """The calibrator that a ``part`` of the sidecar describes, with its weights, if one goes with the other."""
+    model: Model = getattr(sidecar, part)
+    tensors = every[part]
     calibrator = make_calibrator(model.method, model.seed, plant)
+    calibrator.any_commands = sidecar.any_commands
     names = tuple(each.name for each in model.inputs)
     if calibrator.inputs != names:
         differing = sorted(set(calibrator.inputs) ^ set(names))

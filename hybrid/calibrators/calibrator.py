@@ -59,7 +59,8 @@ class Calibrator(ABC):
     """A learned map from what is known of a window at its start, and the reference's track, to the ship's track.
 
     Fitted values end in an underscore, as in scikit-learn. ``plant`` is the reference model, for calibrators
-    that adapt it; ``actuators`` are the ship's, those of ``plant`` or of the windows it was fitted to.
+    that adapt it; ``actuators`` are the ship's, those of ``plant`` or of the windows it was fitted to;
+    ``any_commands`` says that it takes windows with any commands, as those it was fitted to.
     """
 
     method: ClassVar[str]
@@ -68,6 +69,7 @@ class Calibrator(ABC):
     def __init__(self, seed: int = 0, plant: Plant | None = None) -> None:
         self.seed, self.plant = seed, plant
         self.actuators: Actuators = plant.layout if plant else DEFAULT
+        self.any_commands = False
 
     @property
     def inputs(self) -> tuple[str, ...]:

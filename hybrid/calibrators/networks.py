@@ -5,6 +5,10 @@ and second, angles as points on the unit circle, and out comes the displacement 
 Li et al. 2021) has the reference's displacement among its inputs and learns the ship's own; ``data_driven`` has no
 model at all; ``additive``, which the paper argues against, learns what the reference's displacement lacks.
 
+Where the commands may be any, each second's row has two means of every control up to then: the plain one, as what a
+force that goes with it adds to the speed, and one that counts each second by the time that is left, as what that
+speed adds to the distance. Held controls are both of their means.
+
 They are trained by least squares, Levenberg's and Marquardt's steps, stopped early. A step needs the derivative of
 every output with respect to every weight, which the few hundred weights of these networks allow. A few dozen steps
 come further than a thousand epochs of Adam, and in a fraction of the time. Each step sees rows drawn anew, so that
@@ -192,16 +196,48 @@ REFERENCE_INPUTS = ("reference_north_m", "reference_east_m")
 
 def start_labels(actuators: Actuators) -> tuple[str, ...]:
     """The names of the columns of :func:`start_inputs`, for a ship with these actuators."""
+    return (
+        "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
+        "wind_direction_sin", "wind_direction_cos", "wind_speed_mps", *_control_names(actuators), "second",
+    )  # fmt: skip
+
+
+def _means_until_now(values: Floats) -> Floats:
+    """Means of series [N, H, C] from their first second to each second, plain, and by the time left: [N, H, 2C]."""
+    second = np.arange(1.0, values.shape[1] + 1)[:, None]
+    total = np.cumsum(values, axis=1)
+    return np.concatenate([total / second, np.cumsum(total, axis=1) / (0.5 * second * (second + 1.0))], axis=-1)
+
+
+def command_labels(actuators: Actuators) -> tuple[str, ...]:
+    """The names of the columns of :func:`command_inputs`."""
+    names = _control_names(actuators)
+    return tuple(f"{kind}_{name}" for kind in ("mean", "early") for name in names)
+
+
+def command_inputs(windows: PredictionWindows) -> Floats:
+    """The commands until each second [N, H, columns], columns as :func:`command_labels`."""
+    columns = _controls(windows.acting, angle_columns(windows.actuators))
+    return _means_until_now(np.stack(columns, axis=-1))
+
+
+def _controls(values: Floats, angles: list[int]) -> list[Floats]:
+    """Controls [..., controls] one by one, an angle as its sine and cosine."""
+    return [
+        part
+        for column, each in enumerate(np.moveaxis(values, -1, 0))
+        for part in ((np.sin(each), np.cos(each)) if column in angles else (each,))
+    ]
+
+
+def _control_names(actuators: Actuators) -> list[str]:
+    """The names of :func:`_controls`."""
     angles = angle_columns(actuators)
-    controls = [
+    return [
         part
         for column, name in enumerate(control_labels(actuators))
         for part in ((f"{name}_sin", f"{name}_cos") if column in angles else (name,))
     ]
-    return (
-        "heading_sin", "heading_cos", "surge_mps", "sway_mps", "yaw_rate_radps",
-        "wind_direction_sin", "wind_direction_cos", "wind_speed_mps", *controls, "second",
-    )  # fmt: skip
 
 
 def start_inputs(windows: PredictionWindows) -> Floats:
@@ -210,12 +246,7 @@ def start_inputs(windows: PredictionWindows) -> Floats:
     Positions are left out: the displacement from the start does not depend on where the ship is.
     """
     heading, (direction, speed) = windows.start[:, HEADING], windows.wind.T
-    angles = angle_columns(windows.actuators)
-    controls = [
-        part
-        for column, values in enumerate(windows.control.T)
-        for part in ((np.sin(values), np.cos(values)) if column in angles else (values,))
-    ]
+    controls = _controls(windows.control, angle_columns(windows.actuators))
     start = np.column_stack(
         [
             np.sin(heading), np.cos(heading), windows.start[:, SURGE:],
@@ -288,12 +319,23 @@ class NetworkCalibrator(Calibrator):
 
     @abstractmethod
     def features(self, windows: PredictionWindows, reference: Floats) -> Floats:
+        """The network's inputs [N, H, C], columns as ``inputs`` without those of commands."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The names of what goes in, for the ship at hand."""
+        commands = command_labels(self.actuators) if self.any_commands else ()
+        return (*super().inputs, *commands)
+
+    def _inputs(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The network's inputs [N, H, C], columns as ``inputs``."""
+        features = self.features(windows, reference)
+        return np.concatenate([features, command_inputs(windows)], axis=-1) if self.any_commands else features
 
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Train on windows and their reference tracks; ``stopping`` are windows of other legs."""
         torch.manual_seed(self.seed)
-        self.actuators = training[0].actuators
+        self.actuators, self.any_commands = training[0].actuators, training[0].commands is not None
         inputs, targets = self._rows(*training)
         self.input_scaling_, self.output_scaling_ = Standardisation.of(inputs), Standardisation.of(targets)
         self.input_range_ = torch.stack([inputs.amin(dim=0), inputs.amax(dim=0)])
@@ -313,7 +355,7 @@ class NetworkCalibrator(Calibrator):
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         """The predicted track [N, H+1, 3]; the heading is that of :meth:`heading`, which is not learned."""
-        features = torch.from_numpy(self.features(windows, reference))
+        features = torch.from_numpy(self._inputs(windows, reference))
         with torch.no_grad():
             learned = self.output_scaling_.unscaled(self.network_(self.input_scaling_.scaled(features))).numpy()
         moved = self.base(windows, reference) + learned
@@ -324,7 +366,7 @@ class NetworkCalibrator(Calibrator):
         """The network's inputs at every second, and the range of each in the training."""
         low, high = self.input_range_.numpy()
         return DomainOfApplicability(
-            self.inputs, self.features(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
+            self.inputs, self._inputs(windows, reference), low, high, DOMAIN_MARGIN * (high - low) + 1e-6
         )
 
     def base(self, windows: PredictionWindows, reference: Floats) -> Floats:
@@ -361,7 +403,7 @@ class NetworkCalibrator(Calibrator):
 
     def _rows(self, windows: PredictionWindows, reference: Floats) -> tuple[Tensor, Tensor]:
         """Inputs and targets [rows, C], [rows, 2] of the seconds whose position was measured."""
-        features = self.features(windows, reference)
+        features = self._inputs(windows, reference)
         targets = displacement(windows.track, windows.start) - self.base(windows, reference)
         measured = np.isfinite(targets).all(axis=-1)
         return torch.from_numpy(features[measured]), torch.from_numpy(targets[measured])

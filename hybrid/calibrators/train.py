@@ -20,7 +20,7 @@ from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_w
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, draw_legs
+from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_to_judge
 from hybrid.prediction.scores import score
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.fingerprint import plant_hash
@@ -72,6 +72,14 @@ class TrainedCalibrator(Result):
         """
         return predict_with_fallback(self.calibrator, self.plant, self.band_m, self.fallback, windows, reference)
 
+    def refuse_commands(self, windows: PredictionWindows) -> None:
+        """Raise :class:`InputError` for windows with any commands when it was trained on held ones."""
+        if windows.commands is not None and not self.calibrator.any_commands:
+            raise InputError(
+                "the calibrator was trained on held controls and cannot take any commands",
+                fix="leave --any out, or train anew with --any",
+            )
+
     def refuse_horizon(self, horizon_s: int) -> None:
         """Raise :class:`InputError` when it was trained for another horizon."""
         if self.horizon_s != horizon_s:
@@ -105,12 +113,13 @@ def train(
 ) -> TrainedCalibrator:
     """Train a calibrator of ``method`` and the network without a model on a data set.
 
-    A share :data:`HELD_OUT_SHARE` of the legs is kept out for early stopping and for the radii of the regions.
+    A share :data:`HELD_OUT_SHARE` of the legs, or of the recordings where the commands may be any, is kept out for
+    early stopping and for the radii of the regions.
     Raises :class:`DataShortageError` without windows in the range of the model, or with one leg only.
     """
     windows, tracks = within_model_range(dataset.windows, plant)
-    held_out = draw_legs(windows, HELD_OUT_SHARE, seed)
-    fitting = ~held_out
+    held_out = draw_to_judge(windows, HELD_OUT_SHARE, seed)
+    fitting = clear_of(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])
     calibrator = make_calibrator(method, seed, plant).fit(training, stopping, part_of(progress, 0, 2))

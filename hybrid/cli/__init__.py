@@ -23,6 +23,10 @@ SeaStateOption = Annotated[str, typer.Option(help="A sea state of trials/sea_sta
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
 PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
 StrideOption = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]
+AnyOption = Annotated[
+    bool,
+    typer.Option("--any", help="All windows that have data, under their recorded commands; not held ones only."),
+]
 RepairOption = Annotated[bool, typer.Option("--repair", help="Put right before what is certainly wrong.")]
 EffectsOption = Annotated[
     list[Path] | None, typer.Option("--effects", help="A Python file with effects of your own.")

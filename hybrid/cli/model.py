@@ -14,6 +14,7 @@ from acquisition.cli import AsJson
 from acquisition.core.process import stop_on_signals
 from analysis.cli import RebuildPositions
 from hybrid.cli import (
+    AnyOption,
     CalibratorOption,
     PartOption,
     Recordings,
@@ -38,12 +39,13 @@ def train(
     stride: StrideOption = 5,
     method: Annotated[str, typer.Option(help="adaptive, paper, additive or data_driven.")] = "adaptive",
     part: PartOption = "0..100",
+    any_commands: AnyOption = False,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     seed: Annotated[int, typer.Option(min=0, help="The same seed gives the same calibrator.")] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Train a calibrator on held windows."""
+    """Train a calibrator on held windows, or on all."""
     from analysis.tables.files import make_folder
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.artefact import save
@@ -54,7 +56,7 @@ def train(
     load_vessel(vessel or DEFAULT)
     make_folder(output)  # before hours of work
     trained = run(
-        files, vessel, method, horizon, stride_s=stride, part=part,
+        files, vessel, method, horizon, stride_s=stride, part=part, any_commands=any_commands,
         repair=repair, rebuild_positions=rebuild_positions, seed=seed,
     )  # fmt: skip
     path = save(trained, output)
@@ -77,6 +79,7 @@ def validate(
     ] = None,
     stride: StrideOption = 5,
     part: PartOption = "0..100",
+    any_commands: AnyOption = False,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
@@ -89,7 +92,7 @@ def validate(
 
     trained = load(calibrator) if calibrator else None
     validation = run(
-        files, trained, vessel, horizon, stride_s=stride, part=part,
+        files, trained, vessel, horizon, stride_s=stride, part=part, any_commands=any_commands,
         repair=repair, rebuild_positions=rebuild_positions, allow_seen=allow_seen,
     )  # fmt: skip
     typer.echo(f"reference: the model {trained.vessel if trained else vessel or DEFAULT}", err=True)
@@ -112,6 +115,7 @@ def evaluate(
     ] = None,
     draws: Annotated[int, typer.Option(min=1, help="How often legs, or windows, are drawn at random.")] = 5,
     stride: StrideOption = 5,
+    any_commands: AnyOption = False,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     output: Annotated[
@@ -129,12 +133,13 @@ def evaluate(
         make_folder(output)
     evaluation = run(
         files, vessel, horizon, splits=split or (), methods=method or (), draws=draws, stride_s=stride,
-        repair=repair, rebuild_positions=rebuild_positions, seed=seed,
+        any_commands=any_commands, repair=repair, rebuild_positions=rebuild_positions, seed=seed,
     )  # fmt: skip
     about = {
         "files": [str(each) for each in files],
         "vessel": vessel or DEFAULT,
         "stride_s": stride,
+        **({"any_commands": True} if any_commands else {}),
         "repair": repair or rebuild_positions,
         "rebuild_positions": rebuild_positions,
         "seed": seed,

@@ -1,7 +1,9 @@
 """How windows are parted: into those that a method learns from and those that it is judged on, and into classes.
 
 ``leg`` keeps whole legs back, drawn at random; ``time`` keeps the end of every recording back, ``recording`` one
-recording after the other. In these no second of a window that is judged was ever fitted. ``random`` draws windows
+recording after the other. In these no second of a window that is judged was ever fitted: where commands
+may be any and legs follow each other without an end, windows that share a second with one on the other side are
+left out of the fit. ``random`` draws windows
 one by one, as is often published: windows overlap, so most seconds that are judged were fitted too. It stands
 beside the others to show how much that flatters.
 
@@ -20,7 +22,14 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import ConfigurationError, DataShortageError
 from hybrid.calibrators.train import HELD_OUT_SHARE
-from hybrid.prediction.prediction_windows import WIND, PredictionWindows, draw_legs, in_ship_axes
+from hybrid.prediction.prediction_windows import (
+    WIND,
+    PredictionWindows,
+    clear_of,
+    draw_legs,
+    draw_to_judge,
+    in_ship_axes,
+)
 
 TEST_SHARE = 0.3
 """The share of the windows, or of a recording's time, that is kept back to judge by."""
@@ -58,7 +67,10 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
 def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
     parts = [draw_legs(windows, TEST_SHARE, seed + draw) for draw in range(draws)]
-    return [with_stopping(windows, ~unseen, unseen, seed + draw) for draw, unseen in enumerate(parts)]
+    return [
+        with_stopping(windows, clear_of(windows, ~unseen, unseen), unseen, seed + draw)
+        for draw, unseen in enumerate(parts)
+    ]
 
 
 def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
@@ -71,7 +83,7 @@ def by_time(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
         known |= mine & (last < border)
         unseen |= mine & (first > border)
     if not known.any() or not unseen.any():
-        raise DataShortageError("no held window on one side of 70 % of the time", fix="give longer recordings")
+        raise DataShortageError("no window on one side of 70 % of the time", fix="give longer recordings")
     return [with_stopping(windows, known, unseen, seed)]
 
 
@@ -120,10 +132,10 @@ def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
 
 
 def with_stopping(windows: PredictionWindows, known: Bools, unseen: Bools, seed: int) -> Draw:
-    """The draw in which whole legs of what is known are left out of the fit, to stop by."""
+    """The draw in which whole legs of what is known, or recordings, are left out of the fit, to stop by."""
     stopping = np.zeros(len(windows), dtype=bool)
-    stopping[known] = draw_legs(windows.subset(known), HELD_OUT_SHARE, seed)
-    return Draw(known & ~stopping, stopping, unseen & windows.whole)
+    stopping[known] = draw_to_judge(windows.subset(known), HELD_OUT_SHARE, seed)
+    return Draw(clear_of(windows, known & ~stopping, stopping), stopping, unseen & windows.whole)
 
 
 GRAVITY_MPS2 = 9.81

@@ -87,10 +87,12 @@ def refuse_training_data(sources: tuple[Source, ...], trained: TrainedCalibrator
 def validate(dataset: Dataset, plant: Plant, trained: TrainedCalibrator | None = None) -> Validation:
     """Score every baseline, and the calibrator if there is one, on the windows of ``dataset``.
 
-    Raises :class:`InputError` when the calibrator was trained for another horizon.
+    Raises :class:`InputError` when the calibrator was trained for another horizon, or on held controls and the
+    windows have any commands.
     """
     if trained is not None:
         trained.refuse_horizon(dataset.windows.horizon_s)
+        trained.refuse_commands(dataset.windows)
     windows, reference_tracks = within_model_range(dataset.windows, plant)
     tracks = {"constant_velocity": constant_velocity(windows), "reference": reference_tracks}
     hybrid = None

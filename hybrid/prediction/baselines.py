@@ -54,14 +54,14 @@ def present_motion_held(states: Floats, horizon_s: int) -> Floats:
 
 
 def reference(windows: PredictionWindows, plant: Plant) -> Floats:
-    """The simulation model from the measured start, thrusters and wind held as they are at second 0.
+    """The simulation model from the measured start, under the windows' commands or with the thrusters held as they
+    are at second 0; the wind is held.
 
     Windows in which the model leaves its range are NaN from there on. Raises :class:`InputError` for windows of a
     ship with other actuators.
     """
     check_ship(windows.actuators, plant)
-    held = np.repeat(windows.control[:, None, :], windows.horizon_s, axis=1)
-    return simulate_tracks(plant, windows.start, held, windows.wind)
+    return simulate_tracks(plant, windows.start, windows.acting, windows.wind)
 
 
 def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
@@ -167,8 +167,8 @@ def average_tracks(weight: Floats, tracks: Floats) -> Floats:
 
 def _baselines(windows: PredictionWindows, reference: Floats, plant: Plant) -> tuple[Floats, Floats]:
     """The tracks [2, N, H+1, 3] of the :data:`BASELINES`, and the errors [2, N] of their hindcasts in metres."""
-    before, control = hindcast_windows(windows, HINDCAST_S)
-    model = simulate_tracks(plant, before.start, control, before.wind)
+    before = hindcast_windows(windows, HINDCAST_S)
+    model = simulate_tracks(plant, before.start, before.acting, before.wind)
     hindcast_m = [mean_distances(each, before.track) for each in (model, constant_velocity(before))]
     return np.stack([reference, constant_velocity(windows)]), np.stack(hindcast_m)
 

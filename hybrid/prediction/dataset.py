@@ -1,4 +1,4 @@
-"""The data set of training and validation: the held windows of recordings as arrays, and where they come from."""
+"""The data set of training and validation: the windows of recordings as arrays, and where they come from."""
 
 from __future__ import annotations
 
@@ -24,6 +24,9 @@ from hybrid.vessel.plant import Plant
 
 SHORTEST_S = 8
 """Thrusters held for less teach nothing about a prediction but its start."""
+
+LEG_HORIZONS = 4
+"""Where the commands may be any, windows follow each other without an end: a leg is so many horizons of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,22 +68,26 @@ def load_dataset(
     repair: bool = False,
     rebuild_positions: bool = False,
     shorter: bool = False,
+    any_commands: bool = False,
 ) -> Dataset:
-    """The held windows of recordings, or of ``part`` of each one's time in percent.
+    """The held windows of recordings, or of ``part`` of each one's time in percent; with ``any_commands`` all
+    windows that have data, with the commands as they were recorded.
 
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
     With ``shorter`` windows that are held for half the horizon only come behind the whole ones, NaN after that: a
-    calibrator learns from them, nothing is judged on them.
+    calibrator learns from them, nothing is judged on them. Where the commands may be any there is no need of them.
 
-    Raises :class:`DataShortageError` with the counts by reason when no window is held in any of them, and
+    Raises :class:`DataShortageError` with the counts by reason when there is no window in any of them, and
     :class:`InputError` when one recording is given twice: its legs would be on both sides of every split.
     """
     hashes = refuse_duplicates(paths)
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
-    held = windows_of_tables(tables, horizon_s, stride_s)
+    held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
     smooth = {trial: smooth_motion(table) for trial, table in tables.items()}
-    windows = _as_arrays(held, tables, smooth)
-    if shorter and horizon_s // 2 >= SHORTEST_S:
+    windows = _as_arrays(held, tables, smooth, any_commands=any_commands)
+    if any_commands:
+        windows = replace(windows, leg=_shorter_legs(windows))
+    elif shorter and horizon_s // 2 >= SHORTEST_S:
         short = windows_of_tables(tables, horizon_s // 2, stride_s)
         windows = _with_shorter(windows, _as_arrays(short, tables, smooth))
     sources = tuple(
@@ -91,11 +98,26 @@ def load_dataset(
 
 
 def _as_arrays(
-    held: HeldWindows, tables: Mapping[str, pd.DataFrame], smooth: Mapping[str, pd.DataFrame]
+    held: HeldWindows,
+    tables: Mapping[str, pd.DataFrame],
+    smooth: Mapping[str, pd.DataFrame],
+    *,
+    any_commands: bool = False,
 ) -> PredictionWindows:
     """The windows of 1 Hz tables by trial, with the ``smooth`` motion they start from and what came before."""
     motion = [_at_starts(held.rows[held.rows["trial"] == trial], each) for trial, each in smooth.items()]
-    return windows_from_rows(held.rows, pd.concat(motion), tables)
+    return windows_from_rows(held.rows, pd.concat(motion), tables, any_commands=any_commands)
+
+
+def _shorter_legs(windows: PredictionWindows) -> NDArray[np.str_]:
+    """The legs [N] cut into parts of :data:`LEG_HORIZONS` horizons, by where each window starts."""
+    first, _ = windows.known_seconds()
+    legs = windows.leg.astype("<U200")
+    for leg in np.unique(windows.leg):
+        mine = windows.leg == leg
+        part = (first[mine] - first[mine].min()) // (LEG_HORIZONS * windows.horizon_s)
+        legs[mine] = [f"{leg}.{each + 1:03d}" for each in part]
+    return legs
 
 
 def _with_shorter(whole: PredictionWindows, short: PredictionWindows) -> PredictionWindows:

@@ -1,7 +1,8 @@
 """Windows as arrays in SI units and radians: what every prediction method starts from and is judged by.
 
 A method may see the start of a window, the state, the wind and the thrusters at second 0, and what was measured in
-the minute before it. What follows is the measured track that its prediction is compared with.
+the minute before it; of windows with any commands also these, second by second. What follows is the measured track
+that its prediction is compared with.
 """
 
 from __future__ import annotations
@@ -47,6 +48,9 @@ class PredictionWindows:
     nothing was recorded. The heading has no jumps and meets that of ``track`` at second 0.
 
     A ``track`` may end in NaN: what is known of the first seconds is learned from, but not judged.
+
+    ``commands`` [N, H, controls] are the controls over each second of the horizon, where they may be any; None
+    where those of second 0 are held.
     """
 
     start: Floats
@@ -58,6 +62,7 @@ class PredictionWindows:
     start_time: pd.DatetimeIndex
     past: Floats
     actuators: Actuators = DEFAULT
+    commands: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.start)
@@ -66,6 +71,13 @@ class PredictionWindows:
     def horizon_s(self) -> int:
         """The length of the windows [s]."""
         return int(self.track.shape[1]) - 1
+
+    @property
+    def acting(self) -> Floats:
+        """The controls over each second of the horizon [N, H, controls], held or as commanded."""
+        if self.commands is None:
+            return np.repeat(self.control[:, None, :], self.horizon_s, axis=1)
+        return self.commands
 
     @property
     def whole(self) -> NDArray[np.bool_]:
@@ -79,26 +91,37 @@ class PredictionWindows:
 
     def subset(self, chosen: NDArray[np.bool_] | NDArray[np.int64]) -> PredictionWindows:
         """The windows that a mask or index chooses."""
-        rows = {each.name: getattr(self, each.name)[chosen] for each in fields(self) if each.name != "actuators"}
+        rows = {name: values[chosen] for name, values in _arrays_of(self).items()}
         return replace(self, **rows)
+
+
+def _arrays_of(windows: PredictionWindows) -> dict[str, Any]:
+    """What has a row a window, by name."""
+    values = {each.name: getattr(windows, each.name) for each in fields(windows) if each.name != "actuators"}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def concatenate_windows(parts: Sequence[PredictionWindows]) -> PredictionWindows:
     """The windows of all parts, of one ship, one after the other."""
-    names = [field.name for field in fields(PredictionWindows) if field.name not in ("start_time", "actuators")]
-    arrays: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names}
-    times = np.concatenate([each.start_time.to_numpy() for each in parts])
-    return PredictionWindows(**arrays, start_time=pd.DatetimeIndex(times, tz="UTC"), actuators=parts[0].actuators)
+    columns = [_arrays_of(each) for each in parts]
+    arrays: dict[str, Any] = {name: np.concatenate([each[name] for each in columns]) for name in columns[0]}
+    arrays["start_time"] = pd.DatetimeIndex(arrays["start_time"], tz="UTC")
+    return replace(parts[0], **arrays)
 
 
 def windows_from_rows(
-    rows: pd.DataFrame, motion: pd.DataFrame | None = None, tables: Mapping[str, pd.DataFrame] | None = None
+    rows: pd.DataFrame,
+    motion: pd.DataFrame | None = None,
+    tables: Mapping[str, pd.DataFrame] | None = None,
+    *,
+    any_commands: bool = False,
 ) -> PredictionWindows:
-    """Arrays from the long table of held windows: one row a window and second, second 0 first.
+    """Arrays from the long table of windows: one row a window and second, second 0 first.
 
     ``motion`` has the state that each window starts from, in the order of the windows' numbers; without it
     the measured values at second 0 are taken. ``tables`` of one row a second by trial give what came before;
-    without them nothing but second 0 is known of it.
+    without them nothing but second 0 is known of it. With ``any_commands`` the controls of all rows are taken as
+    the windows' commands; otherwise those of second 0 as held.
 
     Raises :class:`DataShortageError` when there is no window in it.
     """
@@ -126,7 +149,18 @@ def windows_from_rows(
         start_time=pd.DatetimeIndex(first["start"]),
         past=past,
         actuators=actuators,
+        commands=mean_controls(_si(cube, actuators)[..., CONTROLS], actuators) if any_commands else None,
     )
+
+
+def mean_controls(settings: Floats, actuators: Actuators) -> Floats:
+    """The mean controls [N, H, controls] over each second between ``settings`` [N, H+1, controls] in SI.
+
+    Angles go the shorter way round.
+    """
+    change, angles = np.diff(settings, axis=1), angle_columns(actuators)
+    change[..., angles] = difference_rad(settings[:, 1:, angles], settings[:, :-1, angles])
+    return np.asarray(settings[:, :-1] + 0.5 * change)
 
 
 def _si(channels: Floats, actuators: Actuators) -> Floats:
@@ -152,28 +186,23 @@ def _past(now: Floats, first: pd.DataFrame, tables: Mapping[str, pd.DataFrame], 
     return past
 
 
-def hindcast_windows(windows: PredictionWindows, seconds: int) -> tuple[PredictionWindows, Floats]:
-    """The windows that start so many ``seconds`` earlier and end at second 0, and the controls during them.
+def hindcast_windows(windows: PredictionWindows, seconds: int) -> PredictionWindows:
+    """The windows that start so many ``seconds`` earlier and end at second 0, with their recorded commands.
 
-    Returns N windows of ``seconds`` seconds, and the recorded controls [N, seconds, controls], the mean of each;
     NaN where the past was not recorded.
     """
     past = np.full_like(windows.past, np.nan)
     past[:, : past.shape[1] - seconds] = windows.past[:, seconds:]
     recorded = windows.past[:, seconds::-1]
-    change = np.diff(recorded[..., CONTROLS], axis=1)
-    angles = angle_columns(windows.actuators)
-    settings = recorded[..., CONTROLS]
-    change[..., angles] = difference_rad(settings[:, 1:, angles], settings[:, :-1, angles])
-    earlier = replace(
+    return replace(
         windows,
         start=recorded[:, 0, :6],
         track=recorded[..., :3],
         wind=recorded[:, 0, WIND],
         control=recorded[:, 0, CONTROLS],
         past=past,
+        commands=mean_controls(recorded[..., CONTROLS], windows.actuators),
     )
-    return earlier, recorded[:, :-1, CONTROLS] + 0.5 * change
 
 
 def difference_rad(angle: Floats, other: Floats) -> Floats:
@@ -225,6 +254,41 @@ def split_by_group(
 
 def draw_legs(windows: PredictionWindows, share: float, seed: int) -> NDArray[np.bool_]:
     """The windows [N] of legs drawn by :func:`split_by_group` until they hold that share of the whole ones."""
+    return _drawn(windows, windows.leg, share, seed)
+
+
+def draw_to_judge(windows: PredictionWindows, share: float, seed: int) -> NDArray[np.bool_]:
+    """As :func:`draw_legs`, in :func:`unlike_groups`."""
+    return _drawn(windows, unlike_groups(windows), share, seed)
+
+
+def _drawn(windows: PredictionWindows, groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np.bool_]:
     whole = windows.whole
-    chosen = split_by_group(windows.leg[whole], share, seed)[1]
-    return np.isin(windows.leg, windows.leg[whole][chosen])
+    chosen = split_by_group(groups[whole], share, seed)[1]
+    return np.isin(groups, groups[whole][chosen])
+
+
+ENOUGH_RECORDINGS = 3
+
+
+def unlike_groups(windows: PredictionWindows) -> NDArray[np.str_]:
+    """The names [N] of the groups that are kept whole where a method says how good it is on what it has not seen.
+
+    Legs, which are recordings of their own where thrusters were held. With any commands one leg goes over into the
+    next, on the same day in the same wind: recordings are kept whole, where there are :data:`ENOUGH_RECORDINGS`.
+    """
+    by_recording = windows.commands is not None and len(np.unique(windows.trial)) >= ENOUGH_RECORDINGS
+    return windows.trial if by_recording else windows.leg
+
+
+def clear_of(windows: PredictionWindows, chosen: NDArray[np.bool_], others: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The ``chosen`` windows [N] that share no second with one of the ``others`` [N] of their recording."""
+    first, last = windows.known_seconds()
+    clear = chosen.copy()
+    for trial in np.unique(windows.trial[others]):
+        mine, theirs = chosen & (windows.trial == trial), others & (windows.trial == trial)
+        order = np.argsort(first[theirs], kind="stable")
+        ends = np.append(np.iinfo(np.int64).min, np.maximum.accumulate(last[theirs][order]))
+        begun = np.searchsorted(first[theirs][order], last[mine], side="right")
+        clear[mine] = ends[begun] < first[mine]
+    return clear

@@ -165,10 +165,11 @@ def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any]
 def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:
     """The page; ``about`` says what was evaluated: files, vessel, stride, seed."""
     names = ", ".join(Path(each).name for each in about["files"])
+    windows = "windows under their commands" if about.get("any_commands") else "held windows"
     return render(
         "evaluation.html", templates=templates(), found=evaluation,
         title=f"What each method is worth over {evaluation.horizon_s} s",
-        subtitle=f"{names}; vessel {about['vessel']}; {evaluation.windows} held windows of {evaluation.legs} legs",
+        subtitle=f"{names}; vessel {about['vessel']}; {evaluation.windows} {windows} of {evaluation.legs} legs",
     )  # fmt: skip
 
 

@@ -36,8 +36,11 @@ _PREDICTION_COLUMNS = {
 def validation_table(validation: Validation) -> Table:
     """One row a method, the best mean distance in bold."""
     horizon_s = validation.windows.horizon_s
-    table = Table(title=f"{len(validation.windows)} held windows of {horizon_s} s", title_justify="left",
-                  box=None, header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
+    title = f"{len(validation.windows)} held windows of {horizon_s} s"
+    if validation.windows.commands is not None:
+        title = f"{len(validation.windows)} windows of {horizon_s} s under their commands"
+    table = Table(title=title, title_justify="left", box=None,
+                  header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
     table.add_column("method")
     for title in _METHOD_COLUMNS:
         table.add_column(title, justify="right")

@@ -111,9 +111,9 @@ def hindcasts(windows: PredictionWindows, plant: Plant) -> Floats:
 def test_hindcast_windows_are_what_was_recorded(plant: Plant) -> None:
     """So many seconds before, on the model that is the ship: its run from there ends where the ship is now."""
     windows = voyages(plant, 10, SECONDS)
-    before, acted = hindcast_windows(windows, HINDCAST_S)
+    before = hindcast_windows(windows, HINDCAST_S)
     wind = np.repeat(before.wind[:, None], HINDCAST_S, axis=1)
-    states = simulate_batch(plant, before.start, acted, wind, 1.0).states
+    states = simulate_batch(plant, before.start, before.acting, wind, 1.0).states
     assert states[..., :3] == pytest.approx(before.track, abs=1e-6)
     assert states[:, -1] == pytest.approx(windows.past[:, 0, :6], abs=1e-6)
     assert np.array_equal(before.past[:, 0, :6], before.start)
@@ -126,7 +126,7 @@ def test_a_pod_goes_the_short_way_round(plant: Plant) -> None:
     windows = voyages(plant, 2, SECONDS)
     past = windows.past.copy()
     past[:, ::2, 9], past[:, 1::2, 9] = np.deg2rad(179.0), np.deg2rad(-179.0)
-    acted = hindcast_windows(replace(windows, past=past), HINDCAST_S)[1]
+    acted = hindcast_windows(replace(windows, past=past), HINDCAST_S).acting
     assert np.cos(acted[..., 1]) == pytest.approx(-1.0, abs=1e-9)
 
 

@@ -133,20 +133,21 @@ class Observations:
         return len(self.past)
 
 
-def observations_of(windows: PredictionWindows, control: Floats | None = None) -> Observations:
-    """The observations of windows, with the controls [N, H, controls] from second 0 where they are known.
+def observations_of(windows: PredictionWindows) -> Observations:
+    """The observations of windows, with their commands from second 0.
 
-    Without ``control`` the mean of the last seconds in which the thrusters stood still is held.
+    Without commands the mean of the last seconds in which the thrusters stood still is held.
     """
     now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
     measured = windows.past.copy()
     measured[:, 0] = np.where(np.isfinite(measured[:, 0]), measured[:, 0], now)
     known_s = np.cumprod(np.isfinite(measured).all(axis=2), axis=1).sum(axis=1).astype(np.int64) - 1
     past = measured[:, : _OBSERVED_S + 1]
-    held = control
-    if held is None:
-        held = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
-    return Observations(np.ascontiguousarray(past), known_s.clip(0, _OBSERVED_S), held, _mean_wind(past))
+    control = windows.commands
+    if control is None:
+        control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
+    past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
+    return Observations(past, known_s.clip(0, _OBSERVED_S), control, _mean_wind(past))
 
 
 def _mean_control(past: Floats, actuators: Actuators) -> Floats:

@@ -23,7 +23,13 @@ from hybrid.prediction.baselines import (
     present_motion_held,
     simulate_tracks,
 )
-from hybrid.prediction.prediction_windows import PredictionWindows, concatenate_windows, hindcast_windows
+from hybrid.prediction.prediction_windows import (
+    PredictionWindows,
+    clear_of,
+    concatenate_windows,
+    hindcast_windows,
+    unlike_groups,
+)
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.actuators import KINDS, angle_columns, control_labels
 from hybrid.vessel.plant import Plant
@@ -92,17 +98,23 @@ class AdaptiveCalibrator(Calibrator):
     def fit(self, training: Examples, stopping: Examples, progress: Progress = lambda share: None) -> Self:
         """Fit to the windows of both parts; no legs are needed for stopping. Raises :class:`DataShortageError`."""
         windows = concatenate_windows([training[0], stopping[0]])
-        fold = _folds(windows.leg, self.seed)
+        self.any_commands = windows.commands is not None
+        fold = _folds(unlike_groups(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
             raise DataShortageError("only one leg, which cannot be split", fix="give more or longer recordings")
         self.vectors_ = np.stack(
-            [self._fit_member(windows, fold != member, member, part_of(progress, member, members))
-             for member in range(members)]
+            [
+                self._fit_member(
+                    windows, clear_of(windows, fold != member, fold == member), member,
+                    part_of(progress, member, members),
+                )
+                for member in range(members)
+            ]
         )  # fmt: skip
         self.covariance_ = self._covariance(windows)
         starts = _starts(windows)
-        self.range_ = np.stack([starts.min(axis=0), starts.max(axis=0)])
+        self.range_ = np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
         self.out_of_sample_ = self._cross_validate(windows, fold)[len(training[0]) :]
         return self
 
@@ -155,9 +167,9 @@ class AdaptiveCalibrator(Calibrator):
 
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds before."""
-        before, control = hindcast_windows(windows, HINDCAST_S)
+        before = hindcast_windows(windows, HINDCAST_S)
         tracks = self._candidate_tracks(vectors, observations_of(windows))
-        hindcasts = self._candidate_tracks(vectors, observations_of(before, control))
+        hindcasts = self._candidate_tracks(vectors, observations_of(before))
         return _Candidates(tracks, np.stack([mean_distances(each, before.track) for each in hindcasts]))
 
     def _candidate_tracks(self, vectors: Floats, observations: Observations) -> Floats:
@@ -206,7 +218,7 @@ class AdaptiveCalibrator(Calibrator):
     def domain(self, windows: PredictionWindows, reference: Floats) -> DomainOfApplicability:
         low, high = self.range_
         margin = np.maximum(DOMAIN_MARGIN * (high - low), _least_margin(windows.actuators))
-        return DomainOfApplicability(start_names(windows.actuators), _starts(windows)[:, None], low, high, margin)
+        return DomainOfApplicability(start_names(windows.actuators), _starts(windows), low, high, margin)
 
     def state_dict(self) -> dict[str, Tensor]:
         import torch
@@ -231,23 +243,26 @@ class AdaptiveCalibrator(Calibrator):
 
 
 def _starts(windows: PredictionWindows) -> Floats:
-    """The quantities :func:`start_names` of the windows' starts [N, names].
+    """The quantities :func:`start_names` of the windows' starts [N, 1, names], second by second [N, H, names] where
+    the commands may be any.
 
-    Means over the last seconds, so that single waves do not decide.
+    Motions are means over the last seconds, so that single waves do not decide.
     """
     observations = observations_of(windows)
     recent = observations.past[:, :_RECENT_S]
     known = np.isfinite(recent).all(axis=2, keepdims=True)
     mean = np.where(known, recent, 0.0).sum(axis=1) / known.sum(axis=1)
-    control, angles = observations.control[:, 0], angle_columns(windows.actuators)
-    shafts = [column for column in range(control.shape[1]) if column not in angles]
-    turned = [f(control[:, column]) for column in angles for f in (np.cos, np.sin)]
-    _, speed = observations.wind.T
-    return np.column_stack([mean[:, SURGE : YAW_RATE + 1], speed, control[:, shafts], *turned])
+    control, angles = observations.control, angle_columns(windows.actuators)
+    control = control if windows.commands is not None else control[:, :1]
+    shafts = [column for column in range(control.shape[2]) if column not in angles]
+    turned = [f(control[..., column]) for column in angles for f in (np.cos, np.sin)]
+    motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 1]])
+    repeated = np.repeat(motion[:, None], control.shape[1], axis=1)
+    return np.concatenate([repeated, control[..., shafts], np.stack(turned, axis=-1)], axis=-1)
 
 
 def _folds(leg: NDArray[np.str_], seed: int) -> NDArray[np.int64]:
-    """The fold [N] of each window: whole legs, the longest first, each to the fold that has the fewest windows."""
+    """The fold [N] of each window: whole groups, the longest first, each to the fold of the fewest windows."""
     names, where, counts = np.unique(leg, return_inverse=True, return_counts=True)
     members = min(MEMBERS, len(names))
     order = np.random.default_rng(seed).permutation(len(names))

@@ -1,0 +1,196 @@
+"""Windows with any commands: what they count, what a prediction may know of them, and what held ones stay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.core.arrays import Floats
+from acquisition.core.channels import NAMES
+from acquisition.core.errors import InputError
+from analysis.windows.recordings import tables_of_recordings
+from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.adaptive.fit import adapt
+from hybrid.calibrators.artefact import SIDECAR, load, save
+from hybrid.calibrators.calibrator import Calibrator
+from hybrid.calibrators.networks import command_inputs
+from hybrid.calibrators.train import TrainedCalibrator
+from hybrid.evaluation.splits import SPLITS, draws_of, shared_seconds
+from hybrid.evaluation.validate import validate
+from hybrid.prediction.baselines import Fallback, reference
+from hybrid.prediction.dataset import Dataset, load_dataset
+from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, unlike_groups
+from hybrid.vessel.plant import Plant
+from hybrid.vessel.simulate import simulate_batch
+from tests.conftest import Simulated
+from tests.hybrid.windows_by_hand import voyages
+
+SECONDS = 8
+
+
+def steered(plant: Plant, count: int, seed: int) -> PredictionWindows:
+    """Windows in which shafts and pods move second by second, as the plant itself sails them."""
+    held = voyages(plant, count, SECONDS, seed)
+    moves = np.random.default_rng(seed).normal(0.0, [0.1, 0.05, 0.1, 0.05, 0.0], (count, SECONDS, 5))
+    commands = held.acting + np.cumsum(moves, axis=1)
+    wind = np.repeat(held.wind[:, None], SECONDS, axis=1)
+    tracks = simulate_batch(plant, held.start, commands, wind, 1.0).states[..., :3]
+    return replace(held, commands=commands, track=tracks)
+
+
+@pytest.fixture(scope="module")
+def fitted(plant: Plant) -> Callable[[str], Calibrator]:
+    """A calibrator of a method, hardly fitted, to windows with any commands."""
+
+    def fit(method: str) -> Calibrator:
+        training, stopping = (steered(plant, count, count) for count in (24, 8))
+        calibrator = make_calibrator(method, 0, plant)
+        vars(calibrator).update(epochs=5, batch=64)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("hybrid.calibrators.adaptive.calibrator.adapt", partial(adapt, steps=1))
+            return calibrator.fit((training, reference(training, plant)), (stopping, reference(stopping, plant)))
+
+    return fit
+
+
+def test_every_window_with_data_counts_and_only_missing_data_drop_one(simulated: Simulated) -> None:
+    path = simulated("gentle", 3, 900.0)
+    (table,) = tables_of_recordings([path]).values()
+    dataset = load_dataset([path], 15, 5, any_commands=True)
+    rows = table[list(NAMES)].notna().all(axis=1).to_numpy()
+    whole = [rows[begin : begin + 16].all() for begin in range(0, len(rows) - 15, 5)]
+    assert (len(dataset.windows), dataset.candidates) == (sum(whole), len(whole))
+    assert set(dataset.dropped) <= {"gap", "missing_data"}
+    held = load_dataset([path], 15, 5)
+    assert 0 < len(held.windows) < len(dataset.windows)
+    assert set(held.windows.start_time) < set(dataset.windows.start_time)
+
+
+def test_commands_are_what_was_recorded_over_each_second(simulated: Simulated) -> None:
+    path = simulated("calm", 3, 600.0)
+    (table,) = tables_of_recordings([path]).values()
+    windows = load_dataset([path], 15, 5, any_commands=True).windows
+    assert windows.commands is not None
+    recorded = np.deg2rad(table["port_angle_deg"])
+    for start, acting in zip(windows.start_time[::20], windows.commands[::20, :, 1], strict=True):
+        ends = recorded.loc[start : start + pd.Timedelta(seconds=15)].to_numpy()
+        assert acting == pytest.approx(0.5 * (ends[1:] + ends[:-1]), abs=1e-9)
+
+
+def test_the_model_follows_the_commands(plant: Plant) -> None:
+    windows = steered(plant, 20, 1)
+    assert reference(windows, plant) == pytest.approx(windows.track)
+    held = reference(replace(windows, commands=None), plant)
+    assert np.abs(held - windows.track)[:, -1].max() > 0.5
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_what_is_commanded_after_a_second_does_not_change_the_prediction_of_it(
+    method: str, plant: Plant, fitted: Callable[[str], Calibrator]
+) -> None:
+    calibrator, windows = fitted(method), steered(plant, 12, 3)
+    assert windows.commands is not None
+    known, later = 4, windows.commands.copy()
+    later[:, known:] += np.array([0.5, 0.3, 0.5, 0.3, 0.0])
+    tracks: list[Floats] = []
+    for commands in (windows.commands, later):
+        each = replace(windows, commands=commands)
+        tracks.append(calibrator.predict(each, reference(each, plant)))
+    assert np.array_equal(tracks[0][:, : known + 1], tracks[1][:, : known + 1])
+    assert (np.abs(tracks[0] - tracks[1])[:, -1, :2].max(axis=1) > 1e-6).all()
+
+
+def test_held_commands_are_both_of_their_means(plant: Plant) -> None:
+    windows = voyages(plant, 5, SECONDS)
+    inputs = command_inputs(windows)
+    assert inputs == pytest.approx(np.repeat(inputs[:, :1], SECONDS, axis=1))
+    assert inputs[..., : inputs.shape[-1] // 2] == pytest.approx(inputs[..., inputs.shape[-1] // 2 :])
+
+
+@pytest.fixture
+def trained(plant: Plant, fitted: Callable[[str], Calibrator]) -> TrainedCalibrator:
+    """A calibrator of any commands, as it is saved."""
+    band_m = np.linspace(0.5, 3.0, SECONDS)
+    fallback = Fallback(np.array([1.5, 0.5]), np.array([1.0, 0.3]), band_m)
+    parts = fitted("adaptive"), fitted("data_driven")
+    return TrainedCalibrator(*parts, SECONDS, "gunnerus_short", plant, band_m, fallback, (), {})
+
+
+def test_one_of_held_controls_refuses_any_commands_and_says_what_to_do(
+    small: TrainedCalibrator, unseen: Path, plant: Plant
+) -> None:
+    dataset = load_dataset([unseen], small.horizon_s, 5, any_commands=True)
+    with pytest.raises(InputError, match=r"held controls.*--any"):
+        validate(dataset, plant, small)
+
+
+def test_one_of_any_commands_judges_both_kinds_and_comes_back_from_the_disk(
+    trained: TrainedCalibrator, plant: Plant, tmp_path: Path
+) -> None:
+    save(trained, tmp_path)
+    again = load(tmp_path)
+    assert again.calibrator.any_commands
+    assert again.data_driven.any_commands
+    for windows in (steered(plant, 12, 5), voyages(plant, 12, SECONDS, 5)):
+        dataset = Dataset(replace(windows, track=windows.track + 0.1), (), len(windows))
+        first, second = (validate(dataset, plant, each) for each in (trained, again))
+        assert first.as_dict() == second.as_dict()
+
+
+def test_the_file_of_one_of_held_controls_does_not_know_the_word(small_folder: Path) -> None:
+    assert "any_commands" not in (small_folder / SIDECAR).read_text(encoding="utf-8")
+
+
+@given(seed=st.integers(0, 10**6), horizon_s=st.integers(2, 60), share=st.floats(0.05, 0.95))
+@settings(max_examples=40, deadline=None)
+def test_windows_clear_of_others_share_no_second_with_them(seed: int, horizon_s: int, share: float) -> None:
+    windows = _one_after_the_other(60, horizon_s, seed)
+    others = np.random.default_rng(seed).random(len(windows)) < share
+    clear = clear_of(windows, ~others, others)
+    assert not (clear & others).any()
+    assert shared_seconds(windows, clear, others) == 0
+    for each in np.flatnonzero(~others & ~clear):
+        assert shared_seconds(windows, np.arange(len(windows)) == each, others) > 0
+
+
+@pytest.mark.parametrize("kind", sorted(set(SPLITS) - {"random"}))
+def test_no_second_that_is_judged_was_fitted(kind: str) -> None:
+    windows = _one_after_the_other(400, 15, 0)
+    for draw in draws_of(kind, windows, 2, 0):
+        assert draw.held_out.sum() > 20
+        assert draw.stopping.sum() > 20
+        assert shared_seconds(windows, draw.fitting, draw.held_out | draw.stopping) == 0
+
+
+def test_recordings_are_kept_whole_where_there_are_enough() -> None:
+    windows = _one_after_the_other(80, 15, 0)
+    assert np.array_equal(unlike_groups(windows), windows.trial)
+    assert np.array_equal(unlike_groups(replace(windows, commands=None)), windows.leg)
+    alone = windows.subset(windows.trial == "a")
+    assert np.array_equal(unlike_groups(alone), alone.leg)
+
+
+def _one_after_the_other(count: int, horizon_s: int, seed: int) -> PredictionWindows:
+    """Windows every 5 s of four recordings, their legs four horizons long, without a break between."""
+    random, starts = np.random.default_rng(seed), 5 * np.arange(count)
+    trial = np.sort(random.choice(list("abcd"), count))
+    legs = np.char.add(trial, (starts // (4 * horizon_s)).astype(str))
+    return PredictionWindows(
+        start=np.zeros((count, 6)),
+        track=np.zeros((count, horizon_s + 1, 3)),
+        wind=np.zeros((count, 2)),
+        control=np.zeros((count, 5)),
+        trial=trial,
+        leg=legs,
+        start_time=pd.DatetimeIndex(pd.Timestamp("2026-06-01T08:00:00Z") + pd.to_timedelta(starts, unit="s")),
+        past=np.zeros((count, 1, 13)),
+        commands=np.zeros((count, horizon_s, 5)),
+    )
