@@ -50,7 +50,8 @@ from hybrid.planning.repertoire import (
     repertoire,
     shafts_of,
 )
-from hybrid.simulation.manoeuvres import CRUISE_RPM, Manoeuvre, manoeuvre_named
+from hybrid.simulation.handling import usual_rpm
+from hybrid.simulation.manoeuvres import Manoeuvre, for_ship, manoeuvre_named
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.parameters import Vessel
@@ -240,7 +241,9 @@ def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Part:
     if name in known:
         return Part(name, known[name].what, minutes, known[name].legs)
     try:
-        return Part(name, name.replace("_", " "), minutes, manoeuvre_named(name, vessel.actuators))
+        return Part(
+            name, name.replace("_", " "), minutes, for_ship(manoeuvre_named(name, vessel.actuators), vessel)
+        )
     except ConfigurationError as error:
         raise ConfigurationError(
             f"no manoeuvre {name!r}", fix=f"use one of {', '.join(known)}, or one of `seatrial simulate`"
@@ -249,7 +252,7 @@ def _named(text: str, known: Mapping[str, Candidate], vessel: Vessel) -> Part:
 
 def candidates_of(vessel: Vessel) -> tuple[Candidate, ...]:
     """The repertoire at a vessel's usual shaft speed."""
-    return repertoire(shafts_of(vessel, CRUISE_RPM))
+    return repertoire(shafts_of(vessel, usual_rpm(vessel)))
 
 
 def noise_in(

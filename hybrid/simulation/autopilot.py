@@ -6,7 +6,7 @@ Orders and controls are those of the vessel's list of actuators, in SI.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import exp, isnan, pi
+from math import exp, isnan, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,8 +15,9 @@ from numba import njit
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import FAST, Record, compiled, source_stamp
-from hybrid.simulation.manoeuvres import ENDS, helm_of
-from hybrid.vessel.actuators import KINDS
+from hybrid.simulation.handling import handling_of, pace_of
+from hybrid.simulation.manoeuvres import ENDS
+from hybrid.vessel.actuators import KINDS, control_units
 from hybrid.vessel.dynamics import Control, State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.sensors import HEADING, YAW_RATE
@@ -30,24 +31,32 @@ SETTLED_RAD, SETTLED_RADPS = 2.0 * pi / 180.0, 0.2 * pi / 180.0
 class Drives(NamedTuple):
     """What the drive of each control can do [controls]: time constant [s], limit of the order, limit of the rate.
 
-    ``helm`` is how each control answers the autopilot's helm: 1 for the angle of a stern azimuth, -1 for one ahead,
-    which turns the ship the other way, 0 for what does not steer.
+    ``helm`` is how each control answers a radian of the autopilot's helm, positive turning the ship to port: 1 for
+    the angle of a stern azimuth, -1 for one ahead and for a rudder, 0 for what does not steer, shaft speed [rev/s]
+    for a ship that is steered by its difference. ``damping_s`` is the helm for a rate of turn, and
+    ``settled_radps`` the rate of turn of a settled course.
     """
 
     lag_s: Floats
     limit: Floats
     rate: Floats
     helm: Floats
+    damping_s: float
+    settled_radps: float
 
 
 def drives_of(vessel: Vessel) -> Drives:
-    """The drives of a vessel file."""
+    """The drives of a vessel file, and how the autopilot uses them: its times go with the ship's own."""
+    pace = pace_of(vessel)
+    helm = handling_of(vessel).helm * (control_units(vessel.actuators) / radians(1.0))
     each = [drive for entry in vessel.actuator for drive in KINDS[entry.kind].drives(entry)]
     return Drives(
         np.array([drive.lag_s for drive in each]),
         np.array([drive.limit for drive in each]),
         np.array([drive.rate for drive in each]),
-        helm_of(vessel),
+        helm,
+        STEER_DAMPING_S * pace.time,
+        SETTLED_RADPS / pace.time,
     )
 
 
@@ -85,21 +94,26 @@ def follow(drives: Drives, share: Control, now: Control, order: Control, dt_s: f
 def give_order(
     drives: Drives, leg: Floats, ends: Floats, base_rad: float, heading_rad: float, radps: float, order: Control
 ) -> None:
-    """Fill ``order`` with a leg's; where it steers, what has a helm answers course error and rate of turn."""
+    """Fill ``order`` with a leg's; where it steers, helm that answers course error and rate of turn is added."""
     order[:] = leg
     if isnan(ends[COURSE]):
         return
     error = wrap_angle(base_rad + ends[COURSE] - heading_rad)
-    # A positive azimuth turns the ship to port, so that the helm is opposite to the error.
-    steered = clip(STEER_DAMPING_S * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
+    # A positive helm turns the ship to port, so that it is opposite to the error.
+    steered = clip(drives.damping_s * radps - STEER_GAIN * error, STEER_LIMIT_RAD)
     for i in range(len(order)):
-        if drives.helm[i] != 0.0:
-            order[i] = drives.helm[i] * steered
+        order[i] += drives.helm[i] * steered
 
 
 @compiled
 def leg_has_ended(
-    ends: Floats, state: State, base_rad: float, reference_rad: float, began: State, since_s: float
+    settled_radps: float,
+    ends: Floats,
+    state: State,
+    base_rad: float,
+    reference_rad: float,
+    began: State,
+    since_s: float,
 ) -> bool:
     """Whether a leg is over; see :class:`~hybrid.simulation.manoeuvres.Leg`."""
     _, _, heading, u, _, r = state
@@ -110,7 +124,7 @@ def leg_has_ended(
         return False
     off = heading - reference_rad
     over = (deviation > 0.0 and off >= deviation) or (deviation < 0.0 and off <= deviation)
-    if settled > 0.0 and abs(wrap_angle(base_rad + course - heading)) < SETTLED_RAD and abs(r) < SETTLED_RADPS:
+    if settled > 0.0 and abs(wrap_angle(base_rad + course - heading)) < SETTLED_RAD and abs(r) < settled_radps:
         over = True
     return bool(over or abs(heading - began[2]) >= turn or u <= slower)  # comparisons with NaN are false
 
@@ -148,7 +162,7 @@ def _make_sail(stamp: int) -> Callable[..., int]:
         acting, order, scratch = drive.copy(), drive.copy(), scratch_for(p, drive)
         states[0] = start
         for k in range(wind.shape[0]):
-            if leg_has_ended(ends[number], state, base, reference, began, since_s):
+            if leg_has_ended(drives.settled_radps, ends[number], state, base, reference, began, since_s):
                 number = (number + 1) % legs.shape[0]
                 began, since_s = state, 0.0
             if not isnan(ends[number, COURSE]):

@@ -2,6 +2,9 @@
 
 A list is gone through again and again until the time is up. Headings are relative to the reference course:
 the ship's heading at the start, or the course that the last steering leg held.
+
+They are stated in R/V Gunnerus' shaft speeds, of 203 rpm, and times, for 28.9 m and 5.04 m/s; :func:`for_ship`
+makes them another ship's.
 """
 
 from __future__ import annotations
@@ -9,17 +12,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from math import inf, nan, radians
+from math import inf, isnan, nan, radians
 
 import numpy as np
 
 from acquisition.core.actuators import DEFAULT, Actuators, control_names, names_of
+from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from hybrid.vessel.actuators import KINDS, control_units
+from hybrid.simulation.handling import CRUISE_RPM, Handling, Pace, handling_of, in_words, pace_of
+from hybrid.vessel.actuators import control_units
 from hybrid.vessel.parameters import Vessel
 
-CRUISE_RPM = 171.0
 SETTLE_S = 60.0
 Manoeuvre = tuple["Leg", ...]
 
@@ -28,10 +32,12 @@ Manoeuvre = tuple["Leg", ...]
 class Leg:
     """Orders and the events that end them, whichever comes first but not before ``at_least_s``.
 
-    ``rpm`` goes to all azimuth thrusters and ``helm_deg`` is their angle: that of those astern, and the opposite
-    one ahead, so that all turn the ship alike. ``orders`` are those of single control channels, in their units,
-    where they differ; other actuators are at rest. ``course_deg`` (relative to the first heading) is steered with
-    all azimuths if given, and then ``settled`` ends the leg once it is reached; otherwise the angles are held.
+    ``rpm`` goes to all shafts that drive the ship; a propeller of controllable pitch has it full, ahead or astern
+    as the sign of ``rpm`` is. ``helm_deg`` is the angle of an azimuth thruster astern, positive turning the ship to
+    port, and of all that steers her the angle that turns her alike: a rudder's is the opposite. Of a ship without
+    any such angle it is the difference of her shafts. ``orders`` are those of single control channels, in their
+    units, where they differ; other actuators are at rest. ``course_deg`` (relative to the first heading) is steered
+    with all of that if given, and then ``settled`` ends the leg once it is reached; otherwise the helm is held.
     ``deviation_deg`` ends the leg when the heading is that far off the reference course (negative: to port);
     ``turn_deg`` when the ship has turned that much since the leg began; ``slower_mps`` when surge falls below.
     """
@@ -63,32 +69,50 @@ def as_arrays(manoeuvre: Manoeuvre, vessel: Vessel) -> tuple[Floats, Floats]:
         raise ConfigurationError(
             f"{vessel.name} has no {', '.join(sorted(unknown))}", fix=f"order {', '.join(names)}"
         )
-    helm, shafts = helm_of(vessel), main_shafts(vessel)
-    usual = [
-        [leg.rpm if shaft else share * leg.helm_deg for shaft, share in zip(shafts, helm, strict=True)]
-        for leg in manoeuvre
-    ]
-    orders = [
-        [leg.orders.get(name, value) for name, value in zip(names, row, strict=True)]
-        for leg, row in zip(manoeuvre, usual, strict=True)
-    ]
+    handling = handling_of(vessel)
+    _refuse_unsteered(manoeuvre, vessel, handling)
+    orders = [_orders(leg, names, handling) for leg in manoeuvre]
     return np.array(orders) * units, np.array([_ends(leg) for leg in manoeuvre])
 
 
-def helm_of(vessel: Vessel) -> Floats:
-    """How each control takes the helm [controls]: 1 for the angle of an azimuth astern, -1 ahead, 0 for others."""
-    return np.array([
-        (-1.0 if entry.x_m > 0.0 else 1.0) if angle and entry.kind == "azimuth" else 0.0
-        for entry in vessel.actuator
-        for angle in KINDS[entry.kind].angles
-    ])  # fmt: skip
+def _orders(leg: Leg, names: tuple[str, ...], handling: Handling) -> Floats:
+    """The orders of a leg [controls]; of one that is steered without the helm, which the autopilot adds."""
+    steered = not isnan(leg.course_deg)
+    usual = handling.orders(leg.rpm, 0.0 if steered else leg.helm_deg)
+    ordered = np.array([leg.orders.get(name, value) for name, value in zip(names, usual, strict=True)])
+    return np.where(handling.steering_angles & steered, 0.0, ordered)
 
 
-def main_shafts(vessel: Vessel) -> list[bool]:
-    """Which controls are the shafts that drive the ship ahead [controls]."""
-    return [
-        entry.kind == "azimuth" and not angle for entry in vessel.actuator for angle in KINDS[entry.kind].angles
-    ]
+def _refuse_unsteered(manoeuvre: Manoeuvre, vessel: Vessel, handling: Handling) -> None:
+    """Raise :class:`ConfigurationError` for a ship that has nothing to steer a manoeuvre with."""
+    steered = any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre)
+    if steered and not handling.helm.any():
+        raise ConfigurationError(
+            f"{vessel.name} cannot be steered",
+            why=f"she has {in_words(vessel)}",
+            fix="give her a rudder, an azimuth thruster, or propellers to either side",
+        )
+
+
+def for_ship(manoeuvre: Manoeuvre, vessel: Vessel) -> Manoeuvre:
+    """A manoeuvre that is stated for R/V Gunnerus, at another ship's shaft speeds and in her time."""
+    pace = pace_of(vessel)
+    if pace == Pace():
+        return manoeuvre
+    factors = [pace.rpm if main else pace.tunnel_rpm for main in handling_of(vessel).main]
+    by_channel = {name: factor for name, factor in zip(control_names(vessel.actuators), factors, strict=True)
+                  if name.endswith("_rpm")}  # fmt: skip
+    return tuple(
+        replace(
+            leg,
+            rpm=leg.rpm * pace.rpm,
+            orders={name: value * by_channel.get(name, 1.0) for name, value in leg.orders.items()},
+            slower_mps=leg.slower_mps * pace.speed,
+            at_least_s=leg.at_least_s * pace.time,
+            at_most_s=leg.at_most_s * pace.time,
+        )
+        for leg in manoeuvre
+    )
 
 
 def _ends(leg: Leg) -> tuple[float, ...]:
@@ -98,12 +122,12 @@ def _ends(leg: Leg) -> tuple[float, ...]:
 
 
 def helm(angle_deg: float, rpm: float = CRUISE_RPM, at_most_s: float = inf) -> Leg:
-    """All azimuths held at one helm and speed."""
+    """One helm and one speed held."""
     return Leg(rpm=rpm, helm_deg=angle_deg, at_most_s=at_most_s)
 
 
 def alone(name: str, rpm: float, others: Iterable[str]) -> Leg:
-    """One azimuth thruster runs, the shafts of the ``others`` stand still."""
+    """One thruster runs, the shafts of the ``others`` stand still."""
     return Leg(rpm=rpm, orders={f"{other}_rpm": 0.0 for other in others if other != name})
 
 
@@ -118,27 +142,27 @@ def settle(course_deg: float, rpm: float = CRUISE_RPM) -> Leg:
 
 
 def zigzag(
-    azimuth_deg: float = 20.0,
+    helm_deg: float = 20.0,
     switch_deg: float = 20.0,
     rpm: float = CRUISE_RPM,
     hold_s: float = 0.0,
     swings: int = 6,
 ) -> Manoeuvre:
-    """Azimuth to one side until the heading is off by ``switch_deg``, then to the other (IMO MSC.137(76)).
+    """Helm to one side until the heading is off by ``switch_deg``, then to the other (IMO MSC.137(76)).
 
-    Each swing holds the thrusters for ``hold_s`` at least. A positive azimuth turns the ship to port.
+    Each swing holds the helm for ``hold_s`` at least. A positive helm turns the ship to port.
     """
     legs = []
     for swing in range(swings):
         side = 1.0 if swing % 2 == 0 else -1.0
-        leg = helm(side * azimuth_deg, rpm, at_most_s=max(120.0, 2.0 * hold_s))
+        leg = helm(side * helm_deg, rpm, at_most_s=max(120.0, 2.0 * hold_s))
         legs.append(replace(leg, deviation_deg=-side * switch_deg, at_least_s=hold_s))
     return tuple(legs)
 
 
-def turning_circle(azimuth_deg: float = 20.0, rpm: float = CRUISE_RPM, turn_deg: float = 720.0) -> Manoeuvre:
+def turning_circle(helm_deg: float = 20.0, rpm: float = CRUISE_RPM, turn_deg: float = 720.0) -> Manoeuvre:
     """A straight approach and a turn, to one side and then to the other."""
-    turns = [replace(helm(side * azimuth_deg, rpm), turn_deg=turn_deg) for side in (1.0, -1.0)]
+    turns = [replace(helm(side * helm_deg, rpm), turn_deg=turn_deg) for side in (1.0, -1.0)]
     return (
         steer(0.0, 30.0, rpm),
         turns[0],
@@ -168,19 +192,25 @@ def stopping_runs() -> Manoeuvre:
 
 
 def one_thruster(actuators: Actuators = DEFAULT, seconds: float = 100.0, rpm: float = 150.0) -> Manoeuvre:
-    """Each azimuth thruster alone, one after the other: on a course, held straight, and held at an angle."""
+    """Each main thruster alone, one after the other: on a course, held straight, and held at an angle.
+
+    Of a ship that is steered by the difference of her shafts, each alone for a turn.
+    """
     legs: list[Leg] = []
-    names = names_of(actuators, "azimuth")
+    names = drives_in(actuators)
     for name in names:
         single = alone(name, rpm, names)
-        legs.append(replace(single, course_deg=0.0, at_most_s=0.4 * seconds))
-        legs += [replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0)]
+        if any(each.angle for each in actuators):
+            legs.append(replace(single, course_deg=0.0, at_most_s=0.4 * seconds))
+            legs += [replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0)]
+        else:
+            legs.append(replace(single, at_most_s=seconds))
         legs.append(settle(0.0, rpm))
     return tuple(legs)
 
 
 def tunnel_test(actuators: Actuators = DEFAULT, seconds: float = 40.0) -> Manoeuvre:
-    """Each tunnel thruster both ways at slow speed, the pods held."""
+    """Each tunnel thruster both ways at slow speed, the helm held."""
     slow = Leg(rpm=50.0, at_most_s=seconds)
     legs = [steer(0.0, 60.0, 50.0)]
     for name in names_of(actuators, "tunnel"):
@@ -201,7 +231,7 @@ def reciprocal(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:
 
 
 def programme(actuators: Actuators = DEFAULT) -> Manoeuvre:
-    """An hour that tells effects apart: turns, zigzags on reciprocal headings, four headings, stops, one pod."""
+    """An hour that tells effects apart: turns, zigzags on reciprocal headings, four headings, stops, each drive."""
     swings = [
         leg
         for course, rpm in ((0.0, 171.0), (180.0, 171.0), (180.0, 130.0), (0.0, 130.0))
@@ -221,7 +251,7 @@ def programme(actuators: Actuators = DEFAULT) -> Manoeuvre:
 
 
 def paper() -> Manoeuvre:
-    """Zigzags at 10, 20 and 30 degrees of azimuth, about half ahead, whose swings are held for 38 s and more."""
+    """Zigzags at 10, 20 and 30 degrees of helm, about half ahead, whose swings are held for 38 s and more."""
     legs: list[Leg] = []
     for number, (angle, rpm) in enumerate(((10.0, 130.0), (20.0, 110.0), (30.0, 100.0))):
         course = 180.0 * (number % 2)
@@ -259,7 +289,10 @@ _SIZED = re.compile(r"(zigzag|turning_circle)_(\d+)(?:_(\d+))?")
 
 
 def manoeuvre_named(name: str, actuators: Actuators = DEFAULT) -> Manoeuvre:
-    """A manoeuvre by name; ``zigzag_A_S`` and ``turning_circle_A`` give azimuth and switching angle."""
+    """A manoeuvre by name; ``zigzag_A_S`` and ``turning_circle_A`` give helm and switching angle.
+
+    Shaft speeds and times are R/V Gunnerus': :func:`for_ship` has those of another.
+    """
     if name in MANOEUVRES:
         return MANOEUVRES[name](actuators)
     sized = _SIZED.fullmatch(name)

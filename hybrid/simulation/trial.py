@@ -23,7 +23,8 @@ from acquisition.core.trial import software_version
 from analysis.tables.files import atomic_file
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
-from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, main_shafts, manoeuvre_named
+from hybrid.simulation.handling import handling_of, steady_speed_mps
+from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, for_ship, manoeuvre_named
 from hybrid.simulation.sea_state import (
     SeaState,
     drift_series,
@@ -38,9 +39,9 @@ from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, bare_plant, pack
+from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.sensors import measure
-from hybrid.vessel.simulate import Runs, range_error, simulate
+from hybrid.vessel.simulate import Runs, range_error
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +134,7 @@ def simulate_trial(
     """
     ship = load_vessel(vessel) if isinstance(vessel, str) else vessel
     sea = sea_state_named(sea_state) if isinstance(sea_state, str) else sea_state
-    legs = manoeuvre_named(manoeuvre, ship.actuators) if isinstance(manoeuvre, str) else manoeuvre
+    legs = _legs(manoeuvre, ship)
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
     plant = apply_effects(vessel_plant(ship, catalogue), {**sea.effects()}, catalogue)
@@ -169,6 +170,13 @@ def simulate_trial(
         "plant": plant,
     }
     return table, truth
+
+
+def _legs(manoeuvre: Manoeuvre | str, vessel: Vessel) -> Manoeuvre:
+    """Legs as they are, or those of a named manoeuvre for this ship."""
+    if isinstance(manoeuvre, str):
+        return for_ship(manoeuvre_named(manoeuvre, vessel.actuators), vessel)
+    return manoeuvre
 
 
 def sail_through(
@@ -236,11 +244,11 @@ def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
 
 def _start(vessel: Vessel, plant: Plant, leg: Floats, heading_deg: float) -> Floats:
     """At the origin, on the first heading, at the speed that the first leg's shafts hold in still water."""
-    shafts = np.array(main_shafts(vessel))
-    order = np.tile(np.where(shafts, leg[shafts].max(initial=0.0), 0.0), (_APPROACH_S, 1))
-    still = [0.0, 0.0, 0.0, 3.0, 0.0, 0.0]
-    steady = simulate(bare_plant(vessel), still, order, np.zeros((_APPROACH_S, 2)), 1.0)[-1]
+    handling = handling_of(vessel)
+    fastest = (leg[handling.main] / handling.ahead[handling.main]).max(initial=0.0)
+    order = np.where(handling.pitch > 0.0, np.maximum(leg, 0.0), handling.ahead * fastest)
+    steady_mps = steady_speed_mps(vessel, order)
     heading = np.deg2rad(heading_deg)
     ahead = plant.current_north_mps * np.cos(heading) + plant.current_east_mps * np.sin(heading)
     aside = plant.current_east_mps * np.cos(heading) - plant.current_north_mps * np.sin(heading)
-    return np.array([0.0, 0.0, heading, steady[3] + ahead, aside, 0.0])
+    return np.array([0.0, 0.0, heading, steady_mps + ahead, aside, 0.0])

@@ -1,0 +1,52 @@
+"""A ship at another scale, at the same Froude number: every number of her file by its dimension."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields, replace
+from typing import Any
+
+from hybrid.vessel.parameters import Vessel
+
+
+def froude_scaled(vessel: Vessel, scale: float) -> Vessel:
+    """R/V Gunnerus, or another ship with her kinds of models, ``scale`` times as large."""
+    root = scale**0.5
+    shaft = {
+        "limit_rpm": 1.0 / root,
+        "shaft_lag_s": root,
+        "azimuth_lag_s": root,
+        "azimuth_rate_limit_dps": 1.0 / root,
+    }
+    place = {"x_m": scale, "y_m": scale, "propeller_diameter_m": scale}
+    tunnel = {
+        f"{name}_n": scale**3 * root**power for name, power in (("cubic", 3), ("quadratic", 2), ("linear", 1))
+    }
+    wind = {"frontal_area_m2": scale**2, "lateral_area_m2": scale**2}
+    inertia = {"mass_kg": scale**3, "yaw_inertia_kgm2": scale**5, "Xud": scale**3, "Yvd": scale**3,
+               "Yrd": scale**4, "Nrd": scale**5}  # fmt: skip
+    limits = dict.fromkeys(("surge_low_mps", "surge_high_mps", "sway_mps"), root) | {"yaw_rate_radps": 1.0 / root}
+    return replace(
+        vessel,
+        name=f"{vessel.name}_scaled",
+        dimensions=_times(
+            vessel.dimensions, dict.fromkeys((each.name for each in fields(vessel.dimensions)), scale)
+        ),
+        validity=_times(vessel.validity, limits),
+        inertia=_times(vessel.inertia, inertia),
+        hull=_times(vessel.hull, {each.name: _of_force(each.name, scale) for each in fields(vessel.hull)}),
+        wind=_times(vessel.wind, wind),
+        actuator=tuple(_times(each, shaft | place | tunnel) for each in vessel.actuator),
+    )
+
+
+def _of_force(name: str, scale: float) -> float:
+    """The factor of a hull's coefficient: forces go with the cube of the scale, speeds with its root."""
+    powers = re.sub("abs|_", "", name[1:])
+    exponent = 3.0 + (name[0] == "N") - 0.5 * sum(each in "uv" for each in powers) + 0.5 * powers.count("r")
+    return float(scale**exponent)
+
+
+def _times(part: Any, factors: dict[str, float]) -> Any:
+    own = {name: getattr(part, name, None) for name in factors}
+    return replace(part, **{name: value * factors[name] for name, value in own.items() if isinstance(value, float)})
