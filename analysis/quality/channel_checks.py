@@ -24,6 +24,7 @@ from analysis.quality.samples import (
     flags_where,
     interval_ns,
     is_possible,
+    judged_as,
     sort_by_time,
     stretches_of,
 )
@@ -201,7 +202,7 @@ def _neighbourhood(leaving: Floats, share: float) -> Floats:
 
 def _possible(channel: Channel, span_s: Floats) -> Floats:
     """How far a ship or a thruster can leave and return within a time: at a rate, or with an acceleration."""
-    kind = (channel.group, channel.unit)
+    kind = judged_as(channel)
     acceleration = _POSSIBLE_ACCELERATION.get(kind, 0.0)
     result: Floats = _POSSIBLE_RATE.get(kind, 0.0) * span_s / 2.0 + acceleration * span_s**2 / 8.0
     return result

@@ -11,11 +11,11 @@ import pandas as pd
 
 from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Bools, Ints, Series
-from acquisition.core.channels import channel_names
+from acquisition.core.channels import BY_NAME, channel_names
 from acquisition.core.frames import Quality
 from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
-from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults
+from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, flag_spikes
 from analysis.quality.commands import check_orders, check_thruster_feedback
 from analysis.quality.findings import (
     ALL,
@@ -58,6 +58,7 @@ SEVERITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "fee
 """Codes of findings, the gravest first; others come behind."""
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}
+_WINDS = (("wind_direction_deg", "wind_speed_mps"), ("apparent_wind_angle_deg", "apparent_wind_speed_mps"))
 _EXPLAINED_BY = {"spike": frozenset({"heading_wrap_interpolated", "position_time_jitter", "heading_time_jitter"}),
                  "stuck": frozenset({"feedback_frozen"})}  # fmt: skip
 
@@ -149,6 +150,7 @@ def _check_stretch(
         name: channel_faults(name, each, rates.get(name), bounds, sources.get(name) == [ASSUMED])
         for name, each in series.items()
     }
+    _drop_turns_of_faint_wind(faults)
     rows = {name: rows_of(stamps, each.measured_ns) for name, each in series.items()}
     possible = _possible(joined, faults, rows)
     checked = [check(possible) for check in CHECKS]
@@ -160,6 +162,20 @@ def _check_stretch(
     channels = {name: each.quality(_is_about(findings, name), jumps) for name, each in faults.items()}
     missing = tuple(name for name in trial_channels(joined) if name not in faults)
     return DataQuality(channels, tuple(sorted(findings, key=_severity)), flags, missing)
+
+
+def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
+    """Remove spikes of the wind's direction in which the wind itself, as a vector, has none: a faint one turns at
+    random."""
+    for direction, speed in _WINDS:
+        if direction not in faults or speed not in faults:
+            continue
+        angle, size = faults[direction].samples, faults[speed].samples
+        if np.array_equal(angle.measured_ns, size.measured_ns):
+            wind = size.value * np.exp(1j * np.deg2rad(angle.value))
+            parts = (replace(size, value=each) for each in (wind.real, wind.imag))
+            jumps = np.any([flag_spikes(each, BY_NAME[speed]) == Quality.BAD for each in parts], axis=0)
+            faults[direction].spikes[~jumps] = False
 
 
 def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.frames import Quality
 from analysis.kinematics import to_earth
 from analysis.quality.findings import Flags
-from analysis.quality.samples import flags_where, runs_of_equal, sort_by_time, steps_between, white_noise
+from analysis.quality.samples import flags_where, judged_as, runs_of_equal, sort_by_time, steps_between, white_noise
 from analysis.tables.table import NANO, TimedValues, times_ns
 
 _SHORTEST, _BESIDE = 8, 100
@@ -39,7 +39,7 @@ def flag_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
     bad = np.zeros(samples.value.size, dtype=bool)
     starts, lengths = _repeats(values, channel)
     coarse = lengths.size > 1 and _coarse(values)
-    always_moves = channel.group != "command" and _never_repeats(values, lengths)
+    always_moves = judged_as(channel)[0] != "command" and _never_repeats(values, lengths)
     for start, length in zip(starts, lengths, strict=True):
         inside = slice(start, start + length)
         usual = not coarse or length >= 5 * np.sort(lengths)[-2]
@@ -150,7 +150,7 @@ def everyday_resolution(channel: Channel) -> float:
     """The coarsest step [the channel's unit] that instruments of this kind commonly report."""
     if channel.name in ("latitude_deg", "longitude_deg"):
         return _DEGREES_OF_POSITION
-    return _COARSER.get((channel.group, channel.unit), EVERYDAY[channel.unit])
+    return _COARSER.get(judged_as(channel), EVERYDAY[channel.unit])
 
 
 def grid_step(values: Floats) -> float:
@@ -213,7 +213,7 @@ def _exact_step(changes: Floats, noise: float) -> float:
     """The step of an exact grid from the least distance between two changes, if all are multiples of it."""
     distances = np.diff(np.sort(changes))
     distances = distances[distances > 1e-6 * changes.max(initial=0.0)]
-    if changes.size < _FEWEST or not distances.size:
+    if np.count_nonzero(changes) < _FEWEST or not distances.size:  # an order or two are no grid
         return 0.0
     step = float(np.median(distances[distances < 1.5 * distances.min()]))
     apart = float(np.quantile(np.abs(changes - step * np.rint(changes / step)), 0.8))

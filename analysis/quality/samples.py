@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME
+from acquisition.core.channels import BY_NAME, is_setting
 from acquisition.core.frames import Quality
 from analysis.tables.table import NANO, seconds_of, times_ns
 
@@ -59,6 +59,14 @@ def is_possible(name: str, values: Floats) -> Bools:
     beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
     below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
     return np.asarray(beyond_low & below_high)
+
+
+def judged_as(channel: Channel) -> tuple[str, str]:
+    """Group and unit that a channel is judged by, recorded as an auxiliary one or not: a rudder and an order are
+    commands, the wind on board is wind."""
+    if is_setting(channel.name):
+        return "command", channel.unit
+    return ("environment" if channel.name.startswith("apparent_wind_") else channel.group), channel.unit
 
 
 def sort_by_time(samples: Series, channel: Channel) -> tuple[Ints, Ints, Floats]:

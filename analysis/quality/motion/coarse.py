@@ -34,7 +34,7 @@ _REMOVED = 0.5  # of what is left that a sign or unit must take away to be named
 _LIKELIER = 10.0  # logarithm of the ratio of likelihoods
 _LEAST_LEFT = 0.01
 _CONTRADICTED = 0.2
-_LEAST_MOVE_M = 30.0
+_LEAST_MOVE_M = 10.0  # in a minute: positions of a ship that lies still wander by less
 _BEYOND_NOISE = 6.0
 _FULL_TURN_RAD_IN_DEG = np.deg2rad(2.0 * np.pi) * 1.001
 

@@ -167,7 +167,7 @@ _MOST = 20
 _THIN_S = 0.5
 _SIGMAS = 10.0
 _USUAL = 3.0  # times what 95 % of the stretches differ by
-_SMALLEST_M = 1.0
+_SMALLEST_M, _SMALLEST_S = 1.0, 1.0  # or what the ship makes in a second at her fastest, if that is less
 _AT_ONCE = 0.7  # of a jump happens within the time below: filters and interpolation make a short ramp of it
 _AT_ONCE_S = 2.5
 _RETURNED = 0.3
@@ -205,19 +205,22 @@ def position_jumps(table: pd.DataFrame, fit: Kinematics) -> tuple[PositionJump, 
         return ()
     interval_s = float(np.median(np.diff(time_s)))
     width = int(np.clip(_JUMP_STRETCH_S / max(interval_s, 1e-3), _FEWEST_IN_STRETCH, _MOST))
-    places, sizes = _lasting_steps(error, width, interval_s)
+    smallest_m = min(_SMALLEST_M, _SMALLEST_S * float(np.quantile(np.hypot(*errors.velocity.T), 0.98)))
+    places, sizes = _lasting_steps(error, width, interval_s, smallest_m)
     known = [place for place in places if _recorded_throughout(time_s, place, width, interval_s, fit)]
     return _pair_returns(
         [(float(time_s[place] + fit.parameters[2]), sizes[place]) for place in known], np.ptp(time_s)
     )
 
 
-def _lasting_steps(error: Floats, width: int, interval_s: float) -> tuple[list[int], dict[int, Floats]]:
+def _lasting_steps(
+    error: Floats, width: int, interval_s: float, smallest_m: float
+) -> tuple[list[int], dict[int, Floats]]:
     """First samples after a jump, and its size."""
     medians = np.median(sliding_window_view(error, width, axis=0), axis=-1)
     apart = medians[width:] - medians[:-width]  # row r is about the step to sample r + width
     size = np.hypot(*apart.T)
-    limit = max(_SIGMAS * float(np.median(size)), _USUAL * float(np.quantile(size, 0.95)), _SMALLEST_M)
+    limit = max(_SIGMAS * float(np.median(size)), _USUAL * float(np.quantile(size, 0.95)), smallest_m)
     places = np.arange(width, width + len(apart))
     half = max(1, round(0.5 * _AT_ONCE_S / interval_s))
     after, before = np.minimum(places + half - 1, len(error) - 1), np.maximum(places - half, 0)

@@ -190,3 +190,17 @@ def test_tables_that_cannot_be_checked_say_so(trial: pd.DataFrame) -> None:
 @pytest.mark.parametrize("rows", [1, 2, 10])
 def test_a_table_of_few_rows_is_checked_without_complaint(trial: pd.DataFrame, rows: int) -> None:
     assert check_table(trial.iloc[:rows]).findings == ()
+
+
+@pytest.mark.parametrize(("speed_mps", "spikes"), [(0.05, 0), (5.0, 1)])
+def test_a_faint_wind_may_turn_at_once_and_a_strong_one_not(
+    single_channels_only: None, speed_mps: float, spikes: int
+) -> None:
+    """Half a turn of 0.05 m/s is a stir of the air as any other; half a turn of 5 m/s is a reading astray."""
+    random = np.random.default_rng(1)
+    direction = 200.0 + 2.0 * random.standard_normal(600)
+    speed = np.abs(speed_mps + 0.03 * random.standard_normal(600))
+    direction[300] += 150.0
+    index = pd.date_range("2026-05-17", periods=600, freq="100ms", tz="UTC", unit="ns")
+    table = pd.DataFrame({"wind_direction_deg": direction % 360.0, "wind_speed_mps": speed}, index=index)
+    assert check_table(table).channels["wind_direction_deg"].spikes == spikes

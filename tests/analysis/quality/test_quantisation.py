@@ -125,3 +125,15 @@ def test_nothing_else_about_the_channels_of_2019_is_found(docking: dict[str, Dat
     for quality in docking.values():
         assert not own & {each.code for each in quality.findings}
         assert "bad" not in {each.grade for each in quality.channels.values()}
+
+
+@pytest.mark.parametrize("name", ["rudder_angle_deg", "helm_angle_deg", "apparent_wind_angle_deg"])
+def test_half_a_degree_of_rudder_and_of_wind_on_board_is_what_instruments_report(name: str) -> None:
+    values = 10.0 + 5.0 * np.sin(np.arange(900) / 20.0)
+    channel = BY_NAME[name]
+    assert quantisation_step(samples(np.round(values / 0.5) * 0.5), channel) == 0.0
+    assert quantisation_step(samples(np.round(values / 2.0) * 2.0), channel) == pytest.approx(2.0)
+
+
+def test_a_shaft_that_is_stopped_once_has_no_grid() -> None:
+    assert quantisation_step(samples(np.repeat([600.0, 0.0], [900, 50])), BY_NAME["propeller_rpm"]) == 0.0

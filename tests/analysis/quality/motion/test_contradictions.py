@@ -198,3 +198,23 @@ def test_real_recordings_that_change_say_so(shared_data: Path, tmp_path: Path) -
     assert found["speed_scale"].certain
     assert not found["yaw_rate_scale"].certain
     assert found["yaw_rate_scale"].estimate["high"] - found["yaw_rate_scale"].estimate["low"] > 0.1
+
+
+METRES = dict.fromkeys(("north_m", "east_m", "surge_mps", "sway_mps"), 0.1)
+"""A tenth of all lengths in the same time: a model that makes 0.4 m/s."""
+
+
+def test_a_models_jump_of_a_ships_breadth_is_found(sound: pd.DataFrame) -> None:
+    model = scaled(sound, **METRES)
+    assert check_motion(model).findings == ()
+    jumped = model["north_m"] + np.where(np.arange(len(model)) > len(model) / 2, 0.8, 0.0)
+    finding = only(check_motion(model.assign(north_m=jumped)), "position_jump")
+    assert finding.estimate["metres"] == pytest.approx(0.8, abs=0.05)
+
+
+def test_a_models_channels_of_different_motions_are_found(sound: pd.DataFrame) -> None:
+    elsewhere = sailed(duration_s=900.0, seed=7, heading_deg=120.0)
+    mixed = scaled(sound, **METRES).assign(
+        **{name: 0.1 * elsewhere[name].to_numpy() for name in ("north_m", "east_m")}
+    )
+    assert "motion_contradiction" in {each.code for each in check_motion(mixed).findings}
