@@ -214,7 +214,9 @@ def train(
     refuse_unknown(method)
     name = locate_vessel(str(vessel or DEFAULT))
     plant = vessel_plant(load_vessel(name))
-    dataset = _dataset(recordings, horizon_s, stride_s, part, any_commands, repair, rebuild_positions, shorter=True)
+    dataset = _dataset(
+        recordings, horizon_s, stride_s, part, any_commands, repair, rebuild_positions, plant, shorter=True
+    )
     with bar("training") as progress:
         return train_calibrator(dataset, name, plant, method, seed, progress)
 
@@ -241,7 +243,7 @@ def validate(
     from hybrid.evaluation.validate import validate as validate_dataset
 
     trained, plant, seconds = _model(calibrator, vessel, horizon_s)
-    dataset = _dataset(recordings, seconds, stride_s, part, any_commands, repair, rebuild_positions)
+    dataset = _dataset(recordings, seconds, stride_s, part, any_commands, repair, rebuild_positions, plant)
     if trained is not None and not allow_seen:
         refuse_training_data(dataset.sources, trained)
     return validate_dataset(dataset, plant, trained)
@@ -283,7 +285,7 @@ def evaluate(
         refuse_unknown(each)
     plant = vessel_plant(load_vessel(vessel or DEFAULT))
     dataset = _dataset(
-        recordings, horizon_s, stride_s, "0..100", any_commands, repair, rebuild_positions, shorter=True
+        recordings, horizon_s, stride_s, "0..100", any_commands, repair, rebuild_positions, plant, shorter=True
     )
     with bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
@@ -429,6 +431,7 @@ def _dataset(
     any_commands: bool,
     repair: bool,
     rebuild_positions: bool,
+    plant: Plant,
     *,
     shorter: bool = False,
 ) -> Any:
@@ -438,5 +441,6 @@ def _dataset(
     with bar("reading") as progress:
         return load_dataset(
             as_paths(recordings), horizon_s, stride_s, percent_of(part), progress, shorter=shorter,
-            any_commands=any_commands, repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+            any_commands=any_commands, length_m=plant.length_overall_m,
+            repair=repair or rebuild_positions, rebuild_positions=rebuild_positions,
         )  # fmt: skip

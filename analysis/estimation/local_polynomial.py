@@ -28,12 +28,19 @@ from acquisition.core.channels import POSE, VELOCITY, is_circular
 from analysis.tables.table import NANO, times_ns
 
 MOTION = (*POSE, *VELOCITY)
-HALF_WIDTH_S = 10.0
+HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 30.0
 _LEAST_SAMPLES = 5
 _PARABOLIC = ("north_m", "east_m")
 
 
-def smooth_motion(table: pd.DataFrame) -> pd.DataFrame:
+def half_width_for(length_m: float) -> float:
+    """How far the fits reach for a ship of that length [s]: :data:`HALF_WIDTH_S`, and less for one under
+    :data:`USUAL_LENGTH_M`, as the root of her length: so much faster does everything happen on a model (Froude).
+    """
+    return HALF_WIDTH_S * min(1.0, float(np.sqrt(length_m / USUAL_LENGTH_M)))
+
+
+def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
     """The motion channels of a table with evenly spaced rows, smoothed; a NaN stays a NaN.
 
     Near gaps and ends the fit is one-sided; where fewer than five samples are near, values stay as they are.
@@ -43,7 +50,7 @@ def smooth_motion(table: pd.DataFrame) -> pd.DataFrame:
     columns = {}
     for name in MOTION:
         values = table[name].to_numpy(dtype=float)
-        smooth = local_quadratic(unwrap(values) if is_circular(name) else values, HALF_WIDTH_S / step_s)
+        smooth = local_quadratic(unwrap(values) if is_circular(name) else values, half_width_s / step_s)
         columns[name] = wrap_360(smooth) if is_circular(name) else smooth
     return pd.DataFrame(columns, index=table.index)
 
@@ -84,18 +91,18 @@ def motion_known_after(table: pd.DataFrame, at: pd.Timestamp) -> bool:
     return bool(after.notna().all(axis=1).any())
 
 
-def one_sided_motion(table: pd.DataFrame, at: pd.Timestamp) -> pd.DataFrame:
-    """The motion channels at ``at`` by the samples of the last :data:`HALF_WIDTH_S` seconds, one row.
+def one_sided_motion(table: pd.DataFrame, at: pd.Timestamp, half_width_s: float = HALF_WIDTH_S) -> pd.DataFrame:
+    """The motion channels at ``at`` by the samples of the last ``half_width_s`` seconds, one row.
 
     A channel of which fewer than five samples are near keeps its measured value; NaN where it has none at ``at``.
     """
     before_s = (times_ns(table) - at.as_unit("ns").value) / NANO
-    near = (before_s > -HALF_WIDTH_S) & (before_s <= 0.0)
+    near = (before_s > -half_width_s) & (before_s <= 0.0)
     row = {}
     for name in MOTION:
         values = table[name].to_numpy(dtype=float)[near]
         series = unwrap(values) if is_circular(name) else values
-        end = one_sided_value(before_s[near] / HALF_WIDTH_S, series, 2 if name in _PARABOLIC else 1)
+        end = one_sided_value(before_s[near] / half_width_s, series, 2 if name in _PARABOLIC else 1)
         row[name] = float(wrap_360(end)) if is_circular(name) else end
     return pd.DataFrame(row, index=pd.DatetimeIndex([at], name=table.index.name))
 

@@ -12,7 +12,12 @@ from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
 from acquisition.core.result import Result
-from analysis.estimation.local_polynomial import motion_known_after, one_sided_motion
+from analysis.estimation.local_polynomial import (
+    USUAL_LENGTH_M,
+    half_width_for,
+    motion_known_after,
+    one_sided_motion,
+)
 from analysis.tables.table import trial_channels
 from hybrid.prediction.baselines import reference
 from hybrid.prediction.dataset import start_motion
@@ -83,8 +88,11 @@ def parse_time(text: str, table: pd.DataFrame) -> pd.Timestamp:
     return at.tz_convert("UTC")
 
 
-def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[PredictionWindows, bool]:
-    """The window that starts at ``at`` in a 1 Hz table, and whether the recording covers all of it.
+def window_at(
+    table: pd.DataFrame, at: pd.Timestamp, horizon_s: int, length_m: float = USUAL_LENGTH_M
+) -> tuple[PredictionWindows, bool]:
+    """The window that starts at ``at`` in a 1 Hz table, of a ship of ``length_m``, and whether the recording covers
+    all of it.
 
     Where the table ends at ``at`` its start state comes from the seconds before alone (:func:`one_sided_motion`).
     Raises :class:`InputError` when the instant lies outside or a channel has no value there.
@@ -106,7 +114,10 @@ def window_at(table: pd.DataFrame, at: pd.Timestamp, horizon_s: int) -> tuple[Pr
     labelled = rows.reset_index(drop=True).assign(
         window=0, second=range(horizon_s + 1), trial="prediction", leg="prediction", start=start
     )
-    motion = start_motion(labelled, table) if motion_known_after(table, start) else one_sided_motion(table, start)
+    if motion_known_after(table, start):
+        motion = start_motion(labelled, table, length_m)
+    else:
+        motion = one_sided_motion(table, start, half_width_for(length_m))
     return windows_from_rows(labelled, motion, {"prediction": table}), bool(
         rows[["north_m", "east_m", "heading_deg"]].notna().all(axis=None)
     )
@@ -122,7 +133,7 @@ def predict(
     """
     if trained is not None:
         trained.refuse_horizon(horizon_s)
-    windows, covered = window_at(table, at, horizon_s)
+    windows, covered = window_at(table, at, horizon_s, plant.length_overall_m)
     track = reference(windows, plant)
     if not np.isfinite(track).all():
         raise ModelRangeError(

@@ -54,7 +54,7 @@ def compare_calibrators(
     try:
         dataset = load_dataset(
             files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,
-            rebuild_positions=rebuild_positions, shorter=True,
+            rebuild_positions=rebuild_positions, shorter=True, length_m=equations.model.base.length_overall_m,
         )  # fmt: skip
         seconds = seconds_in_folds(dataset.windows, equations.log, trial_names(files))
         named = conclusion.gap.without if conclusion.accepted.names else None

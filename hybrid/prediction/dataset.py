@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress
-from analysis.estimation.local_polynomial import smooth_motion
+from analysis.estimation.local_polynomial import USUAL_LENGTH_M, half_width_for, smooth_motion
 from analysis.tables.table import refuse_duplicates
 from analysis.windows.held import HeldWindows
 from analysis.windows.recordings import tables_of_recordings, windows_of_tables
@@ -69,10 +69,12 @@ def load_dataset(
     rebuild_positions: bool = False,
     shorter: bool = False,
     any_commands: bool = False,
+    length_m: float = USUAL_LENGTH_M,
 ) -> Dataset:
     """The held windows of recordings, or of ``part`` of each one's time in percent; with ``any_commands`` all
     windows that have data, with the commands as they were recorded.
 
+    The starts are smoothed as for a ship of ``length_m`` (:func:`.half_width_for`).
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
     With ``shorter`` windows that are held for half the horizon only come behind the whole ones, NaN after that: a
     calibrator learns from them, nothing is judged on them. Where the commands may be any there is no need of them.
@@ -83,7 +85,7 @@ def load_dataset(
     hashes = refuse_duplicates(paths)
     tables = tables_of_recordings(paths, progress, part, repair=repair, rebuild_positions=rebuild_positions)
     held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=any_commands)
-    smooth = {trial: smooth_motion(table) for trial, table in tables.items()}
+    smooth = {trial: smooth_motion(table, half_width_for(length_m)) for trial, table in tables.items()}
     windows = _as_arrays(held, tables, smooth, any_commands=any_commands)
     if any_commands:
         windows = replace(windows, leg=_shorter_legs(windows))
@@ -161,9 +163,11 @@ def _counts(windows: PredictionWindows, trial: str) -> tuple[int, int, tuple[dat
     return len(own), int(np.unique(own.leg).size), (first, last)
 
 
-def start_motion(rows: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-    """The smoothed motion at the start of each window, one row a window in the order of their numbers."""
-    return _at_starts(rows, smooth_motion(table))
+def start_motion(rows: pd.DataFrame, table: pd.DataFrame, length_m: float = USUAL_LENGTH_M) -> pd.DataFrame:
+    """The motion at the start of each window, smoothed as for a ship of ``length_m``; one row a window in the order
+    of their numbers.
+    """
+    return _at_starts(rows, smooth_motion(table, half_width_for(length_m)))
 
 
 def _at_starts(rows: pd.DataFrame, smooth: pd.DataFrame) -> pd.DataFrame:

@@ -120,7 +120,10 @@ class Case:
         none."""
         held = [name for name, each in self.products.items() if each.windows is not None and each.windows.kept]
         paths = [self.named_paths[name] for name in held or self.products]
-        dataset = load_dataset(paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair)
+        dataset = load_dataset(
+            paths, self.horizon_s, self.stride_s, self.part_percent, repair=self.repair,
+            length_m=self.plant.length_overall_m,
+        )  # fmt: skip
         return _renamed(dataset, dict(zip(trial_names(paths), held or self.products, strict=True)))
 
     @property

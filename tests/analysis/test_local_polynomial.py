@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from acquisition.core.angles import difference, wrap_360
 from analysis.estimation.local_polynomial import (
     MOTION,
+    half_width_for,
     local_quadratic,
     motion_known_after,
     one_sided_motion,
@@ -219,3 +220,14 @@ def test_a_recording_goes_on_where_all_motion_is_known_later() -> None:
     table.loc[INDEX[55:], "east_m"] = np.nan
     assert motion_known_after(table, INDEX[53])
     assert not motion_known_after(table, INDEX[54])
+
+
+def test_on_a_model_the_fit_reaches_less_far_and_follows_her_turns() -> None:
+    """A zigzag as a 3 m model does it: her yaw rate swings in 20 s, in 1 min on a ship of 30 m."""
+    swing = 3.0 * np.sin(2.0 * np.pi * SECONDS / 20.0)
+    table = motion_table(yaw_rate_dps=swing)
+    off = [
+        np.abs(smooth_motion(table, half_width_for(length_m))["yaw_rate_dps"] - swing)[20:-20].max()
+        for length_m in (3.0, 30.0, 300.0)
+    ]
+    assert off[0] < 0.05 * 3.0 < 0.3 * 3.0 < off[1] == off[2]
