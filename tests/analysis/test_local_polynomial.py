@@ -223,11 +223,12 @@ def test_a_recording_goes_on_where_all_motion_is_known_later() -> None:
 
 
 def test_on_a_model_the_fit_reaches_less_far_and_follows_her_turns() -> None:
-    """A zigzag as a 3 m model does it: her yaw rate swings in 20 s, in 1 min on a ship of 30 m."""
-    swing = 3.0 * np.sin(2.0 * np.pi * SECONDS / 20.0)
+    """A zigzag as a 3 m model does it: her yaw rate swings in 15 s."""
+    swing = 3.0 * np.sin(2.0 * np.pi * SECONDS / 15.0)
     table = motion_table(yaw_rate_dps=swing)
     off = [
         np.abs(smooth_motion(table, half_width_for(length_m))["yaw_rate_dps"] - swing)[20:-20].max()
         for length_m in (3.0, 30.0, 300.0)
     ]
-    assert off[0] < 0.05 * 3.0 < 0.3 * 3.0 < off[1] == off[2]
+    assert off[0] < 0.1 * off[1]
+    assert off[1] == off[2]
