@@ -1,0 +1,234 @@
+"""The tables of propellers, pods, rudders and tunnel thrusters, and the shaft speed that drives the ship."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import Any
+
+from acquisition.core.errors import InputError
+from hybrid.vessel.estimate import propeller as screws
+from hybrid.vessel.estimate import resistance, thrusters
+from hybrid.vessel.estimate import rudder as steering
+from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel
+from hybrid.vessel.estimate.particulars import Estimate, Particulars
+from hybrid.vessel.estimate.table import Assumed, Cell, Table
+
+RESERVE = 1.15
+"""The limit of a shaft by its speed at service speed."""
+USUAL_PITCH_RATIO = 0.8
+TYPICAL = 2.5
+"""How much wider the errors of a propeller of unknown pitch are."""
+FITTED = 1.5
+"""The same where the pitch follows from the shaft speed that drives the ship."""
+HIRANO = "usual, Hirano 1980"
+ODD_SHARE = 0.1
+"""A shaft speed said that differs by more from the one estimated is mentioned."""
+_LAG = Assumed(1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """A propulsor of the file: its table, what was said of it, its place, and its shaft at service speed."""
+
+    table: Table
+    said: Propeller | Azimuth
+    x_m: float
+    y_m: float
+    wake: float
+    rpm: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about it, a sentence each."""
+        rpm = self.said.rpm
+        if rpm is None or abs(rpm / self.rpm - 1.0) < ODD_SHARE:
+            return ()
+        return (
+            f"{self.said.name} is said to turn {rpm:g} rpm at service speed, the estimates need {self.rpm:.4g}",
+        )
+
+
+def named(given: Sequence[Any], kind: str) -> list[Any]:
+    """Names for the devices that have none: their kind, with the side of a pair, or a number."""
+    usual = {
+        1: [kind],
+        2: [f"port_{kind}", f"starboard_{kind}"],
+    }.get(len(given), [f"{kind}_{number + 1}" for number in range(len(given))])
+    return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=True)]
+
+
+def driven(ship: Particulars, propellers: Sequence[Propeller], azimuths: Sequence[Azimuth]) -> list[Driven]:
+    """The propulsors; each has its share of the resistance, by the area of its disc."""
+    both: list[Propeller | Azimuth] = [*propellers, *azimuths]
+    shafts = _abeam(ship, len(propellers), -0.48 * ship.length_m)
+    places = [*shafts, *_pod_places(ship, len(azimuths))]
+    share = resistance.resistance_n(ship) / sum(each.diameter**2 for each in both)
+    return [_driven(ship, each, place, share * each.diameter**2) for each, place in zip(both, places, strict=True)]
+
+
+def _driven(ship: Particulars, said: Propeller | Azimuth, place: tuple[float, float], drag_n: float) -> Driven:
+    x_m, y_m = said.x if said.x is not None else place[0], said.y if said.y is not None else place[1]
+    wake = resistance.wake_fraction(ship, said.diameter)
+    deduction = resistance.thrust_deduction(ship, said.diameter)
+    inflow, thrust_n = (1.0 - wake.value) * ship.service_speed_mps, drag_n / (1.0 - deduction.value)
+    pitch_ratio, known = _pitch_ratio(ship, said, inflow, thrust_n)
+    k = screws.quadratic(pitch_ratio, said.area_ratio, said.blades)
+    rpm = 60.0 * screws.service_rps(thrust_n, inflow, said.diameter, k, ship.water_density_kgpm3)
+    rows: dict[str, Cell] = {
+        "name": said.name,
+        "kind": _kind(said),
+        "x_m": x_m,
+        "y_m": y_m,
+        **_blades(ship, said, pitch_ratio, known, wake, deduction),
+        "limit_rpm": Assumed(RESERVE * rpm, f"{rpm:.4g} rpm at service speed, and a reserve"),
+        "shaft_lag_s": _LAG,
+    }
+    return Driven(Table("[[actuator]]", said.name, rows), said, x_m, y_m, wake.value, rpm)
+
+
+def _kind(said: Propeller | Azimuth) -> str:
+    if isinstance(said, Azimuth):
+        return "azimuth"
+    return "controllable_propeller" if said.controllable else "propeller"
+
+
+def _pitch_ratio(
+    ship: Particulars, said: Propeller | Azimuth, inflow: float, thrust_n: float
+) -> tuple[float, float]:
+    """The pitch ratio said, or the one that fits the shaft speed said, or a usual one; and how well it is known."""
+    if said.pitch_ratio is not None:
+        return said.pitch_ratio, 1.0
+    if said.rpm is None:
+        return USUAL_PITCH_RATIO, TYPICAL
+    n, D = said.rpm / 60.0, said.diameter
+    wanted = thrust_n / (ship.water_density_kgpm3 * n**2 * D**4)
+    return screws.fitting_pitch_ratio(wanted, inflow / (n * D), said.area_ratio, said.blades), FITTED
+
+
+def _blades(
+    ship: Particulars, said: Propeller | Azimuth, pitch: float, known: float, wake: Estimate, deduction: Estimate
+) -> dict[str, Cell]:
+    """The rows of a propeller, or of a pod, that say what it thrusts; ``pitch`` by diameter."""
+    if isinstance(said, Azimuth):
+        return {
+            "propeller_diameter_m": said.diameter,
+            **thrusters.pod(pitch, said.area_ratio, said.blades, known, wake, deduction),
+            "azimuth_rate_limit_dps": said.rate,
+            "azimuth_lag_s": _LAG,
+        }
+    k = screws.open_water(pitch, said.area_ratio, said.blades, known)
+    return {
+        "diameter_m": said.diameter,
+        "pitch_m": pitch * said.diameter,
+        **k,
+        "thrust_deduction": deduction,
+        "wake_0": wake,
+        "wake_decay": Estimate(4.0, 0.3, HIRANO),
+        "wake_x_m": Estimate(-0.5 * ship.length_m, 0.3, HIRANO),
+        **screws.astern(k["k_0"].value),
+        **({"pitch_lag_s": Assumed(3.0)} if said.controllable else {}),
+    }
+
+
+def _abeam(ship: Particulars, count: int, x_m: float) -> list[tuple[float, float]]:
+    """Usual places beside each other, from port to starboard."""
+    if count == 1:
+        return [(x_m, 0.0)]
+    return [(x_m, ship.beam_m * (0.44 * number / (count - 1) - 0.22)) for number in range(count)]
+
+
+def _pod_places(ship: Particulars, count: int) -> list[tuple[float, float]]:
+    """Pods at the stern; of four or more the first half at the bow."""
+    forward = count // 2 if count >= 4 else 0
+    x = 0.42 * ship.length_m
+    return [*_abeam(ship, forward, x), *_abeam(ship, count - forward, -x)]
+
+
+def rudders(ship: Particulars, given: Sequence[Rudder], propellers: Sequence[Driven]) -> list[Table]:
+    """The rudders, each behind the propeller it names or the one it is nearest to."""
+    shafts = [each for each in propellers if isinstance(each.said, Propeller)]
+    return [_rudder(ship, each, shafts, number, len(given)) for number, each in enumerate(given)]
+
+
+def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Table:
+    before = _before(said, shafts, number, count)
+    beside = before.y_m if before else _abeam(ship, count, 0.0)[number][1]
+    area, share = said.area, steering.usual_area(ship)
+    area_m2 = Estimate(area, 0.0, "given") if area else Estimate(share.value / count, share.error, share.source)
+    span = said.span or min(sqrt(steering.USUAL_ASPECT_RATIO * area_m2.value), 0.9 * ship.draught_m)
+    numbers = steering.interaction(ship, before.wake if before else 0.0)
+    straight = numbers["flow_straightening"]
+    L = ship.length_m
+    rows: dict[str, Cell] = {
+        "name": said.name,
+        "kind": "rudder",
+        "x_m": said.x if said.x is not None else -0.5 * L,
+        "y_m": said.y if said.y is not None else beside,
+        **({"behind": before.said.name} if before else {}),
+        "area_m2": area_m2,
+        "span_m": said.span or Assumed(span, "aspect ratio 1.6, within the draught"),
+        "t_R": numbers["t_R"],
+        "a_H": numbers["a_H"],
+        "x_H_m": _by_length(numbers["x_H"], L),
+        "flow_straightening_minus": straight,
+        "flow_straightening_plus": straight,
+        "l_R_m": _by_length(numbers["l_R"], L),
+        "lift_slope": Estimate(steering.normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
+        **({"eps": numbers["eps"], "kappa": numbers["kappa"]} if before else {"inflow_factor": Assumed(0.8)}),
+        "limit_deg": said.limit,
+        "rate_limit_dps": said.rate or Assumed(steering.usual_rate_dps(ship), "65 degrees in 28 s at 100 m, SOLAS"),
+        "lag_s": Assumed(0.5),
+    }
+    return Table("[[actuator]]", said.name, rows)
+
+
+def _by_length(estimate: Estimate, length_m: float) -> Estimate:
+    return replace(estimate, value=estimate.value * length_m)
+
+
+def _before(said: Rudder, shafts: Sequence[Driven], number: int, count: int) -> Driven | None:
+    """The propeller in whose race a rudder is; None for one that is in no race."""
+    if said.behind is None:
+        if len(shafts) == count:
+            return shafts[number]
+        return shafts[len(shafts) // 2] if count == 1 and len(shafts) % 2 == 1 else None
+    if not said.behind:
+        return None
+    names = [each.said.name for each in shafts]
+    if said.behind not in names:
+        raise InputError(
+            f"rudder {said.name!r} is behind {said.behind!r}",
+            why=f"the propellers are called {', '.join(names) or 'nothing: there are none'}",
+            fix="name one of these",
+        )
+    return shafts[names.index(said.behind)]
+
+
+def tunnel(ship: Particulars, said: Tunnel) -> Table:
+    """A tunnel thruster, at its usual place by its name; its force goes with the square of its shaft."""
+    x = (-0.42 if "stern" in said.name or "aft" in said.name else 0.42) * ship.length_m
+    force = _tunnel_force(said)
+    return Table("[[actuator]]", said.name, {
+        "name": said.name,
+        "kind": "tunnel",
+        "x_m": said.x if said.x is not None else x,
+        "cubic_n": 0.0,
+        "quadratic_n": replace(force, value=force.value / said.rpm**2),
+        "linear_n": 0.0,
+        "limit_rpm": said.rpm,
+        "shaft_lag_s": _LAG,
+    })  # fmt: skip
+
+
+def _tunnel_force(said: Tunnel) -> Estimate:
+    if said.force is not None:
+        return Estimate(said.force, 0.1, "full force given, with the shaft squared")
+    if said.diameter is None or said.power is None:
+        raise InputError(
+            f"of tunnel thruster {said.name!r} the force is not known",
+            why="it follows from the force at full rpm, or from diameter and power",
+            fix=f"write {said.name},force=N or {said.name},diameter=M,power=KW",
+        )
+    return thrusters.tunnel_force(said.diameter, said.power)

@@ -1,0 +1,169 @@
+"""A vessel file from main dimensions, block coefficient and a list of propulsors: the estimates put together.
+
+Every number of the file is given, assumed or estimated, and its comment says which. The usual relative error of
+each estimate, one standard deviation, stands in ``[estimated]``, so that an identification knows what to trust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from acquisition.core.actuators import Actuator, check_actuators
+from acquisition.core.errors import InputError, storage_error
+from hybrid.vessel.estimate import devices, resistance, wind
+from hybrid.vessel.estimate import hull as hulls
+from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel, device
+from hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3, Particulars, outside_database
+from hybrid.vessel.estimate.table import Assumed, Cell, Table, estimated, text_of
+
+HullName = Literal["mmg", "cross_flow"]
+
+
+@dataclass(frozen=True, slots=True)
+class NewVessel:
+    """A vessel file that is estimated: its ``text``, what to know of it, and what follows from the numbers.
+
+    ``warnings`` are sentences; ``service_rpm`` is each shaft's speed that drives her at service speed;
+    ``course_stable`` whether the bare hull holds its course, by the linear derivatives.
+    """
+
+    text: str
+    warnings: tuple[str, ...]
+    service_rpm: dict[str, float]
+    course_stable: bool
+
+    def save(self, path: str | Path) -> Path:
+        """Write the vessel file. Raises :class:`StorageError`."""
+        try:
+            Path(path).write_text(self.text, encoding="utf-8")
+        except OSError as error:
+            raise storage_error(path, error) from error
+        return Path(path)
+
+
+def new_vessel(
+    output: str | Path | None = None,
+    *,
+    name: str,
+    length_m: float,
+    beam_m: float,
+    draught_m: float,
+    block: float,
+    service_speed_mps: float,
+    propellers: Sequence[Propeller | str] = (),
+    rudders: Sequence[Rudder | str] = (),
+    azimuths: Sequence[Azimuth | str] = (),
+    tunnels: Sequence[Tunnel | str] = (),
+    hull: HullName = "mmg",
+    length_overall_m: float | None = None,
+    centre_of_gravity_m: float | None = None,
+    frontal_area_m2: float | None = None,
+    lateral_area_m2: float | None = None,
+    water_density_kgpm3: float = SEA_WATER_KGPM3,
+) -> NewVessel:
+    """Estimate a ship's model from what her owner knows, and write it to ``output`` if that is named.
+
+    Lengths in metres, the length between perpendiculars; places of propulsors from midship, forward and to
+    starboard. Propulsors are objects of :mod:`hybrid.vessel.estimate.given` or texts ``"NAME,KEY=NUMBER,..."``. The
+    regressions and their sources are in docs/theory/estimates.md. Raises :class:`InputError` for dimensions that no
+    displacement ship has and for propulsors that cannot be, :class:`StorageError`.
+    """
+    shafts = devices.named([device(Propeller, each) for each in propellers], "propeller")
+    pods = devices.named([device(Azimuth, each) for each in azimuths], "azimuth")
+    if not shafts and not pods:
+        raise InputError(
+            "the ship has no propulsor", fix="name a propeller or an azimuth thruster with its diameter"
+        )
+    ship = Particulars(
+        length_m=length_m, beam_m=beam_m, draught_m=draught_m, block=block, service_speed_mps=service_speed_mps,
+        centre_of_gravity_m=centre_of_gravity_m, water_density_kgpm3=water_density_kgpm3,
+        screws=len(shafts) + len(pods),
+    )  # fmt: skip
+    driven = devices.driven(ship, shafts, pods)
+    blades = devices.named([device(Rudder, each) for each in rudders], "rudder")
+    actuators = [
+        *(each.table for each in driven),
+        *devices.rudders(ship, blades, driven),
+        *(devices.tunnel(ship, each) for each in _with_tunnel_names(tunnels)),
+    ]
+    check_actuators(Actuator(each.label, str(each.rows["kind"])) for each in actuators)
+    tables = [
+        _dimensions(ship, length_overall_m or length_m),
+        _validity(ship),
+        Table("[inertia]", "inertia", {"model": "primed", **hulls.inertia(ship)}),
+        _hull(ship, hull),
+        _wind(ship, frontal_area_m2, lateral_area_m2),
+        *actuators,
+    ]
+    warnings = (*outside_database(ship), *(warning for each in driven for warning in each.warnings))
+    rpm = {each.said.name: each.rpm for each in driven}
+    made = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
+    if output is not None:
+        made.save(output)
+    return made
+
+
+def course_stable(ship: Particulars) -> bool:
+    """Whether the bare hull holds its course: Y_v (N_r - m x_G) > N_v (Y_r - m - m_x)."""
+    d, inertia = hulls.linear(ship), hulls.inertia(ship)
+    m, m_x, x_G = (inertia[key].value for key in ("m", "m_x", "x_G"))
+    return d["Y_v"].value * (d["N_r"].value - m * x_G) > d["N_v"].value * (d["Y_r"].value - m - m_x)
+
+
+def _with_tunnel_names(tunnels: Sequence[Tunnel | str]) -> list[Tunnel]:
+    usual = ("bow", "stern", *(f"tunnel_{number}" for number in range(3, len(tunnels) + 1)))
+    given = [device(Tunnel, each) for each in tunnels]
+    return [replace(each, name=each.name or name) for each, name in zip(given, usual, strict=False)]
+
+
+def _dimensions(ship: Particulars, overall_m: float) -> Table:
+    return Table("[dimensions]", "dimensions", {
+        "length_overall_m": overall_m,
+        "length_between_perpendiculars_m": ship.length_m,
+        "beam_m": ship.beam_m,
+        "draught_m": ship.draught_m,
+    })  # fmt: skip
+
+
+def _validity(ship: Particulars) -> Table:
+    U, by_speed = ship.service_speed_mps, "by the service speed"
+    return Table("[validity]", "validity", {
+        "surge_low_mps": Assumed(-0.6 * U, by_speed),
+        "surge_high_mps": Assumed(1.3 * U, by_speed),
+        "sway_mps": Assumed(0.8 * U, by_speed),
+        "yaw_rate_radps": Assumed(2.0 * U / ship.length_m, "r' = 2 at service speed"),
+    })  # fmt: skip
+
+
+def _hull(ship: Particulars, hull: HullName) -> Table:
+    R_0 = resistance.resistance(ship)
+    numbers = hulls.mmg(ship, R_0) if hull == "mmg" else hulls.cross_flow(ship, R_0)
+    return Table("[hull]", "hull", {"model": hull, **numbers})
+
+
+def _wind(ship: Particulars, frontal_m2: float | None, lateral_m2: float | None) -> Table:
+    known: dict[str, Cell] = {"model": "fujiwara", "air_density_kgpm3": 1.225}
+    return Table("[wind]", "wind", {**known, **wind.outline(ship, frontal_m2, lateral_m2)})
+
+
+def _text(
+    name: str, ship: Particulars, tables: Sequence[Table], warnings: Sequence[str], rpm: dict[str, float]
+) -> str:
+    head = [
+        "# Estimated from main dimensions by published regressions; +- is the usual error, one standard deviation.",
+        "# Body axes at midship, x forward, y to starboard. Measured numbers are better: write them in.",
+        *(f"# Note: {warning}." for warning in warnings),
+    ]
+    known: dict[str, Cell] = {"name": name, "description": "estimated from main dimensions"}
+    plain = Table("", "", {**known, "water_density_kgpm3": ship.water_density_kgpm3})
+    provenance: dict[str, Cell] = {
+        "source": "seatrial vessel new",
+        "block_coefficient": ship.block,
+        "service_speed_mps": ship.service_speed_mps,
+        **{f"service_rpm_{shaft}": value for shaft, value in rpm.items()},
+    }
+    parts = [plain, Table("[provenance]", "provenance", provenance), *tables]
+    return "\n".join(["\n".join(head), *(text_of(part) for part in parts), estimated(tables)])

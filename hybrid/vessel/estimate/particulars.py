@@ -1,0 +1,118 @@
+"""What is known of a ship from the start, and what an estimated number is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import sqrt
+
+from acquisition.core.errors import InputError
+
+GRAVITY_MPS2 = 9.80665
+SEA_WATER_KGPM3 = 1025.0
+_FRESH_BELOW_KGPM3 = 1010.0
+_LONGEST_MODEL_M = 20.0
+_NEAR_ZERO = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number that a regression gives: its usual relative error (one standard deviation), and where it is from."""
+
+    value: float
+    error: float
+    source: str
+
+
+Estimates = dict[str, Estimate]
+
+
+def with_scatter(value: float, scatter: float, source: str) -> Estimate:
+    """An estimate from the usual error in its own unit; a relative one of a number near zero is large."""
+    return Estimate(value, scatter / max(abs(value), _NEAR_ZERO * scatter), source)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Particulars:
+    """The main particulars of a ship: length between perpendiculars, beam, mean draught [m], block coefficient.
+
+    ``service_speed_mps`` is the speed through still water that the resistance is estimated for,
+    ``centre_of_gravity_m`` lies forward of midship; without it, it is estimated too. Raises :class:`InputError` for
+    what no ship has.
+    """
+
+    length_m: float
+    beam_m: float
+    draught_m: float
+    block: float
+    service_speed_mps: float
+    centre_of_gravity_m: float | None = None
+    water_density_kgpm3: float = SEA_WATER_KGPM3
+    screws: int = 1
+
+    def __post_init__(self) -> None:
+        for name, unit, low, value, high in _possible(self):
+            if not low < value < high:
+                raise InputError(
+                    f"{name} is {value:g}{unit}",
+                    why=f"a displacement ship has between {low:g} and {high:g}{unit}",
+                    fix="check the main particulars and their units",
+                )
+
+    @property
+    def volume_m3(self) -> float:
+        """Displaced volume [m3]."""
+        return self.block * self.length_m * self.beam_m * self.draught_m
+
+    @property
+    def fullness(self) -> float:
+        """Block coefficient times beam by length, which most of the regressions go with."""
+        return self.block * self.beam_m / self.length_m
+
+    @property
+    def mass(self) -> float:
+        """Mass by (1/2) rho L^2 d."""
+        return 2.0 * self.fullness
+
+    @property
+    def froude(self) -> float:
+        """Froude number at service speed."""
+        return self.service_speed_mps / sqrt(GRAVITY_MPS2 * self.length_m)
+
+    @property
+    def viscosity_m2ps(self) -> float:
+        """Kinematic viscosity of water at 15 degrees [m2/s], fresh or salt by its density (ITTC 7.5-02-01-03)."""
+        return 1.139e-6 if self.water_density_kgpm3 < _FRESH_BELOW_KGPM3 else 1.188e-6
+
+    @property
+    def is_model(self) -> bool:
+        """Whether she is of a model's size: tested smooth, without the allowance for a ship's rough plates."""
+        return self.length_m < _LONGEST_MODEL_M
+
+
+def _possible(ship: Particulars) -> Iterator[tuple[str, str, float, float, float]]:
+    """What makes a number impossible rather than unusual: name, unit, low, value, high."""
+    yield "the length", " m", 0.5, ship.length_m, 600.0
+    yield "the block coefficient", "", 0.3, ship.block, 0.95
+    yield "length by beam", "", 1.8, ship.length_m / ship.beam_m, 15.0
+    yield "beam by draught", "", 1.2, ship.beam_m / ship.draught_m, 12.0
+    yield "the Froude number at service speed", "", 0.01, ship.froude, 0.8
+
+
+_DATABASE = (
+    ("block coefficient", 0.50, 0.86),
+    ("length by beam", 2.6, 8.0),
+    ("beam by draught", 2.0, 5.0),
+    ("Froude number", 0.03, 0.35),
+)
+"""The ships that the regressions were fitted to, all of them together."""
+
+
+def outside_database(ship: Particulars) -> list[str]:
+    """What of a ship lies outside the ships that the regressions come from, a sentence each: errors are larger."""
+    values = (ship.block, ship.length_m / ship.beam_m, ship.beam_m / ship.draught_m, ship.froude)
+    return [
+        f"{name} {value:.3g} is outside {low:g} to {high:g}, the ships that the regressions come from"
+        for (name, low, high), value in zip(_DATABASE, values, strict=True)
+        if not low <= value <= high
+    ]

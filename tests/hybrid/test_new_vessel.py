@@ -1,0 +1,123 @@
+"""A vessel file from what an owner knows: what it says, and how the ship that it states behaves."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+
+from acquisition.core.errors import InputError
+from hybrid.vessel.estimate.given import Propeller, Rudder, Tunnel, device
+from hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
+
+KVLCC2: dict[str, Any] = {
+    "name": "kvlcc2_estimated", "length_m": 7.0, "beam_m": 1.27, "draught_m": 0.46, "block": 0.81,
+    "service_speed_mps": 1.179, "water_density_kgpm3": 1000.0,
+    "propellers": ["diameter=0.216, pitch_ratio=0.721, area_ratio=0.431"],
+    "rudders": ["area=0.0539, span=0.345"],
+}  # fmt: skip
+TWIN: dict[str, Any] = {
+    "name": "twin", "length_m": 120.0, "beam_m": 20.0, "draught_m": 6.0, "block": 0.6, "service_speed_mps": 9.0,
+    "propellers": ["diameter=4"] * 2, "rudders": [""] * 2,
+}  # fmt: skip
+TUNNELS: dict[str, Any] = {
+    "name": "tunnels", "length_m": 150.0, "beam_m": 24.0, "draught_m": 9.0, "block": 0.72, "service_speed_mps": 7.7,
+    "propellers": ["main, diameter=6, rpm=110"], "rudders": [Rudder()],
+    "tunnels": ["bow, diameter=2, power=900", Tunnel(name="stern", force=8e4)],
+}  # fmt: skip
+FOUR: dict[str, Any] = {
+    "name": "four", "length_m": 60.0, "beam_m": 14.0, "draught_m": 4.0, "block": 0.55, "service_speed_mps": 6.0,
+    "azimuths": ["diameter=2"] * 4, "hull": "cross_flow",
+}  # fmt: skip
+SHIPS = {"kvlcc2": KVLCC2, "twin": TWIN, "tunnels": TUNNELS, "four": FOUR}
+
+
+@pytest.fixture(params=SHIPS)
+def ship(request: pytest.FixtureRequest) -> NewVessel:
+    return new_vessel(**SHIPS[request.param])
+
+
+def test_every_estimated_number_is_in_the_file_with_its_error_and_source(ship: NewVessel) -> None:
+    tree = tomllib.loads(ship.text)
+    tables = tree | {each["name"]: each for each in tree["actuator"]}
+    assert len(tree["estimated"]) > 30
+    for key, error in tree["estimated"].items():
+        table, _, number = key.partition(".")
+        assert error > 0.0
+        assert isinstance(tables[table][number], float)
+        line = next(line for line in ship.text.splitlines() if line.startswith(f"{number} ="))
+        assert "%: " in line
+
+
+def test_names_places_and_races_follow_from_what_is_said() -> None:
+    twin = {each["name"]: each for each in tomllib.loads(new_vessel(**TWIN).text)["actuator"]}
+    assert twin["port_rudder"]["behind"] == "port_propeller"
+    assert twin["starboard_rudder"]["behind"] == "starboard_propeller"
+    assert twin["port_propeller"]["y_m"] == -twin["starboard_propeller"]["y_m"] < 0.0
+    assert twin["port_rudder"]["y_m"] == twin["port_propeller"]["y_m"]
+    four = tomllib.loads(new_vessel(**FOUR).text)["actuator"]
+    assert [each["x_m"] > 0.0 for each in four] == [True, True, False, False]
+    tunnels = {each["name"]: each for each in tomllib.loads(new_vessel(**TUNNELS).text)["actuator"]}
+    assert tunnels["bow"]["x_m"] > 0.0 > tunnels["stern"]["x_m"]
+    assert tunnels["stern"]["quadratic_n"] * tunnels["stern"]["limit_rpm"] ** 2 == pytest.approx(8e4, rel=1e-3)
+    assert tunnels["rudder"]["behind"] == "main"
+
+
+def test_what_is_said_stands_as_it_was_said() -> None:
+    made = new_vessel(
+        **KVLCC2 | {"centre_of_gravity_m": 0.25, "frontal_area_m2": 0.9, "propellers": ["diameter=0.216, x=-3.3"]}
+    )
+    tree = tomllib.loads(made.text)
+    assert tree["inertia"]["x_G"] == pytest.approx(0.25 / 7.0, rel=1e-3)
+    assert tree["wind"]["frontal_area_m2"] == 0.9
+    assert tree["actuator"][0]["x_m"] == -3.3
+    assert {"inertia.x_G", "wind.frontal_area_m2"}.isdisjoint(tree["estimated"])
+
+
+def test_a_known_pitch_makes_the_thrust_better_known() -> None:
+    known = tomllib.loads(new_vessel(**KVLCC2).text)["estimated"]["propeller.k_0"]
+    unknown = new_vessel(**KVLCC2 | {"propellers": ["diameter=0.216"]})
+    assert tomllib.loads(unknown.text)["estimated"]["propeller.k_0"] > 2.0 * known
+
+
+def test_the_pitch_follows_from_the_shaft_speed_where_that_is_said() -> None:
+    made = new_vessel(**TUNNELS)
+    assert made.service_rpm["main"] == pytest.approx(110.0, rel=0.02)
+    assert not made.warnings
+
+
+def test_a_shaft_speed_that_does_not_fit_and_an_unusual_ship_are_mentioned() -> None:
+    made = new_vessel(**KVLCC2 | {"propellers": ["diameter=0.216, pitch_ratio=0.721, rpm=400"]})
+    assert "400 rpm" in made.warnings[0]
+    wide = new_vessel(**KVLCC2 | {"beam_m": 3.4, "draught_m": 1.0, "block": 0.45})
+    assert len(wide.warnings) == 2
+    assert all(f"# Note: {warning}." in wide.text for warning in wide.warnings)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"propellers": []}, "no propulsor"),
+        ({"propellers": ["pitch_ratio=0.8"]}, "its diameter is missing"),
+        ({"propellers": ["diameter=big"]}, "diameter is 'big'"),
+        ({"propellers": ["diameter=-2"]}, "diameter is -2"),
+        ({"propellers": ["diameter=2, diameter=3"]}, "'diameter' is said twice"),
+        ({"propellers": ["diameter=2, colour=3"]}, "'colour' is not known"),
+        ({"rudders": ["behind=main"]}, "behind 'main'.*propeller"),
+        ({"tunnels": ["bow"]}, "bow,force=N"),
+        ({"propellers": ["main, diameter=2", "main, diameter=2"]}, "two actuators are called 'main'"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(change: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words) as raised:
+        new_vessel(**KVLCC2 | change)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_device_is_its_text() -> None:
+    assert device(Propeller, "main, diameter=5, blades=5, controllable=yes") == Propeller(
+        name="main", diameter=5.0, blades=5, controllable=True
+    )
+    with pytest.raises(InputError, match=r"blades is '4\.5'"):
+        device(Propeller, "diameter=5, blades=4.5")
