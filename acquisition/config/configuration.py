@@ -28,7 +28,17 @@ from acquisition.config.sections import (
     parse_for_ship,
 )
 from acquisition.config.toml_file import line_of, read_text
-from acquisition.core.actuators import Actuators, as_text, from_text, order_channels, shafts
+from acquisition.core.actuators import (
+    Actuators,
+    as_text,
+    from_text,
+    numbered_shafts,
+    rudder_channels,
+    rudders,
+    shaft_numbers,
+    shafts,
+    thruster_numbers,
+)
 from acquisition.core.channels import BY_NAME, MOTION, trial_names
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import Trial
@@ -159,7 +169,7 @@ def _check_channels(sources: tuple[AnySource, ...], actuators: Actuators, text: 
                 raise ConfigurationError(
                     f"no message on source {source.name!r} carries {channel}",
                     where=f"{path}, line {line_of(text, ['source', number, 'channels'])}",
-                    fix=_MAPPING_HINT.get(source.type.partition("_")[0], "take it off the source's channels"),
+                    fix=_MAPPING_HINT.get(source.type.partition("_")[0], _SENTENCES_HINT),
                 )
 
 
@@ -213,24 +223,48 @@ _SERIAL = (SerialSource, MavlinkSerialSource)
 _LOCAL = {"localhost": "127.0.0.1", "0.0.0.0": ""}
 """Addresses by another name; the empty one stands for all of this computer's."""
 _MAPPING_HINT = {
-    "can": "say which DBC signal does in [source.signals], or take it off the source's channels",
+    "can": "say which DBC signal does in [source.signals], or for a shaft its engine's turns for one of its own in"
+    " reduction_ratios, or take it off the source's channels",
     "mavlink": "say which named value does in [source.named_values], or take it off the source's channels",
 }
+_SENTENCES_HINT = (
+    "take it off the source's channels: NMEA 0183 tells of two rudders (RSA, ROR), three shafts (RPM, PRC), azimuth"
+    " and tunnel thrusters (TRD, TRC), not of waterjets' nozzles; the maker's CAN frames may"
+)
 _MOTION = frozenset(MOTION) | {
     "latitude_deg", "longitude_deg", "speed_over_ground_mps", "course_over_ground_deg",
 }  # fmt: skip
 _ATTITUDE = frozenset({"roll_deg", "pitch_deg"})
 _NAUTICAL = frozenset({
     "speed_through_water_mps", "heading_magnetic_deg", "magnetic_variation_deg",
-    "apparent_wind_angle_deg", "apparent_wind_speed_mps", "rudder_angle_deg",
+    "apparent_wind_angle_deg", "apparent_wind_speed_mps",
 })  # fmt: skip
 
 
 def _channels_from(source: AnySource, actuators: Actuators) -> frozenset[str]:
     """The channels that a source's protocol and its mapping can carry."""
-    if isinstance(source, CanFrames):
-        return _MOTION | _ATTITUDE | _NAUTICAL | source.signals.keys()
     if isinstance(source, MavlinkLinks):
         return _MOTION | _ATTITUDE | {f"{name}_rpm" for name in shafts(actuators)[:2]} | source.named_values.keys()
-    orders = {channel.name for channel in order_channels(actuators)}
-    return _MOTION | _NAUTICAL | orders | set(trial_names(actuators))
+    nautical = _MOTION | _NAUTICAL | set(() if rudders(actuators) else rudder_channels(actuators))
+    if isinstance(source, CanFrames):
+        return nautical | _ATTITUDE | _in_groups(source, actuators) | source.signals.keys()
+    return nautical | _in_sentences(actuators)
+
+
+def _in_groups(source: CanFrames, actuators: Actuators) -> set[str]:
+    """The channels of actuators in the groups of NMEA 2000: rudders and their orders, shafts by their engines."""
+    steering = (each for each in actuators if each.name in rudders(actuators))
+    angles = {channel.name for each in steering for channel in (*each.channels, *each.orders)}
+    return angles | {f"{name}_rpm" for name in source.reduction_ratios}
+
+
+def _in_sentences(actuators: Actuators) -> set[str]:
+    """The channels of actuators, and of the orders to them, in RSA and ROR, RPM and PRC, TRD and TRC."""
+    whole = {*thruster_numbers(actuators), *(rudders(actuators) if len(rudders(actuators)) <= 2 else ())}
+    numbered = shaft_numbers(numbered_shafts(actuators))
+    return {
+        channel.name
+        for each in actuators
+        for channel in (*each.channels, *each.orders)
+        if each.name in whole or (each.name in numbered and channel.unit != "deg")
+    }

@@ -7,6 +7,7 @@ default stamps them with the time of reception and keeps the source's own beside
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import field, fields
 from difflib import get_close_matches
@@ -66,6 +67,13 @@ def check_channel(name: str, actuators: Actuators = DEFAULT) -> str:
     return name
 
 
+def _own_shaft(name: str, info: ValidationInfo) -> str:
+    known = shafts(_actuators(info))
+    if name not in known:
+        raise ValueError(f"drives no shaft of the ship; hers are {', '.join(known) or 'none'}")
+    return name
+
+
 def _absolute(path: Path, info: ValidationInfo) -> Path:
     """A path as the file means that is being read, or what stands in for a source's DBC file."""
     context = info.context or {"folder": Path(), "dbc_files": {}}
@@ -74,6 +82,11 @@ def _absolute(path: Path, info: ValidationInfo) -> Path:
 
 
 ChannelName = Annotated[str, AfterValidator(_own_channel)]
+ReductionRatios = dict[
+    Annotated[str, AfterValidator(_own_shaft)], Annotated[PositiveFloat, Field(allow_inf_nan=False)]
+]
+"""The turns of the engine for one of the shaft, by actuator."""
+
 AbsolutePath = Annotated[Path, AfterValidator(_absolute)]
 Clock = Literal["receiver", "source"]
 Port = Annotated[int, Field(ge=1, le=65_535)]
@@ -157,7 +170,9 @@ class Thrusters(BaseModel):
         usual = thruster_numbers(_actuators(info))
         unknown = given.keys() - usual.keys() - {"channels_from"}
         if unknown:
-            raise ValueError(f"the ship has no actuator {', '.join(sorted(unknown))}; hers are {', '.join(usual)}")
+            raise ValueError(
+                f"TRD and TRC know no actuator {', '.join(sorted(unknown))}; hers are {', '.join(usual) or 'none'}"
+            )
         return {**usual, **given}
 
     @model_validator(mode="after")
@@ -214,9 +229,13 @@ class _Source:
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)
 class _CanFrames(_Source):
-    """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file."""
+    """What every stream of CAN frames says: its devices, and the vessel's own frames by a DBC file.
+
+    NMEA 2000 tells the speed of engines only: it counts as that of their shaft with the ``reduction_ratios``.
+    """
 
     devices: tuple[Device, ...] = ()
+    reduction_ratios: ReductionRatios = field(default_factory=dict)
     dbc: AbsolutePath | None = None
     signals: dict[ChannelName, Signal] = field(default_factory=dict)
 
@@ -255,10 +274,11 @@ class _Sentences(_Source):
     """What every line of NMEA 0183 says.
 
     ``theoretical_wind`` is what MWV's "T" refers to on this vessel: instruments differ, and the sentence does
-    not tell.
+    not tell. RPM of an engine counts as that of its shaft with the ``reduction_ratios``.
     """
 
     thrusters: Thrusters = Field(default_factory=dict, validate_default=True)
+    reduction_ratios: ReductionRatios = field(default_factory=dict)
     theoretical_wind: Literal["ground", "water"] = "ground"
 
 
@@ -293,6 +313,21 @@ class FileSource(_Sentences):
     path: AbsolutePath
 
 
+_ABBREVIATIONS = (
+    ("starboard", "stbd"), ("_angle_deg", "_ang"), ("_pitch_percent", "_pitch"), ("propeller", "prop"),
+    ("rudder", "rud"), ("thruster", "thr"), ("_", ""),
+)  # fmt: skip
+"""How the names of channels are shortened until MAVLink has room for them."""
+
+
+def _short(name: str) -> str:
+    """A channel's name as that of a named value: ``starboard_angle_deg`` is ``stbd_ang``."""
+    for number, (word, shorter) in enumerate(_ABBREVIATIONS):
+        if number < 3 or len(name) > _MOST_LETTERS:
+            name = name.replace(word, shorter)
+    return name
+
+
 def _usual_named_values(given: Any, info: ValidationInfo) -> Any:
     """Unless given, what MAVLink's RPM has no room for, by short names: ``port_ang``, ``stbd_ang``."""
     if given is not None:
@@ -300,8 +335,9 @@ def _usual_named_values(given: Any, info: ValidationInfo) -> Any:
     actuators = _actuators(info)
     carried = {f"{name}_rpm" for name in shafts(actuators)[:2]}
     units = {each.name: each.unit for each in control_channels(actuators) if each.name not in carried}
-    short = {name: name.replace("starboard", "stbd").replace("_angle_deg", "_ang") for name in units}
-    return {name: {"name": each, "unit": units[name]} for name, each in short.items() if len(each) <= _MOST_LETTERS}
+    short = {name: _short(name) for name in units}
+    fits = Counter(each for each in short.values() if len(each) <= _MOST_LETTERS)
+    return {name: {"name": each, "unit": units[name]} for name, each in short.items() if fits[each] == 1}
 
 
 @dataclass(frozen=True, config=STRICT, kw_only=True)

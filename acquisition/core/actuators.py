@@ -22,6 +22,9 @@ VESSELS = Path(__file__).parents[2] / "trials" / "vessels"
 """The folder of the vessel files that come with Seatrial."""
 
 DEFAULT_VESSEL = "gunnerus_short"
+RUDDER = "rudder_angle_deg"
+"""The auxiliary channel of a ship that has a rudder beside what her list of actuators says."""
+
 NAME_PATTERN = re.compile(r"[a-z][a-z0-9_]*")
 _HIGHEST_RPM = 3000
 _ORDER = "_order"
@@ -213,6 +216,36 @@ def shafts(actuators: Actuators) -> tuple[str, ...]:
 def rudders(actuators: Actuators) -> tuple[str, ...]:
     """The names of the rudders, which protocols know by a number; of a pair the port one is listed first."""
     return names_of(actuators, "rudder")
+
+
+def rudder_channels(actuators: Actuators) -> tuple[str, ...]:
+    """The channels of the rudder angles: those of the rudders, or the auxiliary one where none is listed."""
+    return tuple(f"{name}_angle_deg" for name in rudders(actuators)) or (RUDDER,)
+
+
+def numbered_shafts(actuators: Actuators) -> Actuators:
+    """The propulsors that RPM and PRC (IEC 61162-1) tell of: those that TRD does not, or all where it tells of all.
+
+    Listed from port to starboard; beyond three their numbers do not follow from the list.
+    """
+    thrusters = thruster_numbers(actuators)
+    drives = tuple(each for each in actuators if each.drives)
+    return tuple(each for each in drives if each.name not in thrusters) or drives
+
+
+def shaft_numbers(numbered: Actuators) -> dict[str, int]:
+    """The number of each shaft in RPM and PRC: from the centre line odd to starboard, even to port, 0 on it."""
+    numbers = {1: (0,), 2: (2, 1), 3: (2, 0, 1)}.get(len(numbered), ())
+    return {each.name: number for each, number in zip(numbered, numbers, strict=False)}
+
+
+def shaft_of_number(number: float | None, numbered: Actuators) -> Actuator | None:
+    """The shaft that a number in RPM or PRC means; None for no number of hers. A single one may be 0 or 1."""
+    if number is None or number < 0 or number % 1 or not 1 <= len(numbered) <= 3:
+        return None
+    if number == 0 or len(numbered) == 1:
+        return numbered[len(numbered) // 2] if len(numbered) % 2 and number <= 1 else None
+    return numbered[-1] if number % 2 else numbered[0]
 
 
 def thruster_numbers(actuators: Actuators) -> dict[str, int]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from acquisition.core.actuators import (
     DEFAULT,
+    RUDDER,
     Actuators,
     actuators_in,
     channel_by_rule,
@@ -22,6 +23,7 @@ from acquisition.core.actuators import (
     control_names,
     from_text,
     order_channels,
+    rudders,
 )
 from acquisition.core.channel import Channel, circle
 
@@ -50,7 +52,7 @@ _AUXILIARY: tuple[Channel, ...] = (
     Channel("magnetic_variation_deg", "deg", -180, 180, "auxiliary", "Magnetic variation, positive to the east"),
     circle("apparent_wind_angle_deg", "auxiliary", "Direction the wind on board comes from, from the bow"),
     Channel("apparent_wind_speed_mps", "m/s", 0, 100, "auxiliary", "Wind speed on board"),
-    Channel("rudder_angle_deg", "deg", -90, 90, "auxiliary", "Rudder, positive turns the ship to starboard"),
+    Channel(RUDDER, "deg", -90, 90, "auxiliary", "Rudder, positive turns the ship to starboard"),
 )
 
 CHANNELS: tuple[Channel, ...] = (*MOTION_CHANNELS, *control_channels(DEFAULT))
@@ -92,7 +94,7 @@ CIRCULAR: frozenset[str] = frozenset(channel.name for channel in BY_NAME.values(
 
 def is_setting(name: str) -> bool:
     """Whether a column is what a person sets: a control of any ship, an order to one, or the rudder."""
-    return name == "rudder_angle_deg" or (name not in _FIXED and channel_by_rule(name) is not None)
+    return name == RUDDER or (name not in _FIXED and channel_by_rule(name) is not None)
 
 
 def find_channel(name: str) -> Channel | None:
@@ -120,18 +122,24 @@ def trial_names(actuators: Actuators) -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def channel_names(actuators: Actuators) -> tuple[str, ...]:
-    """Every channel that a recording of a ship with these actuators may have, once each, auxiliary ones last."""
+    """Every channel that a recording of a ship with these actuators may have, once each, auxiliary ones last.
+
+    A ship whose rudders are listed has no auxiliary rudder beside them.
+    """
     orders = (channel.name for channel in order_channels(actuators))
-    return tuple(dict.fromkeys((*trial_names(actuators), *(channel.name for channel in _AUXILIARY), *orders)))
+    auxiliary = (each.name for each in _AUXILIARY if each.name != RUDDER or not rudders(actuators))
+    return (*trial_names(actuators), *auxiliary, *orders)
 
 
 def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = None) -> Actuators:
     """The actuators of a table: as its ``attrs`` say, else by rule from its columns, else the default list.
 
-    A table whose control columns are all of the default list is a table of that ship, though she lacks some.
+    A table whose control columns are all of the default list is a table of that ship, though she lacks some; a
+    rudder beside them is then an auxiliary channel.
     """
     said = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if said:
         return from_text(said)
-    found = actuators_in(name for name in map(str, columns) if name not in _FIXED)
-    return DEFAULT if {each.name for each in found} <= {each.name for each in DEFAULT} else found
+    found = actuators_in(name for name in map(str, columns) if name == RUDDER or name not in _FIXED)
+    hers = {RUDDER.removesuffix("_angle_deg"), *(each.name for each in DEFAULT)}
+    return DEFAULT if {each.name for each in found} <= hers else found

@@ -1,7 +1,8 @@
 """Units at the edges: what a file may call them, and how they become the house's units.
 
 Inside the code everything is SI with angles in radians; the channels themselves are in the units that their
-names carry (``_m _deg _mps _dps _rpm``). A conversion is one affine step, ``house = scale * value + offset``.
+names carry (``_m _deg _mps _dps _rpm _percent``). A conversion is one affine step,
+``house = scale * value + offset``.
 """
 
 from __future__ import annotations
@@ -44,9 +45,18 @@ _UNITS: dict[str, Unit] = {
         Unit("rad/s", "deg/s", DEG_PER_RAD),
         Unit("rpm", "rpm", 1.0),
         Unit("rps", "rpm", 60.0),
+        Unit("%", "%", 1.0),
     )
 }
-_ALIASES = {"mps": "m/s", "dps": "deg/s", "kn": "knots", "knot": "knots", "kt": "knots", "degrees": "deg"}
+_ALIASES = {
+    "mps": "m/s",
+    "dps": "deg/s",
+    "kn": "knots",
+    "knot": "knots",
+    "kt": "knots",
+    "degrees": "deg",
+    "percent": "%",
+}
 
 
 def scale_to(house: str, unit: str) -> float:

@@ -49,7 +49,9 @@ def make_decoders(config: AnySource, actuators: Actuators = DEFAULT) -> list[Dec
         from acquisition.decoders.dbc import DbcDecoder
         from acquisition.decoders.nmea2000 import Nmea2000Decoder
 
-        nmea2000 = Nmea2000Decoder(config.clock, config.devices, shares_bus=config.dbc is not None)
+        nmea2000 = Nmea2000Decoder(
+            config.clock, config.devices, actuators, config.reduction_ratios, shares_bus=config.dbc is not None
+        )
         if config.dbc is None:
             return [nmea2000]
         return [nmea2000, DbcDecoder(config.dbc, config.signals, nmea2000.clock, nmea2000.devices)]
@@ -59,4 +61,5 @@ def make_decoders(config: AnySource, actuators: Actuators = DEFAULT) -> list[Dec
         return [MavlinkDecoder(config, actuators)]
     from acquisition.decoders.nmea0183 import Nmea0183Decoder
 
-    return [Nmea0183Decoder(config.thrusters, config.clock, config.theoretical_wind, actuators)]
+    wind, ratios = config.theoretical_wind, config.reduction_ratios
+    return [Nmea0183Decoder(config.thrusters, config.clock, wind, actuators, ratios)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from operator import xor
@@ -18,6 +19,7 @@ from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.frames import Frame, Group
 from acquisition.decoders import Notices
 from acquisition.decoders.clock import SourceClock, nearest_day, utc_ns
+from acquisition.decoders.machinery_sentences import machinery_readers
 from acquisition.decoders.sentences import Fields, Reading, readers
 
 _DATAGRAM_PREFIX = b"UdPbC\0"
@@ -98,11 +100,14 @@ class Nmea0183Decoder:
         stamps: Clock = "receiver",
         theoretical_wind: Literal["ground", "water"] = "ground",
         actuators: Actuators = DEFAULT,
+        reduction_ratios: Mapping[str, float] | None = None,
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.clock = SourceClock(stamps, "nmea0183 ZDA, RMC or TAG", self.notices)
-        self._readers = readers(thrusters or Thrusters(), theoretical_wind, actuators)
+        numbered = thrusters or Thrusters.model_validate({}, context={"actuators": actuators})
+        machinery = machinery_readers(numbered, actuators, reduction_ratios or {})
+        self._readers = readers(theoretical_wind) | machinery
 
     def decode(self, frame: Frame) -> list[Group]:
         tagged = split_tag(frame.payload)

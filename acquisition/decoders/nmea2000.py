@@ -7,13 +7,16 @@ lost. Sources are named by device, group and, where a group has several, the mea
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Mapping
 
 from acquisition.config.sections import Clock, Device
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.frames import Frame, FrameFlag, Group, Quality
 from acquisition.decoders import Notices
 from acquisition.decoders.bus_devices import BusDevices
 from acquisition.decoders.clock import SourceClock
 from acquisition.decoders.fast_packets import FastPackets
+from acquisition.decoders.machinery_groups import machinery_readers
 from acquisition.decoders.parameter_groups import (
     ADDRESS_CLAIM,
     FIELDS,
@@ -48,13 +51,20 @@ class Nmea2000Decoder:
     """One bus."""
 
     def __init__(
-        self, stamps: Clock = "receiver", devices: tuple[Device, ...] = (), *, shares_bus: bool = False
+        self,
+        stamps: Clock = "receiver",
+        devices: tuple[Device, ...] = (),
+        actuators: Actuators = DEFAULT,
+        reduction_ratios: Mapping[str, float] | None = None,
+        *,
+        shares_bus: bool = False,
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.notices: Notices = deque()
         self.clock = SourceClock(stamps, f"nmea2000 {SYSTEM_TIME}", self.notices)
         self._shares_bus = shares_bus  # with a DBC file's frames, whose 11-bit identifiers are no fault
         self.devices = BusDevices(devices, self.notices)
+        self._readers = READERS | machinery_readers(actuators, reduction_ratios or {})
         self._fast = FastPackets(self.refused)
         self._timekeeper: tuple[str, int] | None = None
         self._first_instance: dict[tuple[str, int], int] = {}
@@ -65,7 +75,7 @@ class Nmea2000Decoder:
             return []
         group, address, message = found
         device = self.devices.label(address)
-        reading = READERS[group](message)
+        reading = self._readers[group](message)
         if reading.instance is not None and not self._is_first_instance(device, group, reading.instance):
             return []
         told_ns = None
@@ -98,7 +108,7 @@ class Nmea2000Decoder:
             if frame.flags != FrameFlag.STANDARD_ID or not self._shares_bus:
                 self.refused["remote, error or 11-bit frame"] += 1
             return False
-        if group not in READERS and group != ADDRESS_CLAIM:
+        if group not in self._readers and group != ADDRESS_CLAIM:
             return False
         if len(frame.payload) != _FRAME_BYTES:
             self.refused["frame of other than 8 bytes"] += 1

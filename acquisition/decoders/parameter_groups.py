@@ -19,6 +19,7 @@ from acquisition.decoders.clock import utc_ns
 
 ADDRESS_CLAIM = 60928
 SYSTEM_TIME, TIME_AND_DATE, GNSS_POSITION = 126992, 129033, 129029
+RUDDER_GROUP, ENGINE_SPEED, GEARBOX = 127245, 127488, 127493
 NOT_AVAILABLE, ERROR_VALUE = "not available", "error value"
 
 Value = float | str
@@ -89,12 +90,14 @@ _SPEED_NAMES = (
 
 FIELDS: dict[int, dict[str, Field]] = {
     SYSTEM_TIME: {**_SID, "source": Field(8, 4), "date": Field(16, 16, 1), "time": Field(32, 32, _TIME_S)},
-    127245: {
+    RUDDER_GROUP: {
         "instance": Field(0, 8, 1),
         "directionOrder": Field(8, 3),
         "angleOrder": Field(16, 16, _ANGLE_RAD, signed=True),
         "position": Field(32, 16, _ANGLE_RAD, signed=True),
     },
+    ENGINE_SPEED: {"instance": Field(0, 8), "speed": Field(8, 16, 0.25)},
+    GEARBOX: {"instance": Field(0, 8), "transmissionGear": Field(8, 2)},
     127250: {
         **_SID,
         "heading": Field(8, 16, _ANGLE_RAD),
@@ -187,7 +190,7 @@ class Reading(NamedTuple):
     instance: int | None = None
 
 
-def _given(values: Values) -> Values:
+def given(values: Values) -> Values:
     """Without the values that are missing, where a device need not give them."""
     return [(name, value) for name, value in values if not isinstance(value, str)]
 
@@ -206,17 +209,9 @@ def group_time(message: Message) -> int | None:
     return utc_ns(dt.date(1970, 1, 1) + dt.timedelta(days=days), seconds)
 
 
-def _rudder(message: Message) -> Reading:
-    """Several rudders are told apart by their instance; one that does not say which it is comes last."""
-    instance = message["instance"]
-    number = 255 if isinstance(instance, str) else int(instance)
-    values: Values = [("rudder_angle_deg", message.degrees("position"))]
-    return Reading(values, f"rudder {number}" if number else "", instance=number)
-
-
 def _heading(message: Message) -> Reading:
     reference, heading = message["reference"], message["heading"]
-    variation = _given([("magnetic_variation_deg", message.degrees("variation"))])
+    variation = given([("magnetic_variation_deg", message.degrees("variation"))])
     if reference == 0:
         return Reading([("heading_deg", message.degrees("heading")), *variation])
     if reference != 1:
@@ -267,7 +262,7 @@ def _speed_components(message: Message) -> Reading:
         [
             ("surge_mps", message["longitudinalSpeedGroundReferenced"]),
             ("sway_mps", message["transverseSpeedGroundReferenced"]),
-            *_given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
+            *given([("speed_through_water_mps", message["longitudinalSpeedWaterReferenced"])]),
         ]
     )
 
@@ -289,9 +284,9 @@ def _wind(message: Message) -> Reading:
     return Reading([(angle, message.degrees("windAngle")), (speed, message["windSpeed"])], meaning)
 
 
-READERS: dict[int, Callable[[Message], Reading]] = {
+Reader = Callable[[Message], Reading]
+READERS: dict[int, Reader] = {
     SYSTEM_TIME: lambda message: Reading([]),
-    127245: _rudder,
     127250: _heading,
     127251: lambda message: Reading([("yaw_rate_dps", message.degrees("rate"))]),
     # the yaw does not say which north it refers to
@@ -306,4 +301,4 @@ READERS: dict[int, Callable[[Message], Reading]] = {
     130577: _direction_data,
     130578: _speed_components,
 }
-"""The groups we listen to."""
+"""The groups that we listen to on every ship; those of her own actuators are in ``machinery_groups.py``."""

@@ -1,5 +1,7 @@
 """What each sentence of NMEA 0183 says: one reader a sentence, from fields to values.
 
+Those of rudders, shafts and thrusters are in ``machinery_sentences.py``.
+
 Everything is read here and not by a library: those at hand refuse a whole sentence for one field that they cannot
 read, do not know VWR and VWT, and take the real numbers of TRD for integers. A field that holds no number is
 missing; only what is marked valid counts; what is left out has a reason.
@@ -14,8 +16,6 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
-from acquisition.config.sections import Thrusters
-from acquisition.core.actuators import Actuators, name_of_order, shafts
 from acquisition.core.frames import Quality
 from acquisition.core.units import KNOT_MPS
 
@@ -25,7 +25,7 @@ _TIME_OF_DAY = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d*)?|60(?:\.\d
 _SIGNS = {"N": 1.0, "S": -1.0, "E": 1.0, "W": -1.0}
 MPS_OF_UNIT = {"N": KNOT_MPS, "K": 1.0 / 3.6, "M": 1.0, "S": 0.44704}  # S: statute miles per hour
 Values = list[tuple[str, float]]
-_NOT_VALID = "not marked valid"
+NOT_VALID = "not marked valid"
 # Dead reckoning, typed in by hand, a simulator: true enough to be recorded, and to be looked at.
 _SUSPECT_MODES = frozenset("EMS")
 _SUSPECT_FIXES = frozenset("678")
@@ -89,11 +89,10 @@ class Reading:
 
 
 Reader = Callable[[Fields], Reading]
-Controls = dict[float, tuple[str, str]]
-"""The channels of each actuator's shaft speed and angle, empty if it has none, by its number in TRD and TRC."""
 
 
-def _present(*pairs: tuple[str, float | None]) -> Values:
+def present(*pairs: tuple[str, float | None]) -> Values:
+    """Those of the pairs that have a value."""
     return [(name, value) for name, value in pairs if value is not None]
 
 
@@ -105,7 +104,7 @@ def _knots(fields: Fields, index: int) -> float | None:
 def _position(fields: Fields, index: int) -> Values:
     """Both or none: half a position is none."""
     pair = (("latitude_deg", fields.degrees(index, "NS")), ("longitude_deg", fields.degrees(index + 2, "EW")))
-    both = _present(*pair)
+    both = present(*pair)
     return both if len(both) == 2 else []
 
 
@@ -116,7 +115,7 @@ def _quality(mode: str) -> Quality:
 def _gga(fields: Fields) -> Reading:
     fix = fields.text(5)
     if fix in ("0", ""):
-        return Reading(refused=_NOT_VALID)
+        return Reading(refused=NOT_VALID)
     quality = Quality.SUSPECT if fix in _SUSPECT_FIXES else Quality.NOT_EVALUATED
     return Reading(_position(fields, 1), quality=quality, seconds_of_day=fields.seconds_of_day(0))
 
@@ -124,15 +123,15 @@ def _gga(fields: Fields) -> Reading:
 def _gll(fields: Fields) -> Reading:
     mode = fields.text(6)
     if fields.text(5, absent="A") != "A" or mode == "N":
-        return Reading(refused=_NOT_VALID)
+        return Reading(refused=NOT_VALID)
     return Reading(_position(fields, 0), quality=_quality(mode), seconds_of_day=fields.seconds_of_day(4))
 
 
 def _rmc(fields: Fields) -> Reading:
     mode = fields.text(11)
     if fields.text(1) != "A" or mode == "N":
-        return Reading(refused=_NOT_VALID)
-    movement = _present(
+        return Reading(refused=NOT_VALID)
+    movement = present(
         ("course_over_ground_deg", fields.number(7)),
         ("speed_over_ground_mps", _knots(fields, 6)),
         ("magnetic_variation_deg", fields.eastward(9)),
@@ -171,17 +170,17 @@ def _date(year: int, month: int, day: int) -> dt.date | None:
 def _vtg(fields: Fields) -> Reading:
     mode = fields.text(8)
     if mode == "N":
-        return Reading(refused=_NOT_VALID)
+        return Reading(refused=NOT_VALID)
     course, speed = fields.measured(0, "T"), fields.speed_mps((4, "N"), (6, "K"))
-    values = _present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
+    values = present(("course_over_ground_deg", course), ("speed_over_ground_mps", speed))
     return Reading(values, quality=_quality(mode))
 
 
 def _ths(fields: Fields) -> Reading:
     mode = fields.text(1)
     if mode not in ("A", *_SUSPECT_MODES):
-        return Reading(refused=_NOT_VALID)
-    return Reading(_present(("heading_deg", fields.number(0))), quality=_quality(mode))
+        return Reading(refused=NOT_VALID)
+    return Reading(present(("heading_deg", fields.number(0))), quality=_quality(mode))
 
 
 def _hdg(fields: Fields) -> Reading:
@@ -190,23 +189,23 @@ def _hdg(fields: Fields) -> Reading:
     if sensor is not None and deviation is not None and 0.0 <= sensor <= 360.0:
         sensor = (sensor + deviation) % 360.0
     pair = ("heading_magnetic_deg", sensor), ("magnetic_variation_deg", fields.eastward(3))
-    return Reading(_present(*pair))
+    return Reading(present(*pair))
 
 
 def _rot(fields: Fields) -> Reading:
     rate_deg_per_min = fields.number(0)
     if fields.text(1) != "A":
-        return Reading(refused=_NOT_VALID)
+        return Reading(refused=NOT_VALID)
     return Reading([] if rate_deg_per_min is None else [("yaw_rate_dps", rate_deg_per_min / 60.0)])
 
 
 def _vbw(fields: Fields) -> Reading:
-    ground = _present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
-    water = _present(("speed_through_water_mps", _knots(fields, 0)))
+    ground = present(("surge_mps", _knots(fields, 3)), ("sway_mps", _knots(fields, 4)))
+    water = present(("speed_through_water_mps", _knots(fields, 0)))
     ground_valid, water_valid = fields.text(5) == "A", fields.text(2) == "A"
     left_out = (ground and not ground_valid) or (water and not water_valid)
     values = (ground if ground_valid else []) + (water if water_valid else [])
-    return Reading(values, refused=_NOT_VALID if left_out else "")
+    return Reading(values, refused=NOT_VALID if left_out else "")
 
 
 def _mwv(fields: Fields, theoretical: str) -> Reading:
@@ -214,7 +213,7 @@ def _mwv(fields: Fields, theoretical: str) -> Reading:
     if reference is None:
         return Reading(refused="wind reference unknown")
     if fields.text(4) != "A":
-        return Reading(refused=_NOT_VALID)
+        return Reading(refused=NOT_VALID)
     speed, unit = fields.number(2), MPS_OF_UNIT.get(fields.text(3))
     if speed is None or unit is None:
         reading = _bow_wind(fields.number(0), None, reference)
@@ -231,54 +230,14 @@ def _obsolete_wind(fields: Fields, reference: str) -> Reading:
 
 def _bow_wind(angle_deg: float | None, speed_mps: float | None, reference: str) -> Reading:
     pair = (f"wind_angle_{reference}_deg", angle_deg), (f"wind_speed_{reference}_mps", speed_mps)
-    return Reading(_present(*pair), reference)
+    return Reading(present(*pair), reference)
 
 
 def _mwd(fields: Fields) -> Reading:
-    speed = _present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
-    true = _present(("wind_direction_deg", fields.measured(0, "T")))
-    magnetic = _present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
+    speed = present(("wind_speed_mps", fields.speed_mps((4, "N"), (6, "M"))))
+    true = present(("wind_direction_deg", fields.measured(0, "T")))
+    magnetic = present(("wind_direction_magnetic_deg", fields.measured(2, "M")))
     return Reading(true + speed) if true or not magnetic else Reading(magnetic + speed, "magnetic")
-
-
-def _rsa(fields: Fields) -> Reading:
-    """Starboard or single rudder first, then port."""
-    for index in (0, 2):
-        if fields.text(index + 1) == "A":
-            return Reading(_present(("rudder_angle_deg", fields.number(index))))
-    return Reading(refused=_NOT_VALID)
-
-
-def _rpm(fields: Fields, shafts: tuple[str, ...]) -> Reading:
-    """Shafts are numbered from the centre line: odd to starboard, even to port, 0 for a single one."""
-    source, number = fields.text(0), fields.number(1)
-    if source != "S":
-        return Reading(refused="engine rpm" if source == "E" else "rpm of no shaft")
-    if number is None or not number.is_integer() or len(shafts) != (2 if number else 1):
-        return Reading(refused="rpm of a single or unknown shaft")
-    if fields.text(4) != "A":
-        return Reading(refused=_NOT_VALID)
-    shaft = shafts[int(number) % 2]
-    return Reading(_present((f"{shaft}_rpm", fields.number(2))), f"shaft {number:.0f}")
-
-
-def _thruster(fields: Fields, controls: Controls) -> Reading:
-    """TRD and TRC: number, rpm, its mode, pitch, its mode, azimuth, which is the direction of the thrust."""
-    number = fields.number(0)
-    shaft, azimuth = ("", "") if number is None else controls.get(number, ("", ""))
-    if not shaft:
-        return Reading(refused="thruster not understood")
-    rpm, mode = _present((shaft, fields.number(1))), fields.text(2)
-    angle = _present((azimuth, fields.number(5))) if azimuth else []
-    if mode == "R" or not rpm:
-        return Reading(rpm + angle)
-    return Reading(angle, refused="thruster in percent" if mode == "P" else _NOT_VALID)
-
-
-def _order(fields: Fields, controls: Controls, fills_channels: bool) -> Reading:
-    reading = _thruster(fields, controls)
-    orders = [(name_of_order(name), value) for name, value in reading.values]
-    return replace(reading, values=orders + (reading.values if fills_channels else []))
 
 
 _READERS: dict[str, Reader] = {
@@ -287,36 +246,24 @@ _READERS: dict[str, Reader] = {
     "RMC": _rmc,
     "ZDA": _zda,
     "VTG": _vtg,
-    "HDT": lambda fields: Reading(_present(("heading_deg", fields.measured(0, "T")))),
+    "HDT": lambda fields: Reading(present(("heading_deg", fields.measured(0, "T")))),
     "THS": _ths,
     "HDG": _hdg,
-    "HDM": lambda fields: Reading(_present(("heading_magnetic_deg", fields.measured(0, "M")))),
+    "HDM": lambda fields: Reading(present(("heading_magnetic_deg", fields.measured(0, "M")))),
     "ROT": _rot,
     "VBW": _vbw,
     # the headings in it repeat those of another device
-    "VHW": lambda fields: Reading(_present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))),
+    "VHW": lambda fields: Reading(present(("speed_through_water_mps", fields.speed_mps((4, "N"), (6, "K"))))),
     "MWD": _mwd,
-    "RSA": _rsa,
 }
 
 
-def readers(
-    thrusters: Thrusters, theoretical_wind: Literal["ground", "water"], actuators: Actuators
-) -> dict[str, Reader]:
-    """The reader of each sentence, by its last three letters, on a vessel with these settings and actuators."""
+def readers(theoretical_wind: Literal["ground", "water"]) -> dict[str, Reader]:
+    """The reader of each sentence of motion, wind and time, by its last three letters."""
     theoretical = "theoretical" if theoretical_wind == "ground" else "water"
-    controls: Controls = {}
-    for each in actuators:
-        shaft, azimuth, *_ = (*(channel.name for channel in each.channels), "")
-        controls[thrusters.numbers[each.name]] = shaft, azimuth
-    demand = thrusters.channels_from == "demand"
-    unwanted = Reading(refused="thruster response where demands are wanted")
     return {
         **_READERS,
-        "RPM": partial(_rpm, shafts=shafts(actuators)),
         "MWV": partial(_mwv, theoretical=theoretical),
         "VWR": partial(_obsolete_wind, reference="apparent"),
         "VWT": partial(_obsolete_wind, reference=theoretical),
-        "TRD": (lambda fields: unwanted) if demand else partial(_thruster, controls=controls),
-        "TRC": partial(_order, controls=controls, fills_channels=demand),
     }

@@ -63,11 +63,11 @@ def make_encoder(config: AnySource, actuators: Actuators = DEFAULT) -> Encoder:
     if isinstance(config, CanFrames):
         from acquisition.encoders.can_frames import CanEncoder
 
-        return CanEncoder(config)
+        return CanEncoder(config, actuators)
     if isinstance(config, MavlinkLinks):
         from acquisition.encoders.mavlink import MavlinkEncoder
 
         return MavlinkEncoder(config, actuators)
     from acquisition.encoders.nmea0183 import Nmea0183Encoder
 
-    return Nmea0183Encoder(config.thrusters, announces=config.clock == "source")
+    return Nmea0183Encoder(config.thrusters, actuators, announces=config.clock == "source")

@@ -14,6 +14,7 @@ from nmea2000.input_formats import N2KFormat
 from nmea2000.message import NMEA2000Field, NMEA2000Message
 
 from acquisition.config.sections import CanFrames
+from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
 from acquisition.core.channels import BY_NAME
 from acquisition.core.units import DEG_PER_RAD, scale_to
 from acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
@@ -28,7 +29,13 @@ _GROUND_REFERENCED_WIND = "True (ground referenced to North)"
 class CanEncoder:
     """Everything one bus carries: standard parameter groups and the configured DBC signals."""
 
-    def __init__(self, config: CanFrames) -> None:
+    def __init__(self, config: CanFrames, actuators: Actuators) -> None:
+        self._rudders = rudder_channels(actuators)
+        self._ratios = [
+            (number, f"{name}_rpm", config.reduction_ratios[name])
+            for number, name in enumerate(shafts(actuators))
+            if name in config.reduction_ratios
+        ]
         self._announces = config.clock == "source"
         self._encoder = create_encoder(N2KFormat.PYTHON_CAN)
         self._dbc: dict[str, tuple[DbcMessage, dict[str, tuple[DbcSignal, float]]]] = {}
@@ -43,6 +50,7 @@ class CanEncoder:
         values = dict(moment.values)
         for message, signals in self._dbc.values():
             packets += _dbc_frame(message, signals, values)
+        packets += self._machinery(moment)
         if "heading_deg" in values:
             heading = {"heading": _turn_rad(values["heading_deg"]), "reference": "True"}
             packets += self._group(127250, "vesselHeading", heading, ("heading_deg",))
@@ -56,6 +64,23 @@ class CanEncoder:
         if wind := moment.both("wind_direction_deg", "wind_speed_mps"):
             carries = moment.present("wind_direction_deg", "wind_speed_mps")
             packets += self._group(130306, "windData", _wind(*wind), carries)
+        return packets
+
+    def _machinery(self, moment: Moment) -> list[Packet]:
+        """Rudders with their orders, and shafts as their engines with the gear that tells the direction."""
+        packets = []
+        for number, angle in enumerate(self._rudders):
+            if carries := moment.present(angle, name_of_order(angle)):
+                position, order = (moment.values.get(name) for name in (angle, name_of_order(angle)))
+                fields = {"instance": number, "position": _radians(position), "angleOrder": _radians(order)}
+                packets += self._group(127245, "rudder", fields, carries)
+        for number, channel, ratio in self._ratios:
+            if channel in moment.values:
+                speed = moment.values[channel] * ratio
+                gear = {"instance": number, "transmissionGear": "Reverse" if speed < 0.0 else "Forward"}
+                packets += self._group(127493, "transmissionParametersDynamic", gear, ())
+                engine = {"instance": number, "speed": abs(speed)}
+                packets += self._group(127488, "engineParametersRapidUpdate", engine, (channel,))
         return packets
 
     def _load_signals(self, config: CanFrames) -> None:
@@ -96,6 +121,10 @@ class CanEncoder:
             first, *others = self._encoder.encode(message)
         packets = [Packet(bytes(first.data), first.arbitration_id, carries=carries)]
         return packets + [Packet(bytes(each.data), each.arbitration_id) for each in others]
+
+
+def _radians(angle_deg: float | None) -> float | None:
+    return None if angle_deg is None else angle_deg / DEG_PER_RAD
 
 
 def _turn_rad(angle_deg: float) -> float:

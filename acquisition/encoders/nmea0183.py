@@ -6,6 +6,13 @@ import datetime as dt
 from math import floor
 
 from acquisition.config.sections import Thrusters
+from acquisition.core.actuators import (
+    Actuators,
+    name_of_order,
+    numbered_shafts,
+    rudder_channels,
+    shaft_numbers,
+)
 from acquisition.core.units import KNOT_MPS
 from acquisition.decoders.nmea0183 import checksum
 from acquisition.encoders import Moment, Packet
@@ -34,14 +41,14 @@ def degrees_and_minutes(angle_deg: float, digits: int) -> str:
 
 
 class Nmea0183Encoder:
-    """GGA, HDT, ROT, VBW, MWD and TRD; ZDA first where the line announces the time."""
+    """GGA, HDT, ROT, VBW, MWD; the ship's actuators; ZDA first where the line announces the time."""
 
-    def __init__(self, thrusters: Thrusters, announces: bool) -> None:
+    def __init__(self, thrusters: Thrusters, actuators: Actuators, announces: bool) -> None:
         self._announces = announces
-        self._thrusters = thrusters.numbers
+        self._machinery = MachineryEncoder(thrusters, actuators)
 
     def encode(self, moment: Moment) -> list[Packet]:
-        packets = self._navigation(moment) + self._wind(moment) + self._thruster_responses(moment)
+        packets = self._navigation(moment) + self._wind(moment) + self._machinery.encode(moment)
         return [_packet(_zda(moment.time_ns)), *packets] if self._announces else packets
 
     def _navigation(self, moment: Moment) -> list[Packet]:
@@ -68,16 +75,70 @@ class Nmea0183Encoder:
         carries = moment.present("wind_direction_deg", "wind_speed_mps")
         return [_packet(f"WIMWD,{_turn(direction, 3)},T,,M,{knots},N,{metres},M", *carries)]
 
-    def _thruster_responses(self, moment: Moment) -> list[Packet]:
-        packets = []
+
+class MachineryEncoder:
+    """RSA and ROR, RPM and PRC, TRD and TRC; TRC in place of TRD where the line takes orders for responses."""
+
+    def __init__(self, thrusters: Thrusters, actuators: Actuators) -> None:
+        self._thrusters = thrusters.numbers
+        self._responses = "TRC" if thrusters.channels_from == "demand" else "TRD"
+        self._rudders = rudder_channels(actuators)
+        shafts = shaft_numbers(numbered_shafts(actuators))
+        self._shafts = {name: number for name, number in shafts.items() if name not in self._thrusters}
+
+    def encode(self, moment: Moment) -> list[Packet]:
+        orders = tuple(map(name_of_order, self._rudders))
+        packets = _rudders("RSA", moment, self._rudders) + _rudders("ROR", moment, orders)
         for name, number in self._thrusters.items():
-            pair = moment.both(f"{name}_rpm", f"{name}_angle_deg")
-            if pair is not None:
-                rpm, angle_deg = pair
-                mode = "V" if rpm is None else "R"
-                body = f"RCTRD,{number},{_decimals(rpm, 1.0, 3)},{mode},,V,{_turn(angle_deg, 3)}"
-                packets.append(_packet(body, *moment.present(f"{name}_rpm", f"{name}_angle_deg")))
+            rpm, angle = f"{name}_rpm", f"{name}_angle_deg"
+            packets += _thruster(self._responses, number, moment, rpm, angle)
+            packets += _thruster("TRC", number, moment, name_of_order(rpm), name_of_order(angle))
+        for name, number in self._shafts.items():
+            packets += _shaft(number, moment, f"{name}_rpm", f"{name}_pitch_percent")
+            packets += _shaft_order(number, moment, f"{name}_order_rpm", f"{name}_order_pitch_percent")
         return packets
+
+
+def _rudders(kind: str, moment: Moment, channels: tuple[str, ...]) -> list[Packet]:
+    """The starboard or single rudder, then the port one."""
+    carries = moment.present(*channels)
+    if not carries or len(channels) > 2:
+        return []
+    both = (channels[-1], channels[0] if len(channels) == 2 else "")
+    fields = [f"{_decimals(moment.values.get(name), 1.0, 4)},{'A' if name in carries else 'V'}" for name in both]
+    return [_packet(f"ER{kind},{','.join(fields)}{',B' if kind == 'ROR' else ''}", *carries)]
+
+
+def _thruster(kind: str, number: int, moment: Moment, rpm: str, angle: str) -> list[Packet]:
+    pair = moment.both(rpm, angle)
+    if pair is None:
+        return []
+    ending = ",B,R" if kind == "TRC" else ""
+    body = f"RC{kind},{number},{_decimals(pair[0], 1.0, 3)},{_mode(pair[0], 'R')},,V,{_turn(pair[1], 3)}{ending}"
+    return [_packet(body, *moment.present(rpm, angle))]
+
+
+def _shaft(number: int, moment: Moment, rpm: str, pitch: str) -> list[Packet]:
+    pair = moment.both(rpm, pitch)
+    if pair is None:
+        return []
+    speed, percent = (_decimals(each, 1.0, 3) for each in pair)
+    return [_packet(f"ERRPM,S,{number},{speed},{percent},A", *moment.present(rpm, pitch))]
+
+
+def _shaft_order(number: int, moment: Moment, rpm: str, pitch: str) -> list[Packet]:
+    pair = moment.both(rpm, pitch)
+    if pair is None:
+        return []
+    speed, percent = (
+        f"{_decimals(each, 1.0, 3)},{_mode(each, unit)}" for each, unit in zip(pair, "RP", strict=True)
+    )
+    return [_packet(f"ERPRC,,V,{speed},{percent},B,{number}", *moment.present(rpm, pitch))]
+
+
+def _mode(value: float | None, unit: str) -> str:
+    """The letter of a value's unit, V for invalid where it is not there."""
+    return "V" if value is None else unit
 
 
 def _packet(body: str, *carries: str) -> Packet:

@@ -22,7 +22,7 @@ _CHOICE = {
     **dict.fromkeys(("129029", "130577", "GLOBAL_POSITION_INT", "RMC", "GLL", "HDM", "VWR", "VWT"), 1),
     **dict.fromkeys(("GPS_RAW_INT", "GPS_GLOBAL_ORIGIN"), 2),
 }
-_MEANING = {"": 0, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
+_MEANING = {"": 0, "engine": 1, "magnetic": 2, "theoretical": 2, "water": 4, "apparent": 4}
 """How far from the channel itself a message's reference is: what needs less derivation is preferred."""
 
 Rank = tuple[int, int, int]

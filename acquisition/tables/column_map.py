@@ -195,7 +195,7 @@ def _complaint(name: str, column: Column) -> str:
     """What is wrong with one channel's entry; empty when nothing is."""
     if (column.column is None) == (column.constant is None):
         return "needs either a column or a constant"
-    if column.unit == PERCENT:
+    if _is_share(name, column):
         return "" if column.full_scale else "percent needs full_scale, the value at 100 %"
     if column.unit is not None:
         try:
@@ -205,10 +205,15 @@ def _complaint(name: str, column: Column) -> str:
     return ""
 
 
+def _is_share(name: str, column: Column) -> bool:
+    """Whether the column is in percent of a full scale; a pitch is in percent anyway."""
+    return column.unit == PERCENT and (column.full_scale is not None or channel_unit(name) != "%")
+
+
 def factor(name: str, column: Column) -> float:
     """What the column's numbers are multiplied with to be in the channel's unit."""
     house: Any = channel_unit(name)
-    if column.unit == PERCENT:
+    if _is_share(name, column):
         return column.scale * (column.full_scale or 0.0) / 100.0
     return column.scale * (scale_to(house, column.unit) if column.unit else 1.0)
 

@@ -14,7 +14,8 @@ import orjson
 import pandas as pd
 import pytest
 
-from acquisition.core.channels import NAMES
+from acquisition.core.actuators import Actuator, Actuators, as_text, control_channels, order_channels
+from acquisition.core.channels import MOTION, NAMES
 from acquisition.core.errors import InputError
 from acquisition.core.trial import Trial
 from acquisition.emulator import NullModem
@@ -66,6 +67,34 @@ def write_voyage(path: Path, duration_s: float, rate_hz: float = 10.0) -> pd.Dat
     """Write :func:`voyage_table` as a recording and return it."""
     table = voyage_table(duration_s, rate_hz)
     trial = Trial(name="voyage", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1])
+    write_table(table, path, trial)
+    return table
+
+
+TWIN_SCREW: Actuators = (
+    Actuator("port", "propeller"), Actuator("starboard", "propeller"),
+    Actuator("port_rudder", "rudder"), Actuator("starboard_rudder", "rudder"),
+)  # fmt: skip
+SINGLE_SCREW: Actuators = (
+    Actuator("main", "controllable_propeller"), Actuator("rudder", "rudder"), Actuator("bow", "tunnel")
+)  # fmt: skip
+
+
+def actuator_text(actuators: Actuators) -> str:
+    """A ship's list of actuators as a configuration says it."""
+    return "".join(f'[[actuator]]\nname = "{each.name}"\nkind = "{each.kind}"\n' for each in actuators)
+
+
+def write_ship_voyage(path: Path, actuators: Actuators, duration_s: float = 20.0) -> pd.DataFrame:
+    """A voyage of another ship: every control and every order moves, each in its own way."""
+    table = voyage_table(duration_s)[list(MOTION)]
+    seconds = np.arange(len(table)) / 10.0
+    sizes = {"rpm": 120.0, "deg": 35.0, "%": 90.0}
+    for number, each in enumerate((*control_channels(actuators), *order_channels(actuators))):
+        table[each.name] = sizes[each.unit] * np.sin(0.3 * seconds + number)
+    trial = Trial(
+        name="voyage", origin_latitude_deg=ORIGIN[0], origin_longitude_deg=ORIGIN[1], actuators=as_text(actuators)
+    )
     write_table(table, path, trial)
     return table
 

@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 
 from acquisition.config.configuration import TrialConfig, load_config
+from acquisition.core.actuators import Actuators
 from acquisition.core.angles import difference
 from acquisition.core.arrays import Series
-from acquisition.core.channels import BY_NAME, CIRCULAR, NAMES
+from acquisition.core.channels import BY_NAME, CIRCULAR, MOTION, NAMES
 from acquisition.emulator import NullModem, Playback, emulate
 from acquisition.logger.record import record
 from acquisition.recording.reader import Recording, read_recording
@@ -21,12 +22,16 @@ from tests.acquisition.conftest import (
     DBC,
     PATIENCE_S,
     SIGNALS,
+    SINGLE_SCREW,
+    TWIN_SCREW,
     Sleeper,
+    actuator_text,
     config_text,
     free_port,
     open_sources,
     recorded_count,
     wait_for,
+    write_ship_voyage,
     write_voyage,
 )
 
@@ -151,6 +156,53 @@ def test_every_sample_of_every_channel_arrives(
     played, recording = play_and_record(tmp_path / "voyage.mcap", sending, receiving, tmp_path, speed)
     assert played.counts == {name: len(table) for name in NAMES}
     assert_same_values(table, recording.series, steps)
+
+
+RATIO = 4.5
+"""The turns of an engine for one of its shaft."""
+
+SHIP_STEPS = {
+    "can": {"rpm": 0.25 / RATIO, "deg": np.rad2deg(1e-4)},
+    "udp": {"rpm": 1e-3, "deg": 1e-3, "%": 1e-3},
+    "mavlink": {"rpm": 200 * _SINGLE, "deg": 50 * _SINGLE, "%": 200 * _SINGLE},
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "actuators", "channels"),
+    [
+        ("udp", TWIN_SCREW, None),
+        ("udp", SINGLE_SCREW, None),
+        ("mavlink", TWIN_SCREW, (
+            "port_rpm", "starboard_rpm", "port_rudder_angle_deg", "starboard_rudder_angle_deg",
+        )),
+        ("mavlink", SINGLE_SCREW, ("main_rpm", "main_pitch_percent", "rudder_angle_deg", "bow_rpm")),
+        ("can", TWIN_SCREW, (
+            "port_rpm", "starboard_rpm", "port_rudder_angle_deg", "starboard_rudder_angle_deg",
+            "port_rudder_order_angle_deg", "starboard_rudder_order_angle_deg",
+        )),
+        ("can", SINGLE_SCREW, ("main_rpm", "rudder_angle_deg", "rudder_order_angle_deg")),
+    ],
+)  # fmt: skip
+def test_ships_with_rudders_come_back_channel_by_channel(
+    kind: str, actuators: Actuators, channels: tuple[str, ...] | None, tmp_path: Path
+) -> None:
+    """All that NMEA 0183 carries, which is everything; what MAVLink and NMEA 2000 have messages for."""
+    table = write_ship_voyage(tmp_path / "voyage.mcap", actuators)
+    names = tuple(table.columns) if channels is None else (*MOTION, *channels)
+    ratios = ", ".join(f"{each.name} = {RATIO}" for each in actuators if each.drives)
+    section = {
+        "can": f'type = "can"\ninterface = "virtual"\nchannel = "{tmp_path}"\nreduction_ratios = {{ {ratios} }}\n',
+        "udp": f'type = "udp"\nport = {free_port()}\n',
+        "mavlink": f'type = "mavlink"\nport = {free_port()}\n',
+    }[kind]
+    config = load(tmp_path, "ship.toml", actuator_text(actuators) + config_text(section, names))
+    played, recording = play_and_record(tmp_path / "voyage.mcap", config, config, tmp_path, 40.0)
+    assert played.counts == {name: len(table) for name in names}
+    assert played.unsent == {}
+    for name in set(names) - set(MOTION):
+        error = np.abs(recording.series[name].value - table[name].to_numpy())
+        assert error.max() <= 0.5001 * SHIP_STEPS[kind][BY_NAME[name].unit] + 1e-7, f"{name}: {error.max()}"
 
 
 @pytest.mark.parametrize("kind", ["can", "serial", "mavlink"])
