@@ -1,11 +1,11 @@
-"""Held windows: stretches of a recording in which the thrusters were left alone, on which models are judged.
+"""Held windows: stretches of a recording in which the actuators were left alone, on which models are judged.
 
 A candidate starts every ``stride_s`` seconds of the table and covers seconds 0 to ``horizon_s``. It is kept when
 all channels are there at every second and the controls of all actuators are held (:func:`steady_mask`); otherwise
 it is counted under the first reason that applies. Windows that share a second, or that follow each other at one
 held setting, form a leg: whoever splits data by leg or by trial never has one second on both sides.
 
-Shafts and azimuths have one rule, that noise does not defeat and a ramp does not pass. A setting is held over a
+All settings have one rule, that noise does not defeat and a ramp does not pass. A setting is held over a
 window when two things are small: the range of its values, which catches steps and spikes, and the drift, which is
 the slope of the best line through them times the window's length and catches slow ramps that stay within the
 range. Both bounds join a floor, what a held handle does by itself, and a multiple of the noise of the feedback,
@@ -16,8 +16,9 @@ drift. The filter's own correlation puts both right.
 
 Near zero revolutions the rule is about thrust, which goes with their square: a shaft that stays within the idle
 band throughout, where it gives less than 1 % of its thrust at 130 rpm, may flicker in it and only the drift
-counts. An azimuth counts whether its shaft turns or not: a pod that swings with an idle propeller still steers a
-ship that has way on.
+counts. Angles count whether a shaft turns or not: a pod that swings with an idle propeller still steers a ship that
+has way on, and so does a rudder. Bounds of a shaft grow with its usual speed, beyond that of a ship's: a model of
+3 m turns her propeller at 600 rpm, and what a held handle lets it do is a share of that.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from acquisition.core.actuators import DEFAULT, Actuators, control_names, kind_of_control
+from acquisition.core.actuators import DEFAULT, KINDS, Actuators, control_names
 from acquisition.core.angles import difference, unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import is_circular, trial_names
@@ -40,7 +41,10 @@ from analysis.estimation.noise_levels import noise_of
 from analysis.tables.resample import SETTING_FILTER
 from analysis.tables.table import NANO, actuator_attributes, index_of, table_actuators, times_ns
 
-_MOVED: dict[Sort, str] = {"azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved"}
+_MOVED: dict[Sort, str] = {
+    "azimuth": "azimuth_moved", "shaft": "rpm_moved", "tunnel": "tunnel_moved",
+    "rudder": "rudder_moved", "nozzle": "nozzle_moved", "pitch": "pitch_moved",
+}  # fmt: skip
 REASONS = ("gap", "missing_data", *_MOVED.values())
 """Why a candidate is dropped, in the order in which the reasons are asked."""
 
@@ -217,7 +221,10 @@ def _legs(
                 difference(setting[:, :, column], setting[:, :1, column]), axis=1
             )
             apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
-    limit = np.array([tolerance_of(name, rule, actuators).span for name in names])
+    columns = (values[:, trial_names(actuators).index(name)] for name in names)
+    limit = np.array(
+        [tolerance_of(name, rule, actuators).at(each).span for name, each in zip(names, columns, strict=True)]
+    )
     between = starts[1:] - (starts[:-1] + horizon_s)
     same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
     return np.concatenate([[0], np.cumsum(~same_leg)])
@@ -270,7 +277,7 @@ def require_windows(windows: HeldWindows, where: str) -> HeldWindows:
     )
 
 
-Sort = Literal["azimuth", "shaft", "tunnel"]
+Sort = Literal["azimuth", "shaft", "tunnel", "rudder", "nozzle", "pitch"]
 _FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row to row: 1 if white, 2.1 if filtered
 
 
@@ -278,12 +285,24 @@ _FILTERED_RATIO = 1.5  # of the noise seen two rows apart to that seen from row 
 class Tolerance:
     """What a held setting may do without noise, in the channel's unit, and the most noise to allow for.
 
-    ``noise`` bounds the standard deviation: more than that is no noise but somebody at the handle.
+    ``noise`` bounds the standard deviation: more than that is no noise but somebody at the handle. Of a setting
+    that is usually larger than ``ordinary`` all three grow in proportion.
     """
 
     span: float
     drift: float
     noise: float
+    ordinary: float = np.inf
+
+    def factor(self, values: Floats) -> float:
+        """By how much the bounds grow for a setting with these ``values`` [rows]: by its 98th percentile."""
+        size = np.abs(values[np.isfinite(values)])
+        return max(1.0, float(np.quantile(size, 0.98)) / self.ordinary) if size.size else 1.0
+
+    def at(self, values: Floats) -> Tolerance:
+        """The tolerance of a setting with these ``values`` [rows]."""
+        factor = self.factor(values)
+        return Tolerance(factor * self.span, factor * self.drift, factor * self.noise, self.ordinary)
 
 
 @dataclass(frozen=True, slots=True)
@@ -292,12 +311,16 @@ class Tolerances:
 
     At 8 standard deviations of range and 4.75 of drift a held window of 15 s with Gaussian noise is lost
     once in some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg. ``idle_rpm`` is the
-    idle band of a shaft and ``idle_drift_rpm`` what it may drift in it over a window.
+    idle band of a shaft and ``idle_drift_rpm`` what it may drift in it over a window; they grow as its bounds do.
+    3 rpm of 240 are a fortieth of the thrust, and so, nearly, are 2 % of pitch.
     """
 
-    shaft: Tolerance = field(default_factory=lambda: Tolerance(span=3.0, drift=1.5, noise=4.0))
+    shaft: Tolerance = field(default_factory=lambda: Tolerance(span=3.0, drift=1.5, noise=4.0, ordinary=240.0))
     azimuth: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=2.0))
-    tunnel: Tolerance = field(default_factory=lambda: Tolerance(span=10.0, drift=5.0, noise=10.0))
+    tunnel: Tolerance = field(default_factory=lambda: Tolerance(span=10.0, drift=5.0, noise=10.0, ordinary=500.0))
+    rudder: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=1.0))
+    nozzle: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=1.0))
+    pitch: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=2.0))
     span_sigmas: float = 8.0
     drift_sigmas: float = 4.75
     idle_rpm: float = 12.0
@@ -346,7 +369,8 @@ def steady_mask(
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
     """
     series = unwrap(values) if is_circular(name) else values
-    tolerance = tolerance_of(name, rule, actuators)
+    stated = tolerance_of(name, rule, actuators)
+    tolerance = stated.at(series)
     feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
     line = _line_weights(rows)
@@ -355,20 +379,29 @@ def steady_mask(
     span_limit = tolerance.span + rule.span_sigmas * feedback.noise
     drift_limit = np.hypot(tolerance.drift, rule.drift_sigmas * feedback.drift_of(line))
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
-    if not is_circular(name):
-        steady |= (np.abs(windows).max(axis=1) <= rule.idle_rpm) & (np.abs(drift) <= rule.idle_drift_rpm)
+    if name.endswith("_rpm"):
+        factor = stated.factor(series)
+        idle = np.abs(windows).max(axis=1) <= factor * rule.idle_rpm
+        steady |= idle & (np.abs(drift) <= factor * rule.idle_drift_rpm)
     return np.asarray(steady)
 
 
 def sort_of(name: str, actuators: Actuators) -> Sort:
-    """What sort of setting a control channel is: an angle, a tunnel thruster's shaft, another shaft."""
-    if is_circular(name):
-        return "azimuth"
-    return "tunnel" if kind_of_control(name, actuators) == "tunnel" else "shaft"
+    """What sort of setting a control channel is, as its actuator's kind says: an azimuth, a rudder, a shaft ...
+
+    Raises :class:`KeyError` for a channel that is no control of the ship.
+    """
+    parts = {
+        channel.name: part
+        for each in actuators
+        for part, channel in zip(KINDS[each.kind].parts, each.channels, strict=True)
+    }
+    sort: Sort = parts[name].removesuffix(" thruster")  # type: ignore[assignment]
+    return sort
 
 
 def tolerance_of(name: str, rule: Tolerances, actuators: Actuators = DEFAULT) -> Tolerance:
-    """The tolerance that applies to a control channel of a ship with these actuators."""
+    """The tolerance that is stated for a control channel of a ship with these actuators."""
     tolerance: Tolerance = getattr(rule, sort_of(name, actuators))
     return tolerance
 
