@@ -22,7 +22,7 @@ START = pd.Timestamp("2026-06-01T08:00:00Z")
 
 @dataclass(frozen=True)
 class Ship:
-    """Gain and time constant of the helm, speed at an rpm, way of the pivot, rate limit; those of a ship of 100 m."""
+    """Gain and time constant of the helm, speed at an rpm, sway a turn, rate limit; those of a ship of 100 m."""
 
     actuators: Actuators = SINGLE
     gain_per_s: float = 0.05

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from acquisition.core.actuators import Actuator, Actuators, as_text, control_names
