@@ -80,6 +80,7 @@ _PLACES = {
     "load_case": "hybrid.report.case:load_case",
     "load_diagnosis": "hybrid.diagnosis.serialisation:read_diagnosis",
     "load_vessel": "hybrid.vessel.files:load_vessel",
+    "new_vessel": "hybrid.vessel.estimate.new_vessel:new_vessel",
     "read": "analysis.tables.table:read_table",
     "reproduction_sections": "hybrid.reproduction.page:results_sections",
     "resample": "analysis.tables.resample:resample",

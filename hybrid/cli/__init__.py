@@ -46,7 +46,7 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
 
 def mount(app: typer.Typer) -> None:
     """Add the commands of the model to the command line."""
-    from hybrid.cli import model, results, trials
+    from hybrid.cli import model, results, trials, vessel
 
     panels: dict[str, dict[Callable[..., None], str]] = {
         TRIALS: {
@@ -71,6 +71,9 @@ def mount(app: typer.Typer) -> None:
     for panel, commands in panels.items():
         for command, about in commands.items():
             app.command(help=about, rich_help_panel=panel)(command)
+    ships = typer.Typer(no_args_is_help=True)
+    ships.command(help="Write a vessel file from main dimensions, by published regressions.")(vessel.new)
+    app.add_typer(ships, name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
     reproduce = typer.Typer(no_args_is_help=True)
     reproduce.command(help="Table III on sequences never seen, beside the random split.")(results.table3)
     reproduce.command(help="The figures of the paper, in our own style.")(results.figures)

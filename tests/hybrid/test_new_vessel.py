@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+import seatrial as st
 from acquisition.core.errors import InputError
 from hybrid.vessel.estimate.given import Propeller, Rudder, Tunnel, device
 from hybrid.vessel.estimate.new_vessel import NewVessel, new_vessel
@@ -121,3 +124,38 @@ def test_a_device_is_its_text() -> None:
     )
     with pytest.raises(InputError, match=r"blades is '4\.5'"):
         device(Propeller, "diameter=5, blades=4.5")
+
+
+# The command
+
+OPTIONS = ["--length", "7", "--beam", "1.27", "--draught", "0.46", "--block", "0.81", "--service-speed", "1.179"]
+
+
+def test_the_command_writes_what_the_function_makes(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    done = CliRunner().invoke(st.app, ["vessel", "new", "-o", str(file), *OPTIONS, "--propeller", "diameter=0.216"])
+    assert done.exit_code == 0, done.output
+    dimensions = {key: KVLCC2[key] for key in ("length_m", "beam_m", "draught_m", "block", "service_speed_mps")}
+    assert file.read_text() == st.new_vessel(name="mine", propellers=["diameter=0.216"], **dimensions).text
+    assert "takes propeller" in done.stderr
+
+
+def test_without_a_terminal_everything_that_is_missing_is_named(tmp_path: Path) -> None:
+    done = CliRunner().invoke(st.app, ["vessel", "new", "-o", str(tmp_path / "x.toml"), "--beam", "1.27"])
+    assert done.exit_code == 2
+    for option in ("--length", "--draught", "--block", "--service-speed", "--propeller or --azimuth"):
+        assert option in done.stderr.replace("\n", " ")
+    assert not list(tmp_path.iterdir())
+
+
+def test_at_a_terminal_what_is_missing_is_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hybrid.cli.vessel.at_terminal", lambda: True)
+    file = tmp_path / "asked.toml"
+    answers = ["0.81", "main, diameter=0.216", "", "", "area=0.0539", "", ""]
+    done = CliRunner().invoke(
+        st.app, ["vessel", "new", "-o", str(file), *OPTIONS[:6], *OPTIONS[8:]], input="\n".join(answers) + "\n"
+    )
+    assert done.exit_code == 0, done.output
+    tree = tomllib.loads(file.read_text())
+    assert [each["name"] for each in tree["actuator"]] == ["main", "rudder"]
+    assert tree["provenance"]["block_coefficient"] == 0.81

@@ -1,0 +1,112 @@
+"""``seatrial vessel``: it parses, asks for what is missing, calls and prints."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+_ASKED = {
+    "length": "Length between perpendiculars [m]",
+    "beam": "Beam [m]",
+    "draught": "Mean draught [m]",
+    "block": "Block coefficient",
+    "service_speed": "Service speed [m/s]",
+}
+"""What every ship needs, and how it is asked for."""
+
+_DEVICES = {
+    "propeller": "A propeller, diameter=M[,pitch_ratio=..][,blades=..][,area_ratio=..][,rpm=..]",
+    "azimuth": "An azimuth thruster, diameter=M[,pitch_ratio=..][,x=M][,y=M]",
+    "rudder": "A rudder, area=M2[,span=M][,behind=NAME]",
+    "tunnel": "A tunnel thruster, bow or stern,diameter=M,power=KW",
+}
+_DEVICE_HELP = "{0}, NAME,KEY=NUMBER,...; may be given several times."
+
+
+def new(
+    output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
+    name: Annotated[str | None, typer.Option(help="What she is called; the file's name without it.")] = None,
+    length: Annotated[float | None, typer.Option(help="Length between perpendiculars in m.")] = None,
+    beam: Annotated[float | None, typer.Option(help="Beam in m.")] = None,
+    draught: Annotated[float | None, typer.Option(help="Mean draught in m.")] = None,
+    block: Annotated[float | None, typer.Option(help="Block coefficient.")] = None,
+    service_speed: Annotated[float | None, typer.Option(help="Speed in still water in m/s.")] = None,
+    propeller: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A propeller"))] = None,
+    azimuth: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("An azimuth thruster"))] = None,
+    rudder: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A rudder"))] = None,
+    tunnel: Annotated[list[str] | None, typer.Option(help=_DEVICE_HELP.format("A tunnel thruster"))] = None,
+    hull: Annotated[str, typer.Option(help="mmg, or cross_flow for low speed.")] = "mmg",
+    length_overall: Annotated[float | None, typer.Option(help="Length overall in m.")] = None,
+    centre_of_gravity: Annotated[
+        float | None, typer.Option(help="Forward of midship, in m; estimated without.")
+    ] = None,
+    frontal_area: Annotated[float | None, typer.Option(help="Frontal area above water in m2.")] = None,
+    lateral_area: Annotated[float | None, typer.Option(help="Lateral area above water in m2.")] = None,
+    water_density: Annotated[float, typer.Option(help="In kg/m3: fresh 1000, salt 1025.")] = 1025.0,
+) -> None:
+    """Write a vessel file from main dimensions; what is not given is estimated, and says so."""
+    needed = {"length": length, "beam": beam, "draught": draught, "block": block, "service_speed": service_speed}
+    devices = {"propeller": propeller, "azimuth": azimuth, "rudder": rudder, "tunnel": tunnel}
+    numbers, listed = _complete(needed, {key: list(value or ()) for key, value in devices.items()})
+    if hull not in ("mmg", "cross_flow"):
+        raise typer.BadParameter(f"no hull model {hull!r}; give mmg or cross_flow")
+    from hybrid.vessel.estimate.new_vessel import new_vessel
+
+    made = new_vessel(
+        output,
+        name=name or output.stem,
+        length_m=numbers["length"], beam_m=numbers["beam"], draught_m=numbers["draught"], block=numbers["block"],
+        service_speed_mps=numbers["service_speed"],
+        propellers=listed["propeller"], rudders=listed["rudder"], azimuths=listed["azimuth"],
+        tunnels=listed["tunnel"],
+        hull=hull,  # type: ignore[arg-type]
+        length_overall_m=length_overall, centre_of_gravity_m=centre_of_gravity,
+        frontal_area_m2=frontal_area, lateral_area_m2=lateral_area, water_density_kgpm3=water_density,
+    )  # fmt: skip
+    for warning in made.warnings:
+        typer.echo(f"note: {warning}", err=True)
+    rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in made.service_rpm.items())
+    typer.echo(f"{numbers['service_speed']:g} m/s takes {rpm}", err=True)
+    typer.echo(output)
+
+
+def _complete(
+    needed: dict[str, float | None], devices: dict[str, list[str]]
+) -> tuple[dict[str, float], dict[str, list[str]]]:
+    """What was given, and what a person at the terminal adds; without one what is missing is wrong usage."""
+    missing = [key for key, value in needed.items() if value is None]
+    driven = bool(devices["propeller"] or devices["azimuth"])
+    if missing or not driven:
+        if not at_terminal():
+            names = [f"--{key.replace('_', '-')}" for key in missing]
+            raise typer.BadParameter(f"missing: {', '.join([*names, *_propulsor(driven)])}")
+        needed = needed | {key: _number(key) for key in missing}
+        devices = devices if driven else {key: value or _list(key) for key, value in devices.items()}
+    return {key: float(value or 0.0) for key, value in needed.items()}, devices
+
+
+def at_terminal() -> bool:
+    """Whether a person can be asked."""
+    return sys.stdin.isatty()
+
+
+def _propulsor(driven: bool) -> list[str]:
+    return [] if driven else ["--propeller or --azimuth"]
+
+
+def _number(key: str) -> float:
+    answer: Any = typer.prompt(_ASKED[key], type=float, err=True)
+    return float(answer)
+
+
+def _list(key: str) -> list[str]:
+    """Devices of a kind, one an answer, until an empty answer."""
+    found: list[str] = []
+    while answer := str(
+        typer.prompt(f"{_DEVICES[key]} (empty: no more)", default="", show_default=False, err=True)
+    ):
+        found.append(answer)
+    return found
