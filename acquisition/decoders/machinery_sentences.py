@@ -1,7 +1,7 @@
 """What the sentences of rudders, shafts and thrusters say (IEC 61162-1): which actuator each of them means.
 
-Rudders are told apart by their place in RSA and ROR, shafts by their number in RPM and PRC, azimuth and tunnel
-thrusters by theirs in TRD and TRC. Of two rudders or shafts the port one is listed first.
+Rudders are told apart by their place in RSA and ROR (HTD knows one only), shafts by their number in RPM and PRC,
+azimuth and tunnel thrusters by theirs in TRD and TRC. Of two rudders or shafts the port one is listed first.
 """
 
 from __future__ import annotations
@@ -37,6 +37,15 @@ def _rudders(fields: Fields, channels: tuple[str, ...]) -> Reading:
         return Reading(present((channels[0], valid[0] if fields.text(1) == "A" else valid[1])))
     port, starboard = channels
     return Reading(present((port, valid[1]), (starboard, valid[0])))
+
+
+def _heading_control(fields: Fields, channels: tuple[str, ...]) -> Reading:
+    """HTD: the rudder angle that a heading or track control system orders, and its side."""
+    if len(channels) > 1:
+        return Reading(refused="one order to several rudders")
+    angle, sign = fields.number(1), {"R": 1.0, "L": -1.0}.get(fields.text(2))
+    ordered = None if angle is None or sign is None or angle < 0.0 else sign * angle
+    return _as_orders(Reading(present((channels[0], ordered))))
 
 
 def _rpm(fields: Fields, shafts: Actuators, reduction_ratios: Mapping[str, float]) -> Reading:
@@ -117,6 +126,7 @@ def machinery_readers(
     }
     if rudders(actuators):
         readers["ROR"] = lambda fields: _as_orders(_rudders(fields, angles))
+        readers["HTD"] = partial(_heading_control, channels=angles)
     if not {each.name for each in shafts} & thrusters.numbers.keys():  # else TRC tells the orders to them
         readers["PRC"] = partial(_propulsion_order, shafts=shafts)
     return readers

@@ -15,14 +15,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.config.configuration import TrialConfig, load_config
-from acquisition.core.actuators import Actuator, Actuators, numbered_shafts, shaft_numbers, shaft_of_number
+from acquisition.core.actuators import (
+    Actuator,
+    Actuators,
+    from_text,
+    numbered_shafts,
+    shaft_numbers,
+    shaft_of_number,
+)
 from acquisition.core.channels import MOTION, actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError
 from acquisition.decoders.nmea0183 import Nmea0183Decoder
 from acquisition.decoders.nmea2000 import Nmea2000Decoder
+from acquisition.emulator import emulate
 from acquisition.encoders.nmea0183 import sentence
 from acquisition.logger.record import record
 from acquisition.recording.reader import read_recording
+from acquisition.tables.import_table import import_table
 from tests.acquisition.can_frames import can_frame, identifier_of, values
 from tests.acquisition.conftest import SINGLE_SCREW, TWIN_SCREW, actuator_text, config_text, write_ship_voyage
 from tests.acquisition.test_nmea0183 import line
@@ -51,6 +60,9 @@ def said(ship: Actuators, body: str) -> tuple[dict[str, float], dict[str, int]]:
             "starboard_rudder_order_angle_deg": 10.0, "port_rudder_order_angle_deg": 12.0,
         }),
         (SINGLE_SCREW, "AGROR,-35.0,A,,V,B", {"rudder_order_angle_deg": -35.0}),
+        (SINGLE_SCREW, "AGHTD,V,12.5,L,S,N,35.0,,,,90.0,,,T,A,,,91.0", {"rudder_order_angle_deg": -12.5}),
+        (SINGLE_SCREW, "AGHTD,V,12.5,R,S,N,35.0,,,,90.0,,,T,A,,,91.0", {"rudder_order_angle_deg": 12.5}),
+        (SINGLE_SCREW, "AGHTD,V,,,S,N,35.0,,,,90.0,,,T,A,,,91.0", {}),
         (TWIN_SCREW, "ERRPM,S,1,-120.0,90.0,A", {"starboard_rpm": -120.0}),
         (TWIN_SCREW, "ERRPM,S,2,120.0,,A", {"port_rpm": 120.0}),
         (TWIN_SCREW, "ERRPM,E,1,600.0,,A", {"starboard_rpm": 120.0}),
@@ -79,6 +91,7 @@ def test_what_a_sentence_says_of_a_ship(ship: Actuators, body: str, expected: di
     [
         (TWIN_SCREW, "ERRSA,-5.0,V,7.0,V", "not marked valid"),
         (tuple(Actuator(name, "rudder") for name in "abc"), "ERRSA,-5.0,A,7.0,A", "more than two rudders"),
+        (TWIN_SCREW, "AGHTD,V,12.5,R,S", "one order to several rudders"),
         (TWIN_SCREW, "ERRPM,S,0,1.0,,A", "rpm of a single or unknown shaft"),
         (SINGLE_SCREW, "ERRPM,S,2,1.0,,A", "rpm of a single or unknown shaft"),
         (MIXED[2:], "ERRPM,E,0,1.0,,A", "engine rpm"),
@@ -238,6 +251,22 @@ def seatrial(*arguments: str | Path) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.shared
+def test_a_tanker_models_zigzag_goes_through_sentences(tmp_path: Path, shared_data: Path) -> None:
+    """Esso Osaka's propeller and rudder as they were measured, through RPM and RSA and back."""
+    measured = sorted((shared_data / "esso_osaka" / "zigzag").glob("*.csv*"))[0]
+    import_table(measured, tmp_path / "measured.mcap", ROOT / "trials" / "columns" / "esso_osaka.toml")
+    sent = read_recording(tmp_path / "measured.mcap")
+    ship = from_text(sent.trial.actuators)
+    config = config_of(tmp_path, ship, 'type = "file"\npath = "pond.log"\n', *trial_names(ship))
+    emulate(tmp_path / "measured.mcap", config, speed=1e4)
+    (path, *_), _ = record(config, tmp_path / "out")
+    got = read_recording(path).series
+    assert np.ptp(sent.series["rudder_angle_deg"].value) > 15.0
+    for name in ("propeller_rpm", "rudder_angle_deg", "yaw_rate_dps", "surge_mps"):
+        np.testing.assert_allclose(got[name].value, sent.series[name].value, atol=1e-3, err_msg=name)
+
+
 def test_emulate_and_record_a_single_screw_ship(tmp_path: Path) -> None:
     """From the command line: her voyage becomes sentences in a file, and the recording of these is her voyage."""
     table = write_ship_voyage(tmp_path / "voyage.mcap", SINGLE_SCREW)
@@ -261,12 +290,12 @@ FIELD = st.sampled_from([*"SEAVRPDB", "", "0", "1", "2", "3", "-1", "1.5", "1e40
 SHIPS = st.sampled_from([TWIN_SCREW, SINGLE_SCREW, TRIPLE_SCREW, MIXED, JETS])
 
 
-@given(SHIPS, st.sampled_from(["RSA", "ROR", "RPM", "PRC", "TRD", "TRC"]), st.lists(FIELD, max_size=9))
+@given(SHIPS, st.sampled_from(["RSA", "ROR", "HTD", "RPM", "PRC", "TRD", "TRC"]), st.lists(FIELD, max_size=9))
 def test_no_sentence_raises_or_tells_of_another_ship(ship: Actuators, kind: str, fields: list[str]) -> None:
     found, refused = said(ship, ",".join((f"ER{kind}", *fields)))
     assert found.keys() <= set(channel_names(ship))
     assert all(map(isfinite, found.values()))
-    assert found or refused or kind in ("ROR", "PRC")
+    assert found or refused or kind in ("ROR", "HTD", "PRC")
 
 
 @given(SHIPS, st.lists(st.tuples(st.sampled_from([127245, 127488, 127493]), st.binary(min_size=8, max_size=8))))
