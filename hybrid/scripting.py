@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hybrid.evaluation.summary import Evaluation
     from hybrid.evaluation.validate import Validation
     from hybrid.planning.plan import Plan
+    from hybrid.simulation.vessel_check import VesselCheck
     from hybrid.vessel.parameters import Vessel
     from hybrid.vessel.plant import Plant
     from hybrid.workflows.diagnose import DiagnosisRun
@@ -369,6 +370,19 @@ def plan(
         noise = noise_in(ship, sea, share, catalogue, progress)
     with bar("planning") as progress:
         return plan_programme(parts, ship, sea, noise, share, catalogue, progress)
+
+
+def vessel_check(vessel: str | Path | Vessel | None = None, rpm: float | None = None) -> VesselCheck:
+    """The standard manoeuvres of a vessel file, simulated in still water and air, beside IMO's limits.
+
+    Steady speeds, turning circles, zigzags, pull-outs and a crash stop; ``rpm`` is the tests' shaft speed, by
+    default that of 85 % of the highest power.
+    """
+    from hybrid.simulation.vessel_check import check_vessel
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    return check_vessel(ship, rpm)
 
 
 def report(folder: str | Path, **choices: Any) -> list[Path]:

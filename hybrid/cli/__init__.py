@@ -73,6 +73,7 @@ def mount(app: typer.Typer) -> None:
             app.command(help=about, rich_help_panel=panel)(command)
     ships = typer.Typer(no_args_is_help=True)
     ships.command(help="Write a vessel file from main dimensions, by published regressions.")(vessel.new)
+    ships.command(help="How a ship behaves by her file: standard manoeuvres beside IMO's limits.")(vessel.check)
     app.add_typer(ships, name="vessel", help="Vessel files of your own ship.", rich_help_panel=TRIALS)
     reproduce = typer.Typer(no_args_is_help=True)
     reproduce.command(help="Table III on sequences never seen, beside the random split.")(results.table3)

@@ -1,4 +1,4 @@
-"""``seatrial vessel``: it parses, asks for what is missing, calls and prints."""
+"""``seatrial vessel new`` and ``check``: they parse, ask for what is missing, call and print."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from acquisition.cli import AsJson
+from hybrid.cli import print_result
 
 _ASKED = {
     "length": "Length between perpendiculars [m]",
@@ -71,6 +74,27 @@ def new(
     rpm = ", ".join(f"{shaft} {value:.4g} rpm" for shaft, value in made.service_rpm.items())
     typer.echo(f"{numbers['service_speed']:g} m/s takes {rpm}", err=True)
     typer.echo(output)
+
+
+def check(
+    vessel: Annotated[str, typer.Argument(help="A vessel of trials/vessels, or a vessel file.")],
+    rpm: Annotated[
+        float | None, typer.Option(min=0.0, help="The tests' shaft speed; 95 % of the shafts' limit without it.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A picture (.png, .svg, .pdf) or a page (.html).")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Simulate the standard manoeuvres of a vessel file, and show them beside IMO's limits."""
+    from hybrid.scripting import vessel_check
+
+    checked = vessel_check(vessel, rpm)
+    if output is not None:
+        from hybrid.report.vessel_check import write_vessel_check
+
+        typer.echo(write_vessel_check(checked, output), err=True)
+    print_result(checked.as_dict(), checked, as_json=as_json)
 
 
 def _complete(

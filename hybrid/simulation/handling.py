@@ -26,7 +26,7 @@ from acquisition.core.channel import Channel
 from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import bare_plant
+from hybrid.vessel.plant import Plant, bare_plant
 from hybrid.vessel.simulate import simulate
 
 CRUISE_RPM = 171.0
@@ -81,6 +81,11 @@ class Pace:
     tunnel_rpm: float = 1.0
     time: float = 1.0
     speed: float = 1.0
+
+    @property
+    def length_s(self) -> float:
+        """The time in which the ship goes her own length at the usual shaft speed [s]."""
+        return self.time * _LENGTH_M / _SPEED_MPS
 
 
 def _controls(vessel: Vessel) -> list[tuple[Any, Channel]]:
@@ -147,23 +152,22 @@ def usual_rpm(vessel: Vessel) -> float:
     return CRUISE_RPM * (shaft_limit_rpm(vessel) / _LIMIT_RPM)
 
 
-def steady_speed_mps(vessel: Vessel, order: Floats, steps: int = _APPROACH_STEPS) -> float:
+def steady_speed_mps(plant: Plant, order: Floats, steps: int = _APPROACH_STEPS) -> float:
     """The speed straight ahead in still water after ``steps`` of a run with an ``order`` [controls] in SI.
 
     A step is a second for a ship of 28.9 m, and goes with the root of the length. Raises :class:`ModelRangeError`
     where the speed is out of the range of the model.
     """
-    root = sqrt(vessel.dimensions.length_between_perpendiculars_m / _LENGTH_M)
-    start = [0.0, 0.0, 0.0, min(_START_MPS * root, 0.8 * vessel.validity.surge_high_mps), 0.0, 0.0]
-    motion = simulate(bare_plant(vessel), start, np.tile(order, (steps, 1)), np.zeros((steps, 2)), root)
-    return float(motion[-1, 3])
+    root = sqrt(plant.length_between_perpendiculars_m / _LENGTH_M)
+    start = [0.0, 0.0, 0.0, min(_START_MPS * root, 0.8 * plant.surge_high_mps), 0.0, 0.0]
+    return float(simulate(plant, start, np.tile(order, (steps, 1)), np.zeros((steps, 2)), root)[-1, 3])
 
 
 def pace_of(vessel: Vessel) -> Pace:
     """A ship's pace. Raises :class:`ConfigurationError` where her shafts do not drive her ahead."""
     rpm = usual_rpm(vessel)
     order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
-    speed_mps = steady_speed_mps(vessel, order)
+    speed_mps = steady_speed_mps(bare_plant(vessel), order)
     if speed_mps <= 0.0:
         raise ConfigurationError(
             f"{vessel.name} makes no way ahead at {rpm:.0f} rpm", fix="check her propellers in the vessel file"

@@ -39,7 +39,7 @@ from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.plant import Plant, bare_plant, pack
 from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import Runs, range_error
 
@@ -247,7 +247,7 @@ def _start(vessel: Vessel, plant: Plant, leg: Floats, heading_deg: float) -> Flo
     handling = handling_of(vessel)
     fastest = (leg[handling.main] / handling.ahead[handling.main]).max(initial=0.0)
     order = np.where(handling.pitch > 0.0, np.maximum(leg, 0.0), handling.ahead * fastest)
-    steady_mps = steady_speed_mps(vessel, order)
+    steady_mps = steady_speed_mps(bare_plant(vessel), order)
     heading = np.deg2rad(heading_deg)
     ahead = plant.current_north_mps * np.cos(heading) + plant.current_east_mps * np.sin(heading)
     aside = plant.current_east_mps * np.cos(heading) - plant.current_north_mps * np.sin(heading)

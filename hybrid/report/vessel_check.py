@@ -1,0 +1,276 @@
+"""The standard manoeuvres of a vessel file as a table, a picture and a page, IMO's limits beside them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from acquisition.core.arrays import Floats
+from analysis.manoeuvres.indices import Index
+from analysis.manoeuvres.measures import peak
+from analysis.manoeuvres.motion import Motion
+from analysis.manoeuvres.report import plain_name
+from analysis.report.figures import write_figure
+from analysis.report.plots import FAINT, INK, PALETTE, ship
+from analysis.report.rendering import Page, render
+from hybrid.report.notebook import templates
+from hybrid.simulation.vessel_check import StandardTest, VesselCheck
+
+BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
+HEADER = ("", "value", "lengths", "IMO limit", "")
+PICTURES = ("png", "svg", "pdf", "json")
+_FOR_INFORMATION = (
+    "IMO's limits (MSC.137(76)) are for ships of 100 m and more that steer by rudders: here they stand for "
+    "information"
+)
+
+
+def vessel_check_view(check: VesselCheck) -> Group:
+    """The ship in a line, each test with a row an index, and what could not be made."""
+    table = Table(box=None, header_style="dim", pad_edge=False)
+    for title, justify in zip(HEADER, ("left", "right", "right", "right", "left"), strict=True):
+        table.add_column(title, justify=justify, no_wrap=True)  # type: ignore[arg-type]
+    for test in check.tests:
+        table.add_row(title_of(test), style="bold")
+        for row in index_rows(test):
+            table.add_row(f"  {row[0]}", *row[1:])
+    return Group(Text(f"{check.vessel}: {headline(check)}", style="bold"), table, Text(_sentences(check)))
+
+
+def _sentences(check: VesselCheck) -> str:
+    return "\n".join(f"{note[0].upper()}{note[1:]}." for note in notes_of(check))
+
+
+def title_of(test: StandardTest) -> str:
+    """The test with its helm."""
+    return (
+        f"{test.name}, helm {abs(test.helm_deg):.0f} deg" if test.helm_deg and test.kind != "zigzag" else test.name
+    )
+
+
+def headline(check: VesselCheck) -> str:
+    """The ship and the speed of the tests in a line."""
+    froude = check.speed_mps / np.sqrt(9.81 * check.length_m)
+    return (
+        f"{check.length_m:g} m, {check.speed_mps:.2f} m/s at {check.rpm:.4g} rpm (Froude number {froude:.2f}, "
+        f"L/V {check.length_m / check.speed_mps:.1f} s)"
+    )
+
+
+def stability_text(check: VesselCheck) -> str:
+    """Whether the ship keeps straight by herself."""
+    words = {
+        None: "course stability is not known: she could not be pulled out of a turn",
+        True: "course stable: with the helm amidships she comes out of a turn to either side",
+        False: "not course stable: with the helm amidships she goes on turning",
+    }
+    return words[check.course_stable]
+
+
+def index_rows(test: StandardTest) -> list[list[str]]:
+    """One row an index: what it is, value, in lengths, limit, and whether it is kept."""
+    return [
+        [plain_name(name), value_text(index), f"{index.lengths:.2f}" if index.lengths is not None else "",
+         _limit_text(index), _kept_text(index)]
+        for name, index in test.indices.items()
+    ]  # fmt: skip
+
+
+def value_text(index: Index) -> str:
+    """A value with four digits and its unit."""
+    value = 0.0 if abs(index.value) < 1e-6 else index.value
+    return f"{value:#.4g}".rstrip(".") + (f" {index.unit}" if index.unit else "")
+
+
+def _limit_text(index: Index) -> str:
+    if index.limit is None:
+        return ""
+    return f"{index.limit_lengths:.1f} L" if index.limit_lengths else f"{index.limit:.1f} {index.unit}"
+
+
+def _kept_text(index: Index) -> str:
+    if index.limit is None:
+        return ""
+    return "kept" if index.value <= index.limit else "exceeded"
+
+
+def write_vessel_check(check: VesselCheck, path: Path) -> Path:
+    """Write a picture (png, svg, pdf, or json with its numbers), or a page for any other ending.
+
+    Raises :class:`StorageError`.
+    """
+    ending = path.suffix.removeprefix(".").lower()
+    if ending in PICTURES:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return write_figure(check.plot(), path.parent, path.stem, (ending,))[0]
+    return page_of(check).write(path)
+
+
+def page_of(check: VesselCheck) -> Page:
+    """The page: picture and table."""
+    from hybrid.report import vessel_check
+
+    return render(
+        "vessel_check.html", templates=templates(), title=check.vessel, check=check, checks=vessel_check,
+        subtitle=headline(check),
+    )  # fmt: skip
+
+
+def notes_of(check: VesselCheck) -> list[str]:
+    """What is to be said under the table."""
+    said = [stability_text(check), *(f"{name} could not be made: {why}" for name, why in check.left_out.items())]
+    return said if check.limits_apply else [*said, _FOR_INFORMATION]
+
+
+def draw_vessel_check(figure: Figure, check: VesselCheck) -> None:
+    """Speeds, turning circles, zigzags, pull-outs and the crash stop, each with its figures and limits."""
+    panels = figure.subplot_mosaic(
+        [["circles", "10", "20"], ["circles", "10", "20"], ["speeds", "pull", "stop"], ["speeds", "pull", "stop"]]
+    )
+    _draw_circles(panels["circles"], check)
+    for axes, angle in ((panels["10"], 10.0), (panels["20"], 20.0)):
+        _draw_zigzag(axes, [each for each in check.of_kind("zigzag") if each.helm_deg == angle])
+        axes.set_title(f"zigzag {angle:.0f}/{angle:.0f}", loc="left")
+    _draw_speeds(panels["speeds"], check)
+    _draw_pull_outs(panels["pull"], check)
+    _draw_stop(panels["stop"], check)
+    note = "" if check.limits_apply else " · IMO's limits for information"
+    figure.suptitle(f"{check.vessel}: {headline(check)}{note}", x=0.01, ha="left", fontsize=11)
+
+
+def _write(axes: Axes, test: StandardTest, names: tuple[str, ...], corner: tuple[float, float]) -> None:
+    """The indices with their limits as a block of text in a corner of the axes."""
+    lines = []
+    for name in names:
+        if name in test.indices:
+            index = test.indices[name]
+            value = f"{index.lengths:.2f} L" if index.lengths is not None else value_text(index)
+            limit = f"  (IMO {_limit_text(index)}, {_kept_text(index)})" if index.limit is not None else ""
+            lines.append(f"{plain_name(name)} {value}{limit}")
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
+    axes.text(
+        *corner, "\n".join(lines), transform=axes.transAxes, fontsize=8, color=INK, bbox=box, zorder=5,
+        ha="left" if corner[0] < 0.5 else "right", va="bottom" if corner[1] < 0.5 else "top",
+    )  # fmt: skip
+
+
+def _draw_circles(axes: Axes, check: VesselCheck) -> None:
+    """Both circles in lengths, the approach upwards, IMO's largest advance and diameter as lines."""
+    axes.set_title("turning circles", loc="left")
+    length_m = check.length_m
+    for test, colour in zip(check.of_kind("turning_circle"), (BLUE, ORANGE), strict=False):
+        motion = test.motion
+        shown = motion.between(test.executes_s[0] - 2.0 * length_m / check.speed_mps, test.executes_s[-1])
+        across, ahead = _from_execute(shown, motion, test, length_m)
+        axes.plot(across, ahead, color=colour, label=f"{abs(test.helm_deg):.0f} deg to {_side(test)}")
+        turned = np.floor(np.abs(shown.heading_deg) / 60.0)
+        for row in (np.flatnonzero(np.diff(turned) > 0) + 1)[:6]:
+            ship(axes, across[row], ahead[row], np.deg2rad(shown.heading_deg[row]), 1.0)
+        _limit_lines(axes, test)
+    ship(axes, 0.0, 0.0, 0.0, 1.0)
+    tests = check.of_kind("turning_circle")
+    if tests:
+        _write(
+            axes, tests[0], ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"), (0.02, 0.02)
+        )
+        axes.legend(loc="upper right", fontsize=8)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("to starboard of the approach [L]")
+    axes.set_ylabel("ahead of the execute [L]")
+
+
+def _limit_lines(axes: Axes, test: StandardTest) -> None:
+    """IMO's advance across the approach, and its tactical diameter beside it."""
+    side = 1.0 if test.helm_deg > 0.0 else -1.0
+    for name in ("advance_m", "tactical_diameter_m"):
+        index = test.indices.get(name)
+        if index is None or index.limit_lengths is None:
+            continue
+        if name == "advance_m":
+            axes.plot([0.0, side * 3.0], [index.limit_lengths] * 2, color=RED, linewidth=0.9, linestyle="--")
+        else:
+            axes.plot([side * index.limit_lengths] * 2, [-1.0, 2.0], color=RED, linewidth=0.9, linestyle="--")
+
+
+def _from_execute(shown: Motion, motion: Motion, test: StandardTest, length_m: float) -> tuple[Floats, Floats]:
+    start = float(test.executes_s[0])
+    return (
+        (shown.east_m - motion.at("east_m", start)) / length_m,
+        (shown.north_m - motion.at("north_m", start)) / length_m,
+    )
+
+
+def _side(test: StandardTest) -> str:
+    return "starboard" if test.helm_deg > 0.0 else "port"
+
+
+def _draw_zigzag(axes: Axes, tests: list[StandardTest]) -> None:
+    """Heading and helm against time, overshoots marked."""
+    for test in tests:
+        start, motion = float(test.executes_s[0]), test.motion
+        shown = motion.between(start - 0.1 * (motion.time_s[-1] - start), motion.time_s[-1])
+        axes.plot(shown.time_s - start, shown.heading_deg, color=BLUE, label="heading")
+        axes.plot(shown.time_s - start, -shown.helm_deg, color=ORANGE, label="helm, to starboard", linewidth=1.0)
+        side = 1.0
+        for execute, following in pairwise(test.executes_s[1:]):
+            time_s, top = peak(motion.time_s, side * motion.heading_deg, float(execute), float(following))
+            axes.vlines(time_s - start, side * abs(test.helm_deg), side * top, color=RED, linewidth=2.4)
+            side = -side
+        _write(axes, test, ("overshoot_1_deg", "overshoot_2_deg", "initial_turning_m"), (0.02, 0.02))
+        axes.margins(y=0.3)
+        axes.legend(loc="upper right", ncols=2, fontsize=8)
+    axes.set_xlabel("time since the execute [s]")
+    axes.set_ylabel("[deg], starboard positive")
+
+
+def _draw_speeds(axes: Axes, check: VesselCheck) -> None:
+    """Steady speed over shaft speed, the tests' marked."""
+    axes.set_title("steady speed", loc="left")
+    rpm, speed = check.speeds.T
+    axes.plot(rpm, speed, "o-", color=BLUE, markersize=3.5)
+    if isfinite(check.speed_mps):
+        axes.plot(check.rpm, check.speed_mps, "D", color=RED, markersize=6, label="the tests'")
+        axes.legend(loc="upper left", fontsize=8)
+    axes.set_xlabel("shafts [rpm]")
+    axes.set_ylabel("speed [m/s]")
+    axes.set_xlim(left=0.0)
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
+    """Yaw rate from the order amidships on."""
+    axes.set_title("pull-out: helm amidships out of a turn", loc="left")
+    axes.axhline(0.0, color=FAINT, linewidth=0.8)
+    for test, colour in zip(check.of_kind("pull_out"), (BLUE, ORANGE), strict=False):
+        released = float(test.executes_s[1])
+        shown = test.motion.between(released - 3.0 * check.length_m / check.speed_mps, test.motion.time_s[-1])
+        axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
+    tests = check.of_kind("pull_out")
+    if tests:
+        _write(axes, tests[0], ("residual_yaw_rate_dps",), (0.98, 0.02))
+        axes.legend(loc="upper right", fontsize=8)
+    words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
+    axes.set_xlabel(f"time since the order [s]{', ' * bool(words)}{words}")
+    axes.set_ylabel("yaw rate [deg/s]")
+
+
+def _draw_stop(axes: Axes, check: VesselCheck) -> None:
+    """Speed over the way along the track."""
+    axes.set_title("crash stop", loc="left")
+    for test in check.of_kind("stopping"):
+        shown = test.motion.between(float(test.executes_s[0]), float(test.executes_s[1]))
+        way = np.append(0.0, np.cumsum(np.hypot(np.diff(shown.north_m), np.diff(shown.east_m)))) / check.length_m
+        axes.plot(way, shown.surge_mps, color=BLUE)
+        _write(
+            axes, test, ("track_reach_m", "head_reach_m", "lateral_deviation_m", "stopping_time_s"), (0.02, 0.02)
+        )
+    axes.set_xlabel("way along the track [L]")
+    axes.set_ylabel("surge [m/s]")

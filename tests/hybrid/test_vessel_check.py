@@ -1,0 +1,125 @@
+"""``vessel check``: the standard manoeuvres of a vessel file, against what is computed without it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from scipy.optimize import brentq
+from typer.testing import CliRunner
+
+import seatrial as st
+from analysis.manoeuvres import find_manoeuvres
+from hybrid import cli
+from hybrid.simulation.manoeuvres import steer, turning_circle, zigzag
+from hybrid.simulation.trial import Noise, simulate_trial
+from hybrid.simulation.vessel_check import TEST_SHARE, StandardTest, VesselCheck, check_vessel
+from hybrid.vessel.files import load_vessel
+from tests.hybrid.froude import froude_scaled
+
+GUNNERUS = load_vessel("gunnerus_short")
+LENGTH_M = 28.9
+
+
+@pytest.fixture(scope="module")
+def check() -> VesselCheck:
+    return check_vessel(GUNNERUS)
+
+
+def named(check: VesselCheck, name: str) -> StandardTest:
+    return next(each for each in check.tests if each.name == name)
+
+
+def test_steady_speed_balances_thrust_and_resistance(check: VesselCheck) -> None:
+    """The numbers of her file by hand: both pods ahead, the hull and still air against them."""
+    pod, hull, wind = GUNNERUS.actuator[0], GUNNERUS.hull, GUNNERUS.wind
+    D, rho = pod.propeller_diameter_m, GUNNERUS.water_density_kgpm3
+
+    def force_n(u: float, n: float) -> float:
+        thrust = rho * D**2 * (pod.thrust_nn * D**2 * n**2 + pod.thrust_nu * D * n * u + pod.thrust_uu * u**2)
+        air = 0.5 * wind.air_density_kgpm3 * wind.frontal_area_m2 * wind.CX[0] * u**2
+        return float(2.0 * thrust + hull.Xuu * u**2 + air)
+
+    assert check.rpm == pytest.approx(203.0 * TEST_SHARE)
+    for rpm, speed_mps in [*check.speeds, (check.rpm, check.speed_mps)]:
+        assert speed_mps == pytest.approx(brentq(force_n, 0.0, 20.0, args=(rpm / 60.0,)), rel=1e-3)
+
+
+def test_circle_and_zigzag_are_those_found_in_a_recording(check: VesselCheck) -> None:
+    """The same tests simulated as a trial without noise, and found in its table."""
+    quiet = Noise().scaled(0.0)
+    straight = steer(0.0, 60.0, check.rpm)
+    circle, _ = simulate_trial(
+        GUNNERUS, "calm", (straight, *turning_circle(-35.0, check.rpm)[1:2]), 210.0, 5.0, noise=quiet
+    )
+    swings, _ = simulate_trial(
+        GUNNERUS, "calm", (straight, *zigzag(-20.0, -20.0, check.rpm)), 160.0, 5.0, noise=quiet
+    )
+    found = {each.kind: each for table in (circle, swings) for each in find_manoeuvres(table, LENGTH_M)}
+    for name in ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m"):
+        own = named(check, "turning circle to starboard").indices[name]
+        assert own.value == pytest.approx(found["turning_circle"].indices[name].value, rel=0.02), name
+    for name in ("overshoot_1_deg", "overshoot_2_deg"):
+        own = named(check, "zigzag 20/20").indices[name]
+        assert own.value == pytest.approx(found["zigzag"].indices[name].value, abs=0.4), name
+
+
+def test_she_turns_to_the_side_of_the_helm_alike_to_both(check: VesselCheck) -> None:
+    """The ship is symmetric, the helm to starboard positive."""
+    starboard, port = (named(check, f"turning circle to {side}") for side in ("starboard", "port"))
+    assert starboard.helm_deg == -port.helm_deg == 35.0
+    assert starboard.motion.heading_deg[-1] > 700.0
+    assert port.motion.heading_deg[-1] < -700.0
+    assert starboard.indices["advance_m"].value == pytest.approx(port.indices["advance_m"].value)
+    assert starboard.indices["advance_m"].limit == pytest.approx(4.5 * LENGTH_M)
+    assert check.course_stable
+    assert not check.limits_apply
+
+
+def test_a_model_has_the_same_figures_in_lengths(check: VesselCheck) -> None:
+    model = check_vessel(froude_scaled(GUNNERUS, 0.08))
+    for own, of_model in zip(check.tests, model.tests, strict=True):
+        for name, index in own.indices.items():
+            same = of_model.indices[name]
+            if index.unit in ("m", "deg", ""):
+                values = (index.lengths, same.lengths) if index.unit == "m" else (index.value, same.value)
+                assert values[1] == pytest.approx(values[0], rel=0.02, abs=0.1), (own.name, name)
+
+
+def test_what_leaves_the_range_of_the_model_is_made_with_less_helm() -> None:
+    """Or left out with the reason."""
+    narrow = replace(GUNNERUS, validity=replace(GUNNERUS.validity, yaw_rate_radps=0.08))
+    check = check_vessel(narrow)
+    assert 0.0 < named(check, "turning circle to port").helm_deg * -1.0 < 35.0
+    hardly = check_vessel(replace(GUNNERUS, validity=replace(GUNNERUS.validity, yaw_rate_radps=0.005)))
+    assert "turning circle to port" in hardly.left_out
+    assert "crash stop" in {each.name for each in hardly.tests}
+    assert "range of the model" in str(hardly)
+
+
+def test_the_command_prints_draws_and_answers_in_json(tmp_path: Path) -> None:
+    app = typer.Typer()
+    cli.mount(app)
+    for ending in ("png", "html"):
+        result = CliRunner().invoke(
+            app, ["vessel", "check", "gunnerus_long", "-o", str(tmp_path / f"check.{ending}")]
+        )
+        assert result.exit_code == 0, result.output
+        assert "tactical diameter" in result.output
+        assert (tmp_path / f"check.{ending}").stat().st_size > 20_000
+    answer = json.loads(CliRunner().invoke(app, ["vessel", "check", "gunnerus_long", "--json"]).stdout)
+    assert answer["length_m"] == pytest.approx(LENGTH_M + 5.0)
+    circle = answer["tests"][0]["indices"]["tactical_diameter_m"]
+    assert circle["limit"] == pytest.approx(5.0 * answer["length_m"])
+    assert circle["low"] is None
+    assert np.isfinite(circle["value"])
+
+
+def test_a_script_may_ask_for_another_shaft_speed() -> None:
+    slow = st.vessel_check("gunnerus_short", rpm=100.0)
+    assert slow.speed_mps == pytest.approx(2.95, abs=0.01)
+    assert "L/V 9.8 s" in str(slow)
