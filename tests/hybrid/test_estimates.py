@@ -9,7 +9,7 @@ import pytest
 
 from acquisition.core.errors import InputError
 from hybrid.vessel.estimate import hull, propeller, resistance, rudder
-from hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_database
+from hybrid.vessel.estimate.particulars import Estimates, Particulars, outside_samples
 from hybrid.vessel.estimate.thrusters import pod, tunnel_force
 
 KVLCC2 = Particulars(
@@ -193,9 +193,11 @@ def test_a_tunnel_thruster_of_2_m_and_900_kw_pushes_some_130_kn() -> None:
 
 
 def test_a_ship_of_the_database_is_inside_and_others_are_named() -> None:
-    assert outside_database(KVLCC2) == []
+    assert outside_samples(KVLCC2) == []
     ferry = Particulars(length_m=20.0, beam_m=8.0, draught_m=1.2, block=0.45, service_speed_mps=6.0)
-    assert len(outside_database(ferry)) == 4
+    notes = outside_samples(ferry)
+    assert len(notes) == 6
+    assert "block coefficient 0.45 is outside 0.5 to 0.86" in notes[0]
 
 
 @pytest.mark.parametrize(

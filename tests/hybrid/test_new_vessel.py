@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import tomllib
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies
 from typer.testing import CliRunner
 
 import seatrial as st
@@ -94,8 +97,34 @@ def test_a_shaft_speed_that_does_not_fit_and_an_unusual_ship_are_mentioned() -> 
     made = new_vessel(**KVLCC2 | {"propellers": ["diameter=0.216, pitch_ratio=0.721, rpm=400"]})
     assert "400 rpm" in made.warnings[0]
     wide = new_vessel(**KVLCC2 | {"beam_m": 3.4, "draught_m": 1.0, "block": 0.45})
-    assert len(wide.warnings) == 2
+    assert len(wide.warnings) == 3
     assert all(f"# Note: {warning}." in wide.text for warning in wide.warnings)
+
+
+SHARES = strategies.floats(0.0, 1.0)
+
+
+@given(
+    strategies.tuples(SHARES, SHARES, SHARES, SHARES, SHARES, SHARES),
+    strategies.integers(1, 4),
+    strategies.sampled_from(["propellers", "azimuths"]),
+    strategies.sampled_from(["mmg", "cross_flow"]),
+)
+def test_any_displacement_ship_gets_a_file_of_finite_numbers(
+    form: tuple[float, ...], count: int, kind: str, hull: str
+) -> None:
+    length_m = 0.6 * 900.0 ** form[0]
+    beam_m = length_m / (1.9 + 12.0 * form[1])
+    draught_m = beam_m / (1.3 + 10.0 * form[2])
+    made = new_vessel(
+        name="any", length_m=length_m, beam_m=beam_m, draught_m=draught_m, block=0.31 + 0.63 * form[3],
+        service_speed_mps=(0.02 + 0.77 * form[4]) * (9.81 * length_m) ** 0.5, hull=hull,  # type: ignore[arg-type]
+        **{kind: [f"diameter={(0.2 + 0.7 * form[5]) * draught_m}"] * count},  # type: ignore[arg-type]
+    )  # fmt: skip
+    tree = tomllib.loads(made.text)
+    assert len(tree["actuator"]) == count
+    assert all(isfinite(value) for value in tree["hull"].values() if isinstance(value, float))
+    assert all(0.0 < rpm < 1e6 for rpm in made.service_rpm.values())
 
 
 @pytest.mark.parametrize(

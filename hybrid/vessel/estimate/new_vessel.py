@@ -16,7 +16,7 @@ from acquisition.core.errors import InputError, storage_error
 from hybrid.vessel.estimate import devices, resistance, wind
 from hybrid.vessel.estimate import hull as hulls
 from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel, device
-from hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3, Particulars, outside_database
+from hybrid.vessel.estimate.particulars import SEA_WATER_KGPM3, Particulars, outside_samples
 from hybrid.vessel.estimate.table import Assumed, Cell, Table, estimated, text_of
 
 HullName = Literal["mmg", "cross_flow"]
@@ -98,7 +98,7 @@ def new_vessel(
         _wind(ship, frontal_area_m2, lateral_area_m2),
         *actuators,
     ]
-    warnings = (*outside_database(ship), *(warning for each in driven for warning in each.warnings))
+    warnings = (*outside_samples(ship), *(warning for each in driven for warning in each.warnings))
     rpm = {each.said.name: each.rpm for each in driven}
     made = NewVessel(_text(name, ship, tables, warnings, rpm), warnings, rpm, course_stable(ship))
     if output is not None:

@@ -97,22 +97,35 @@ def _possible(ship: Particulars) -> Iterator[tuple[str, str, float, float, float
     yield "length by beam", "", 1.8, ship.length_m / ship.beam_m, 15.0
     yield "beam by draught", "", 1.2, ship.beam_m / ship.draught_m, 12.0
     yield "the Froude number at service speed", "", 0.01, ship.froude, 0.8
+    yield "the centre of gravity by length", "", -0.15, (ship.centre_of_gravity_m or 0.0) / ship.length_m, 0.15
 
 
-_DATABASE = (
-    ("block coefficient", 0.50, 0.86),
-    ("length by beam", 2.6, 8.0),
-    ("beam by draught", 2.0, 5.0),
-    ("Froude number", 0.03, 0.35),
-)
-"""The ships that the regressions were fitted to, all of them together."""
+_SAMPLES = {
+    "hull and rudder": (
+        ("block coefficient", 0.50, 0.86),
+        ("length by beam", 2.6, 8.0),
+        ("beam by draught", 2.0, 5.0),
+        ("Froude number", 0.0, 0.35),
+    ),
+    "resistance": (
+        ("length by beam", 3.9, 15.0),
+        ("beam by draught", 2.1, 4.0),
+    ),
+}
+"""The ships that each group of regressions comes from: merchant ships and fishing vessels; Holtrop's own limits."""
 
 
-def outside_database(ship: Particulars) -> list[str]:
+def outside_samples(ship: Particulars) -> list[str]:
     """What of a ship lies outside the ships that the regressions come from, a sentence each: errors are larger."""
-    values = (ship.block, ship.length_m / ship.beam_m, ship.beam_m / ship.draught_m, ship.froude)
+    values = {
+        "block coefficient": ship.block,
+        "length by beam": ship.length_m / ship.beam_m,
+        "beam by draught": ship.beam_m / ship.draught_m,
+        "Froude number": ship.froude,
+    }
     return [
-        f"{name} {value:.3g} is outside {low:g} to {high:g}, the ships that the regressions come from"
-        for (name, low, high), value in zip(_DATABASE, values, strict=True)
-        if not low <= value <= high
+        f"{name} {values[name]:.3g} is outside {low:g} to {high:g}, the sample of the regressions of {what}"
+        for what, limits in _SAMPLES.items()
+        for name, low, high in limits
+        if not low <= values[name] <= high
     ]

@@ -13,6 +13,8 @@ from hybrid.vessel.estimate.hull import centre_of_gravity
 from hybrid.vessel.estimate.particulars import GRAVITY_MPS2, Estimate, Particulars, with_scatter
 
 HOLTROP = "Holtrop 1984"
+_SMALL = 0.01
+"""What must be positive in a power is at least that, in ships far fuller than those of the sample."""
 TAYLOR = "Taylor, in Lewis (ed.) 1988"
 TWIN_SCREW = "Holtrop and Mennen 1982, twin screw"
 
@@ -52,7 +54,7 @@ def _buoyancy_percent(ship: Particulars) -> float:
 def _run(ship: Particulars) -> float:
     """Length of the run by the length."""
     C_P = prismatic(ship)
-    return 1.0 - C_P + 0.06 * C_P * _buoyancy_percent(ship) / (4.0 * C_P - 1.0)
+    return max(1.0 - C_P + 0.06 * C_P * _buoyancy_percent(ship) / (4.0 * C_P - 1.0), _SMALL)
 
 
 def form_factor(ship: Particulars) -> float:
@@ -87,7 +89,7 @@ def entrance_deg(ship: Particulars) -> float:
     return 1.0 + 89.0 * exp(
         -((L / B) ** 0.80856)
         * (1.0 - waterplane(ship)) ** 0.30484
-        * (1.0 - C_P - 0.0225 * _buoyancy_percent(ship)) ** 0.6367
+        * max(1.0 - C_P - 0.0225 * _buoyancy_percent(ship), _SMALL) ** 0.6367
         * (_run(ship) * L / B) ** 0.34574
         * (100.0 * ship.volume_m3 / L**3) ** 0.16302
     )
@@ -169,7 +171,7 @@ def thrust_deduction(ship: Particulars, diameter_m: float) -> Estimate:
     """Thrust deduction fraction of a single- or twin-screw ship, held within 0.02 and 0.35."""
     L, B, T, D = ship.length_m, ship.beam_m, ship.draught_m, diameter_m
     if ship.screws == 1:
-        hull = max(1.0 - prismatic(ship) + 0.0225 * _buoyancy_percent(ship), 0.01)
+        hull = max(1.0 - prismatic(ship) + 0.0225 * _buoyancy_percent(ship), _SMALL)
         fraction = 0.25014 * (B / L) ** 0.28956 * (sqrt(B * T) / D) ** 0.2624 / hull**0.01762
     else:
         fraction = 0.325 * ship.block - 0.1885 * D / sqrt(B * T)
