@@ -77,6 +77,30 @@ def test_published_numbers_lie_within_the_usual_errors(ship: str) -> None:
     assert 0.4 < np.sqrt(np.mean(np.square(list(z.values())))) < 1.2, z
 
 
+@pytest.mark.parametrize("ship", [KVLCC2, ESSO_OSAKA, HOLTROPS_EXAMPLE], ids=["kvlcc2", "esso_osaka", "container"])
+def test_another_regression_says_the_same_within_both_errors(ship: Particulars) -> None:
+    """Clarke, Gedling and Hine (1983) fitted other model tests, in another form."""
+    B_T, B_L, T_L, C_b = (
+        ship.beam_m / ship.draught_m,
+        ship.beam_m / ship.length_m,
+        ship.draught_m / ship.length_m,
+        ship.block,
+    )
+    wing = np.pi * T_L
+    clarke = {
+        "Y_v": -wing * (1.0 + 0.4 * C_b * B_T),
+        "Y_r": -wing * (-0.5 + 2.2 * B_L - 0.08 * B_T),
+        "N_v": -wing * (0.5 + 2.4 * T_L),
+        "N_r": -wing * (0.25 + 0.039 * B_T - 0.56 * B_L),
+        "m_y": wing * (1.0 + 0.16 * C_b * B_T - 5.1 * B_L**2),
+        "J_z": wing * (1.0 / 12.0 + 0.017 * C_b * B_T - 0.33 * B_L),
+    }
+    estimates = {**hull.linear(ship), **hull.inertia(ship)}
+    for name, value in clarke.items():
+        scatter = estimates[name].error * abs(estimates[name].value)
+        assert abs(value - estimates[name].value) < 2.0 * np.sqrt(2.0) * scatter, name
+
+
 def test_a_ship_of_the_same_form_has_the_same_derivatives() -> None:
     """What is primed depends on the form alone, but for friction, which depends on the scale."""
     scale = 40.0
