@@ -135,11 +135,13 @@ def actuators_of(columns: Iterable[Any], attributes: Mapping[Any, Any] | None = 
     """The actuators of a table: as its ``attrs`` say, else by rule from its columns, else the default list.
 
     A table whose control columns are all of the default list is a table of that ship, though she lacks some; a
-    rudder beside them is then an auxiliary channel.
+    rudder beside them is then an auxiliary channel, unless nothing else steers.
     """
     said = ((attributes or {}).get("trial") or {}).get("actuators", "")
     if said:
         return from_text(said)
     found = actuators_in(name for name in map(str, columns) if name == RUDDER or name not in _FIXED)
-    hers = {RUDDER.removesuffix("_angle_deg"), *(each.name for each in DEFAULT)}
-    return DEFAULT if {each.name for each in found} <= hers else found
+    others = tuple(each for each in found if each.channels[0].name != RUDDER)
+    steers = bool(others) and len(others) < len(found) and not any(each.angle for each in others)
+    hers = {each.name for each in others} <= {each.name for each in DEFAULT} and not steers
+    return DEFAULT if hers else found

@@ -160,7 +160,7 @@ def _check_mapped(names: Iterable[str], ship: Actuators, map_path: Path | str) -
             raise ConfigurationError(
                 f"{_with_hint(name, channels)} is no channel of the ship whose actuators are {hers}",
                 where=f"{map_path}, line {line_of(read_text(map_path), ['channels', name])}",
-                fix="correct the name, or say whose thrusters these are with --vessel FILE",
+                fix="correct the name, or say whose actuators these are with --vessel FILE",
             )
 
 
@@ -181,7 +181,7 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
         name for name in given if name not in channels and name != "time" and not _is_ours(name, channels)
     )
     if unknown and not ignore_unknown:
-        ships = "; say whose thrusters they are with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
+        ships = "; say whose actuators they are with --vessel FILE" if any(map(channel_by_rule, unknown)) else ""
         raise InputError(
             f"has unknown columns {', '.join(_with_hint(name, channels) for name in unknown)}",
             where=str(raw.path),

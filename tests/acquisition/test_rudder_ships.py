@@ -231,8 +231,10 @@ def test_a_listed_rudder_is_no_auxiliary_channel() -> None:
 
 
 def test_a_table_with_a_rudder_is_of_a_ship_with_one() -> None:
-    """But beside R/V Gunnerus' own controls, or beside none, it is an auxiliary channel."""
-    assert trial_names(actuators_of(trial_names(SINGLE_SCREW))) == trial_names(SINGLE_SCREW)
+    """But beside R/V Gunnerus' azimuth thrusters, or beside none, it is an auxiliary channel."""
+    twin = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("rudder", "rudder"))
+    for ship in (SINGLE_SCREW, TWIN_SCREW, twin):
+        assert trial_names(actuators_of(trial_names(ship))) == trial_names(ship)
     for hers in ((), ("port_rpm", "port_angle_deg")):
         assert "rudder_angle_deg" not in trial_names(actuators_of((*MOTION, *hers, "rudder_angle_deg")))
 

@@ -10,14 +10,17 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import atheris
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Thrusters
+    from acquisition.core.actuators import DEFAULT, Actuator, as_text
     from acquisition.core.frames import Frame
     from acquisition.core.trial import Trial
     from acquisition.decoders.nmea0183 import Nmea0183Decoder, checksum
@@ -27,6 +30,7 @@ with atheris.instrument_imports(include=["acquisition"]):
 
 SECOND = 1_000_000_000
 TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
+SHIP = (Actuator("main", "controllable_propeller"), Actuator("rudder", "rudder"), Actuator("bow", "tunnel"))
 SEEDS = (
     b"\0$GPZDA,120000.00,31,12,2026,00,00\n$GPRMC,120000,A,6326.4,N,01024.0,E,5.6,230.5,311226,1.4,E,A",
     b"\1$GPGGA,120000,6326.4,N,01024.0,E,4,12,0.6,0.0,M,0.0,M,,\n$GPGLL,6326.4,N,01024.0,E,120000,A,A",
@@ -34,6 +38,7 @@ SEEDS = (
     b"\3$VDVBW,9.0,1.0,A,10.0,-2.0,A\n$GPVTG,230.5,T,,M,5.6,N,10.4,K,A\n$SDVHW,,T,,M,6.6,N,12.3,K",
     b"\4$WIMWV,57.5,R,13.0,N,A\n$WIMWD,328.2,T,326.8,M,10.0,N,5.1,M\n$IIVWR,45.0,L,10.0,N,,,,\n$IIVWT,45.0,R,,,5.1,M",
     b"\5$RCTRD,2,400.5,R,,V,90.8\n$RCTRC,2,402.6,R,,V,88.3,B,C\n$ERRSA,-5.0,A,7.0,A\n$ERRPM,S,1,-120.0,90.0,A",
+    b"\x0b$ERRSA,-5.0,A,,V\n$AGROR,10.0,A,,V,B\n$AGHTD,V,12.5,L,S,N\n$ERRPM,E,0,480.0,90.0,A\n$RCPRC,,V,9.0,R,7.0,P,B,0",
     b"\6\\s:GN01,c:1798761600\\$HEHDT,12.5,T\nUdPbC\0\\g:1-2-3,c:1798761600250\\$WIMWV,57.5,T,13.0,K,A",
 )
 
@@ -54,9 +59,12 @@ def sound(text: bytes) -> bytes:
 def one_input(data: bytes) -> None:
     """The first byte chooses the settings; the rest are lines."""
     settings, stream = data[0] if data else 0, data[1:]
-    thrusters = Thrusters(channels_from="demand" if settings & 1 else "response")
-    decoder = Nmea0183Decoder(thrusters, "source", "water" if settings & 2 else "ground")
-    derivation = Derivation(TRIAL, frozenset({"line"}))
+    ship = SHIP if settings & 8 else DEFAULT
+    demand = {"channels_from": "demand" if settings & 1 else "response"}
+    thrusters = Thrusters.model_validate(demand, context={"actuators": ship})
+    wind: Literal["water", "ground"] = "water" if settings & 2 else "ground"
+    decoder = Nmea0183Decoder(thrusters, "source", wind, ship, {"main": 4.0} if ship is SHIP else {})
+    derivation = Derivation(replace(TRIAL, actuators=as_text(ship)), frozenset({"line"}))
     assembler = LineAssembler("line")
     frames = assembler.push(stream) + assembler.end()
     assert all(before.monotonic_ns <= after.monotonic_ns for before, after in pairwise(frames))

@@ -19,6 +19,7 @@ import atheris
 sys.path.insert(0, str(Path(__file__).parents[2]))
 with atheris.instrument_imports(include=["acquisition"]):
     from acquisition.config.sections import Device
+    from acquisition.core.actuators import Actuator, as_text
     from acquisition.core.frames import Frame, FrameFlag
     from acquisition.core.trial import Trial
     from acquisition.decoders.nmea2000 import Nmea2000Decoder
@@ -28,21 +29,23 @@ with atheris.instrument_imports(include=["acquisition"]):
     from tests.fuzz.decoding import check_frame
 
 MILLISECOND = 1_000_000
-TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4)
 NUMBERS = [*sorted(FIELDS), ADDRESS_CLAIM]
 DEVICES = (
     Device(name="gyro", iso_name="c0a0a0001cbea005"),
     Device(name="wind", address=3, channels=("wind_speed_mps", "wind_direction_deg")),
 )
-WHOLE, LONG_GAP, ODD_LENGTH, FLAGGED = 0x10, 0x20, 0x40, 0x80
+SHIP = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("rudder", "rudder"))
+TRIAL = Trial(name="fuzz", origin_latitude_deg=63.44, origin_longitude_deg=10.4, actuators=as_text(SHIP))
+WHOLE, LONG_GAP, ODD_LENGTH = 0x20, 0x40, 0x80
+FLAGGED = 0x80  # of the second byte, where the first one has ODD_LENGTH
 
 
 def records(data: bytes) -> Iterator[tuple[int, bytes, int, FrameFlag]]:
     """Identifiers, payloads, the time since the one before [ns], and flags: two bytes choose, others are sent."""
     while len(data) >= 3:
         choice, where, data = data[0], data[1], data[2:]
-        group, gap_ns = NUMBERS[choice % 16 % len(NUMBERS)], (800 if choice & LONG_GAP else 5) * MILLISECOND
-        flags = FrameFlag(where >> 4 & 7) if choice & FLAGGED else FrameFlag.NONE
+        group, gap_ns = NUMBERS[choice % 32 % len(NUMBERS)], (800 if choice & LONG_GAP else 5) * MILLISECOND
+        flags = FrameFlag(where >> 4 & 7) if choice & ODD_LENGTH and where & FLAGGED else FrameFlag.NONE
         address = 254 if where & 0xF == 0xF else where & 0x3
         if choice & WHOLE and group in SHORTEST_BYTES:
             length = data[0] % 64
@@ -55,7 +58,7 @@ def records(data: bytes) -> Iterator[tuple[int, bytes, int, FrameFlag]]:
 
 
 def one_input(data: bytes) -> None:
-    decoder = Nmea2000Decoder("source", DEVICES)
+    decoder = Nmea2000Decoder("source", DEVICES, SHIP, {"port": 2.0, "starboard": 0.5})
     derivation = Derivation(TRIAL, frozenset({"bus"}))
     at_ns = 0
     for identifier, payload, gap_ns, flags in records(data):
