@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi, tan
 
 from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.effect import Effect, Parameter, Values, scaling
-from hybrid.vessel.plant import HULL, Plant
+from hybrid.vessel.plant import Plant
 
 _REGRESSIONS = "Clarke, Gedling and Hine, Manoeuvring criteria in hull design, Trans. RINA 125 (1983)"
 _DERIVATIVES = (
@@ -16,11 +17,21 @@ SKEG_LIFT_SLOPE = pi / 2.0
 """Of a slender fin of aspect ratio one, its mirror image in the hull counted: pi/2 times the aspect ratio."""
 
 
+def in_plant(plant: Plant, name: str, si: float) -> float:
+    """A number of SI [N, N m at its powers of speed and yaw rate] as a coefficient of the plant's hull model."""
+    unit = plant.hull_model.unit(
+        name, plant.water_density_kgpm3, plant.length_between_perpendiculars_m, plant.draught_m
+    )
+    return si / unit
+
+
 def _trimmed(plant: Plant, values: Values) -> Plant:
     """Each coefficient of the side force gives the moment's of like name its lever arm."""
-    return plant.shifted(**{
-        name: values["shift_m"] * getattr(plant, f"Y{name[1:]}") for name in HULL if name.startswith("N")
-    })  # fmt: skip
+    arms = {
+        moment: values["shift_m"] * plant.number(force) / in_plant(plant, force, in_plant(plant, moment, 1.0) ** -1)
+        for moment, force in plant.hull_model.moments_of()
+    }
+    return plant.shifted(**arms)
 
 
 def stern_m(plant: Plant) -> float:
@@ -33,7 +44,8 @@ def _with_skeg(plant: Plant, values: Values) -> Plant:
     """Side force -rho/2 area slope u (v + x r) at the stern actuators' x: it adds to those of u v and u r."""
     x_m = stern_m(plant)
     lift = -0.5 * plant.water_density_kgpm3 * SKEG_LIFT_SLOPE * values["area_m2"]
-    return plant.shifted(Yuv=lift, Yur=x_m * lift, Nuv=x_m * lift, Nur=x_m**2 * lift)
+    amounts = zip(plant.hull_model.linear, (lift, x_m * lift, x_m * lift, x_m**2 * lift), strict=True)
+    return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in amounts})
 
 
 LATERAL_AREA_M2_PER_M = 4.0
@@ -48,9 +60,10 @@ def _lengthened(plant: Plant, values: Values) -> Plant:
     added_m = values["length_m"]
     s = (plant.length_between_perpendiculars_m + added_m) / plant.length_between_perpendiculars_m
     plant = plant.scaled(s, "mass_kg", "Xud", "Yvd").scaled(s**2, "Yrd").scaled(s**3, "yaw_inertia_kgm2", "Nrd")
-    for name in HULL:
-        lever = 2 if name.startswith("N") else 1
-        plant = plant.scaled(s**0.8 if name == "Xuu" else s ** (lever + _order(name)), name)
+    hull = plant.hull_model
+    for name in hull.numbers:  # those without dimension grow with the length that they are multiplied with
+        lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + _order(name)
+        plant = plant.scaled(s ** (lever - 0.2) if name in hull.resistance else s**lever, name)
     places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft
     return plant.shifted(
         length_between_perpendiculars_m=added_m,
@@ -58,10 +71,6 @@ def _lengthened(plant: Plant, values: Values) -> Plant:
         lateral_area_m2=LATERAL_AREA_M2_PER_M * added_m,
         **{name: (added_m if plant.number(name) > 0.0 else -added_m) / 2.0 for name in places},
     )
-
-
-_TURNING = ("Yur", "Yuur", "Yrrr", "Y_absr_r", "Nur", "Nuur", "Nrrr", "N_absr_r")
-_DRIFTING = [[name for name in HULL if name.startswith(axis) and name not in _TURNING] for axis in "YN"]
 
 
 def aspect_growth(ratio: float, slenderness: float, exponent: float) -> float:
@@ -95,13 +104,21 @@ def _shallow(plant: Plant, values: Values) -> Plant:
     slenderness = 2.0 * plant.draught_m / plant.length_between_perpendiculars_m
     force, moment, turning = (aspect_growth(ratio, slenderness, each) for each in (2.3, 1.7, 0.7))
     before = plant
-    plant = plant.scaled(force, "Yvd", *_DRIFTING[0]).scaled(moment, "Nrd", *_DRIFTING[1])
-    plant = plant.scaled(turning, *_TURNING)
-    return plant.shifted(
-        Nuv=(moment - force) * before.Yvd - (moment - 1.0) * before.Xud,
-        Yur=(turning - 1.0) * before.Xud,
-        Nur=(turning - 1.0) * before.Yrd,
-    )
+    hull = plant.hull_model
+    plant = plant.scaled(force, "Yvd", *hull.sideways("Y")).scaled(moment, "Nrd", *hull.sideways("N"))
+    plant = plant.scaled(turning, *hull.turning)
+    _, Y_r, N_v, N_r = hull.linear
+    beside = {Y_r: (turning - 1.0) * before.Xud}
+    if hull.munk:
+        beside |= {
+            N_v: (moment - force) * before.Yvd - (moment - 1.0) * before.Xud, N_r: (turning - 1.0) * before.Yrd
+        }  # fmt: skip
+    return plant.shifted(**{name: in_plant(plant, name, amount) for name, amount in beside.items()})
+
+
+def _of_hull(role: str) -> Callable[[Plant], tuple[str, ...]]:
+    """The coefficients of a plant's hull that stand for something, whatever its model calls them."""
+    return lambda plant: getattr(plant.hull_model, role)
 
 
 EFFECTS = (
@@ -149,9 +166,9 @@ EFFECTS = (
     scaling(
         "hull_fouling",
         "hull",
-        ("Xuu",),
+        _of_hull("resistance"),
         (1.2, 0.05),
-        what="Growth on the hull: straight-ahead resistance Xuu times a factor",
+        what="Growth on the hull: straight-ahead resistance times a factor",
         source="Schultz, Effects of coating roughness and biofouling on ship resistance, Biofouling 23 (2007)",
         parameter="resistance_factor",
         confused_with=("towed_load",),
@@ -159,53 +176,53 @@ EFFECTS = (
     scaling(
         "cross_flow_drag",
         "hull",
-        ("Y_absv_v", "N_absv_v"),
+        _of_hull("cross_flow_drag"),
         (1.5, 0.15),
-        what="Cross-flow drag of the hull: Y|v|v and N|v|v times a factor",
+        what="Cross-flow drag of the hull: force and moment times a factor",
         source="Faltinsen, Sea Loads on Ships and Offshore Structures (1990), ch. 6",
         confused_with=("drift_moment",),
     ),
     scaling(
         "drift_force",
         "hull",
-        ("Yuv", "Yuuv", "Yvvv"),
+        _of_hull("drift_force"),
         (1.3, 0.1),
-        what="Side force of the drifting hull: Yuv, Yuuv and Yvvv times a factor",
+        what="Side force of the drifting hull, all that goes with v: times a factor",
         source=_REGRESSIONS,
         confused_with=("shallow_water", "skeg", "turning_force"),
     ),
     scaling(
         "drift_moment",
         "hull",
-        ("Nuv", "Nuuv", "Nvvv"),
+        _of_hull("drift_moment"),
         (1.2, 0.05),
-        what="Yaw moment of the drifting hull beside the Munk moment: Nuv, Nuuv and Nvvv times a factor",
+        what="Yaw moment of the drifting hull beside the Munk moment, all that goes with v: times a factor",
         source=_REGRESSIONS,
         confused_with=("cross_flow_drag", "skeg", "surge_added_mass", "sway_added_mass", "trim", "yaw_damping"),
     ),
     scaling(
         "turning_force",
         "hull",
-        ("Yur", "Yuur", "Yrrr", "Y_absr_r"),
+        _of_hull("turning_force"),
         (1.3, 0.1),
-        what="Side force of the turning hull: Yur, Yuur, Yrrr and Y|r|r times a factor",
+        what="Side force of the turning hull, all that goes with r: times a factor",
         source=_REGRESSIONS,
         confused_with=("drift_force", "loading", "shallow_water", "trim", "yaw_damping"),
     ),
     scaling(
         "turning_drag",
         "hull",
-        ("Xrr", "Xurr", "Xrv", "Xrvu"),
+        _of_hull("turning_drag"),
         (1.3, 0.1),
-        what="Resistance of the turning hull: Xrr, Xurr, Xrv and Xrvu times a factor",
+        what="Resistance of the turning hull, all that goes with r: times a factor",
         source="Norrbin, Theory and observations on the use of a mathematical model for ship manoeuvring, SSPA 68",
     ),
     scaling(
         "yaw_damping",
         "hull",
-        ("Nur", "Nuur", "Nrrr", "N_absr_r"),
+        _of_hull("yaw_damping"),
         (1.15, 0.05),
-        what="Resistance of the hull to turning: Nur, Nuur, Nrrr and N|r|r times a factor",
+        what="Resistance of the hull to turning, all moments that go with r: times a factor",
         source=_REGRESSIONS,
         confused_with=(
             "drift_moment",

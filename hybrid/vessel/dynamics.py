@@ -16,9 +16,18 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators import CONTROL, CONTROLS_OF, IS_ANGLE, KIND, WORK_SIZE, actuator_force, hold_actuator
+from hybrid.vessel.actuators import (
+    CONTROL,
+    CONTROLS_OF,
+    IS_ANGLE,
+    KIND,
+    LAG_COLUMN,
+    WORK_SIZE,
+    actuator_force,
+    hold_actuator,
+)  # fmt: skip
 from hybrid.vessel.drift import constant_force, wave_drift_force
-from hybrid.vessel.hull import hull_force
+from hybrid.vessel.hulls import hull_force
 from hybrid.vessel.plant import ForceFunction
 from hybrid.vessel.wind import wind_force, wind_vector
 
@@ -49,7 +58,7 @@ class StepConstants(NamedTuple):
 
 
 class InverseMass(NamedTuple):
-    """The inverse of M = [m - Xud, 0, 0; 0, m - Yvd, -Yrd; 0, -Yrd, Iz - Nrd]."""
+    """The inverse of M = [m - Xud, 0, 0; 0, m - Yvd, m x_G - Yrd; 0, m x_G - Yrd, I_G + m x_G^2 - Nrd]."""
 
     surge: float
     sway: float
@@ -65,17 +74,19 @@ class Scratch(NamedTuple):
 
 
 class Lag(NamedTuple):
-    """The share of the way to the order that acting controls come in a step, on average and at its end."""
+    """The share of the way to the order that each actuator's controls come in a step, on average and at its end."""
 
     present: bool
-    mean: float
-    end: float
+    mean: Floats
+    end: Floats
 
 
 @compiled
 def inverse_mass(p: Record) -> InverseMass:
     """The inverse mass matrix of a plant, with added mass."""
-    M22, M23, M33 = p.mass_kg - p.Yvd, -p.Yrd, p.yaw_inertia_kgm2 - p.Nrd
+    x_G = p.centre_of_gravity_m
+    M22, M23 = p.mass_kg - p.Yvd, p.mass_kg * x_G - p.Yrd
+    M33 = p.yaw_inertia_kgm2 + p.mass_kg * x_G * x_G - p.Nrd
     determinant = M22 * M33 - M23 * M23
     return InverseMass(1.0 / (p.mass_kg - p.Xud), M33 / determinant, -M23 / determinant, M22 / determinant)
 
@@ -103,7 +114,7 @@ def actuators_force(p: Record, work: Floats, u_r: float, v_r: float, r: float) -
     """Force and moment X [N], Y [N], N [N m] of all actuators as they are held, at speeds through the water."""
     X, Y, N = 0.0, 0.0, 0.0
     for i in range(len(p.actuators)):
-        one_X, one_Y, one_N = actuator_force(p, p.actuators[i], work[i], u_r, v_r, r)
+        one_X, one_Y, one_N = actuator_force(p, i, work, u_r, v_r, r)
         X, Y, N = X + one_X, Y + one_Y, N + one_N
     return X, Y, N
 
@@ -124,9 +135,10 @@ def total_force(
     wind_X, wind_Y, wind_N = wind_force(p, u - u_air, v - v_air)
     drift_X, drift_Y, drift_N = wave_drift_force(p, cosine, sine)
     constant_X, constant_Y, constant_N = constant_force(p)
-    X += actuators_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r
+    arm = p.mass_kg * p.centre_of_gravity_m
+    X += actuators_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r + arm * r * r
     Y += actuators_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r
-    N += actuators_N + wind_N + drift_N + constant_N
+    N += actuators_N + wind_N + drift_N + constant_N - arm * u_r * r
     return X, Y, N
 
 
@@ -208,25 +220,39 @@ def in_range(p: Record, state: State) -> bool:
 
 
 @compiled
-def approach(p: Record, result: Control, acting: Control, order: Control, share: float) -> None:
-    """Fill ``result``: ``acting`` moved towards ``order`` by ``share`` of the way; angles take the shorter way."""
+def approach(p: Record, result: Control, acting: Control, order: Control, shares: Floats) -> None:
+    """Fill ``result``: ``acting`` moved towards ``order`` by each actuator's share of the way; angles the shorter
+    one.
+    """
     for i in range(len(p.actuators)):
         kind, first = int(p.actuators[i, KIND]), int(p.actuators[i, CONTROL])
         for j in range(CONTROLS_OF[kind]):
             off = order[first + j] - acting[first + j]
             if IS_ANGLE[kind, j]:
                 off -= 2.0 * pi * round(off / (2.0 * pi))
-            result[first + j] = acting[first + j] + share * off
+            result[first + j] = acting[first + j] + shares[i] * off
+
+
+@compiled
+def lag_of(p: Record, i: int) -> float:
+    """The time constant [s] of one actuator: that of all, and its own."""
+    column = LAG_COLUMN[int(p.actuators[i, KIND])]
+    own = p.actuators[i, column] if column >= 0 else 0.0
+    return float(p.thruster_lag_s + own)
 
 
 @compiled
 def lag_over(p: Record, dt_s: float) -> Lag:
-    """How far lagging thrusters come in a step of ``dt_s``: all the way where the plant has no lag."""
-    constant = p.thruster_lag_s
-    if constant > 0.0:
-        left = exp(-dt_s / constant)
-        return Lag(True, 1.0 - constant / dt_s * (1.0 - left), 1.0 - left)
-    return Lag(False, 1.0, 1.0)
+    """How far lagging actuators come in a step of ``dt_s``: all the way where the plant has no lag."""
+    mean, end = np.ones(len(p.actuators)), np.ones(len(p.actuators))
+    present = False
+    for i in range(len(p.actuators)):
+        constant = lag_of(p, i)
+        if constant > 0.0:
+            present = True
+            left = exp(-dt_s / constant)
+            mean[i], end[i] = 1.0 - constant / dt_s * (1.0 - left), 1.0 - left
+    return Lag(present, mean, end)
 
 
 @compiled

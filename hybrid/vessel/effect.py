@@ -165,7 +165,7 @@ DIRECTION = Parameter("direction_deg", "deg", 0.0, -360.0, 360.0, 60.0, 10.0)
 def scaling(
     name: str,
     family: str,
-    numbers: Sequence[str],
+    numbers: Sequence[str] | Callable[[Plant], Sequence[str]],
     sizes: tuple[float, float],
     *,
     what: str,
@@ -176,11 +176,12 @@ def scaling(
 ) -> Effect:
     """An effect of physics that multiplies ``numbers`` of the plant, tables included, by one factor.
 
+    ``numbers`` are their names, or tell them of a plant.
     ``sizes`` are its ordinary value and its smallest departure from one of interest.
     """
 
     def change(plant: Plant, values: Values) -> Plant:
-        return plant.scaled(values[parameter], *numbers)
+        return plant.scaled(values[parameter], *(numbers(plant) if callable(numbers) else numbers))
 
     parameters = (Parameter(parameter, "1", 1.0, *bounds, *sizes),)
     return Effect(name, family, "physics", what, source, parameters, change, confused_with=confused_with)

@@ -18,11 +18,12 @@ from acquisition.config.toml_file import line_of, read_text, validate
 from acquisition.config.vessel_file import Tree, find_vessel, vessel_names, vessel_tree
 from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
 from acquisition.core.errors import ConfigurationError, storage_error
+from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
 
 DEFAULT = DEFAULT_VESSEL
-_ADDED = ("effects", "provenance")
+_ADDED = ("effects", "provenance", "estimated")
 _OLD = {
     "pods": '[[actuator]] with name, kind = "azimuth", x_m, y_m, propeller_diameter_m ... for each pod',
     "tunnel": '[[actuator]] with name = "tunnel" and kind = "tunnel"',
@@ -32,10 +33,10 @@ _OLD = {
 
 _POSITIVE = {
     "dimensions": ("length_overall_m", "length_between_perpendiculars_m", "beam_m", "draught_m"),
-    "inertia": ("mass_kg", "yaw_inertia_kgm2"),
-    "actuator": ("propeller_diameter_m", "limit_rpm", "azimuth_rate_limit_dps"),
+    "inertia": ("mass_kg", "yaw_inertia_kgm2", "m", "I_zG"),
+    "wind": ("lateral_centre_height_m", "bridge_height_m", "superstructure_area_m2"),
 }
-"""The numbers that must be above zero, by table."""
+"""The numbers that must be above zero, by table; those of an actuator its kind says."""
 
 
 def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
@@ -49,6 +50,7 @@ def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
     _check_effects(merged, text, path)
     vessel = validate(_with_tuples(merged), text, path, Vessel)
     _check_numbers(vessel, text, path)
+    _check_references(vessel, text, path)
     try:
         check_actuators(vessel.actuators)
     except ConfigurationError as error:
@@ -144,17 +146,37 @@ def _check_effects(tree: Tree, text: str, path: Path) -> None:
 
 def _check_numbers(vessel: Vessel, text: str, path: Path) -> None:
     """What types cannot say: finite numbers, positive where they must be, tables of the right length."""
-    for table in ("CX", "CY", "CN"):
+    for table in ("CX", "CY", "CN") if vessel.wind.model == "coefficients" else ():
         size = len(getattr(vessel.wind, table))
         if size != TABLE_SIZE:
             _complain(path, text, ["wind", table], f"has {size} values", f"give {TABLE_SIZE}, at 0, 10 ... 180 deg")
     for keys, numbered in _tables(vessel):
+        positive = KINDS[numbered["kind"]].positive if keys[0] == "actuator" else _POSITIVE.get(str(keys[0]), ())
         for name, number in numbered.items():
             numbers = number if isinstance(number, tuple) else (number,)
-            if not all(isinstance(each, str) or isfinite(each) for each in numbers):
+            if not all(isinstance(each, str | None) or isfinite(each) for each in numbers):
                 _complain(path, text, [*keys, name], f"is {number}", "give a finite number")
-            if name in _POSITIVE.get(str(keys[0]), ()) and number <= 0.0:
+            if name in positive and number <= 0.0:
                 _complain(path, text, [*keys, name], f"is {number:g}", "give a number above zero")
+
+
+def _check_references(vessel: Vessel, text: str, path: Path) -> None:
+    """What one table says of another: a rudder is behind a propeller of the ship, an estimated number is there."""
+    propellers = [each.name for each in vessel.actuators if "propeller" in each.kind]
+    for number, each in enumerate(vessel.actuator):
+        behind = getattr(each, "behind", "")
+        if behind and behind not in propellers:
+            there = ", ".join(propellers) or "none; leave it out"
+            _complain(path, text, ["actuator", number, "behind"], f"is {behind!r}", f"name a propeller: {there}")
+    tables = {
+        str(numbered["name"] if keys[0] == "actuator" else keys[0]): numbered for keys, numbered in _tables(vessel)
+    }
+    for name in vessel.estimated:
+        table, _, number_name = name.partition(".")
+        if number_name not in tables.get(table, {}):
+            _complain(
+                path, text, ["estimated"], f"has {name!r}", "write TABLE.NUMBER or ACTUATOR.NUMBER of this file"
+            )
 
 
 def _tables(vessel: Vessel) -> Iterator[tuple[list[str | int], Tree]]:
@@ -175,7 +197,11 @@ def _complain(path: Path, text: str, keys: list[str | int], what: str, fix: str)
 def _toml(tree: Tree, prefix: str = "") -> str:
     """A tree of tables, texts and numbers as TOML; plain keys before tables, as TOML demands."""
     tables = {key: value for key, value in tree.items() if isinstance(value, Mapping) or _is_tables(value)}
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in tree.items() if key not in tables and value != ""]
+    lines = [
+        f"{_key(key)} = {_value(value)}"
+        for key, value in tree.items()
+        if key not in tables and value not in ("", None)
+    ]
     text = "\n".join(lines) + ("\n" if lines else "")
     for key, value in tables.items():
         path = f"{prefix}{_key(key)}"

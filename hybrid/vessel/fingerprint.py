@@ -10,10 +10,13 @@ from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.channels import actuators_of
 from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.plant import SCALARS, TABLES, ActuatorNumbers, Plant
+from hybrid.vessel.hulls import HULLS
+from hybrid.vessel.plant import SCALARS, TABLES, ActuatorNumbers, HullNumbers, Plant
 from hybrid.vessel.wind import TABLE_SIZE
 
 Numbers = dict[str, float | tuple[float, ...]]
+LATER = {"centre_of_gravity_m": 0.0, "wind_model": 0.0}
+"""Numbers that plants were stored without; left out where they say nothing, so that old fingerprints hold."""
 
 
 def plant_numbers(plant: Plant) -> Numbers:
@@ -27,7 +30,7 @@ def plant_numbers(plant: Plant) -> Numbers:
             why="they are code, not numbers",
             fix="use effects of the catalogue",
         )
-    return {name: _plain(value) for name, value in plant.numbers().items()}
+    return {name: _plain(value) for name, value in plant.numbers().items() if LATER.get(name) != value}
 
 
 def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators) -> Plant:
@@ -35,6 +38,7 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
 
     Raises :class:`ValueError` for a missing, unknown or ill-shaped one.
     """
+    numbers = {**LATER, **numbers}
     zeros = tuple(ActuatorNumbers(each.name, each.kind, (0.0,) * len(KINDS[each.kind].numbers)) for each in layout)
     scalars = {name: numbers[name] for name in SCALARS if name in numbers}
     missing = [name for name in SCALARS if name not in numbers]
@@ -43,7 +47,8 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
     wrong = [name for name, value in numbers.items() if _size(value) != (TABLE_SIZE if name in TABLES else 0)]
     if wrong:
         raise ValueError(f"{wrong[0]} has {_size(numbers[wrong[0]])} columns")
-    plant = Plant(**scalars, actuators=zeros)  # type: ignore[arg-type]
+    hull = _hull_in(numbers)
+    plant = Plant(**scalars, hull=HullNumbers(hull, (0.0,) * len(HULLS[hull].numbers)), actuators=zeros)  # type: ignore[arg-type]
     others = {name: value for name, value in numbers.items() if name not in SCALARS}
     try:
         plant = plant.replaced(**others)
@@ -60,11 +65,20 @@ def layout_of(channels: Sequence[str], numbers: Mapping[str, float | tuple[float
 
     def kind_of(each: Actuator) -> str:
         own = {
-            name: [f"{each.name}_{n}" for n in kind.numbers if n not in kind.shared] for name, kind in KINDS.items()
+            name: {f"{each.name}_{n}" for n in kind.numbers if n not in kind.shared} for name, kind in KINDS.items()
         }
-        return next((name for name, needed in own.items() if set(needed) <= set(numbers)), each.kind)
+        known = [name for name, needed in own.items() if needed <= set(numbers)]
+        return max(known, key=lambda name: (len(own[name]), name == each.kind), default=each.kind)
 
     return tuple(Actuator(each.name, kind_of(each)) for each in actuators_of(channels))
+
+
+def _hull_in(numbers: Mapping[str, float | tuple[float, ...]]) -> str:
+    """The hull model whose coefficients are among the numbers. Raises :class:`ValueError` for none."""
+    for name, model in HULLS.items():
+        if set(model.numbers) <= set(numbers):
+            return name
+    raise ValueError("the coefficients of no hull model are there")
 
 
 def plant_hash(plant: Plant) -> str:

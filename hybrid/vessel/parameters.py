@@ -1,25 +1,30 @@
-"""A vessel's numbers: the frozen objects that a vessel file is read into, and nothing computed.
+"""A vessel's numbers: the frozen objects that a vessel file is read into.
 
-The equations that use them are in ``hull.py``, ``actuators``, ``wind.py`` and ``drift.py``; the file format is in
+The equations that use them are in ``hulls``, ``actuators``, ``wind.py`` and ``drift.py``; the file format is in
 ``files.py``. SI units and radians unless a name says otherwise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import Discriminator
+from pydantic import Discriminator, Tag
 from pydantic import StrictFloat as Number  # a text or a truth value is no number
 
 from acquisition.core.actuators import Actuators
 from hybrid.vessel.actuators import KINDS, Entry, list_of
+from hybrid.vessel.fujiwara import Outline, fujiwara
+from hybrid.vessel.hulls import HULLS, HullEntry
+from hybrid.vessel.wind import TABLE_SIZE
 
 if TYPE_CHECKING:
     AnyActuator = Entry
-else:  # the kinds' entries, told apart by `kind`
+    AnyHull = HullEntry
+else:  # the kinds' and models' entries, told apart by a word in them
     AnyActuator = Annotated[Union[tuple(kind.entry for kind in KINDS.values())], Discriminator("kind")]  # noqa: UP007
+    AnyHull = Annotated[Union[tuple(model.entry for model in HULLS.values())], Discriminator("model")]  # noqa: UP007
 
 _STRICT = {"extra": "forbid"}
 Table = tuple[Number, ...]
@@ -49,7 +54,11 @@ class Validity:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Rigid body and added mass about the centre of gravity; Yrd = Nvd."""
+    """Rigid body and added mass; Yrd = Nvd.
+
+    ``yaw_inertia_kgm2`` is about the centre of gravity, ``centre_of_gravity_m`` how far ahead of the origin of the
+    body axes that lies; the added masses are about the origin.
+    """
 
     mass_kg: Number
     yaw_inertia_kgm2: Number
@@ -57,45 +66,51 @@ class Inertia:
     Yvd: Number
     Yrd: Number
     Nrd: Number
+    centre_of_gravity_m: Number = 0.0
+    model: Literal["si"] = "si"
+
+    def in_si(self, vessel: Vessel) -> Inertia:
+        """Itself."""
+        return self
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Polynomial:
-    """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|."""
+class PrimedInertia:
+    """Rigid body and added mass without dimension, as the MMG method writes them.
 
-    model: Literal["polynomial"]
-    Xuu: Number
-    Xvv: Number
-    Xrr: Number
-    Xrv: Number
-    Xuvv: Number
-    Xrvu: Number
-    Xurr: Number
-    Xu_absv: Number
-    Yuv: Number
-    Yur: Number
-    Yuur: Number
-    Yuuv: Number
-    Yvvv: Number
-    Yrrr: Number
-    Yrrv: Number
-    Yvvr: Number
-    Y_absr_v: Number
-    Y_absv_v: Number
-    Y_absr_r: Number
-    Y_absv_r: Number
-    Nuv: Number
-    Nur: Number
-    Nuur: Number
-    Nuuv: Number
-    Nvvv: Number
-    Nrrr: Number
-    Nrrv: Number
-    Nvvr: Number
-    N_absr_v: Number
-    N_absv_v: Number
-    N_absr_r: Number
-    N_absv_r: Number
+    Masses by rho/2 L^2 d, moments of inertia by rho/2 L^4 d, ``x_G`` by L; ``I_zG`` is about the centre of gravity.
+    """
+
+    model: Literal["primed"]
+    m: Number
+    m_x: Number
+    m_y: Number
+    I_zG: Number
+    J_z: Number
+    x_G: Number = 0.0
+
+    def in_si(self, vessel: Vessel) -> Inertia:
+        """These numbers in SI."""
+        L = vessel.dimensions.length_between_perpendiculars_m
+        mass = 0.5 * vessel.water_density_kgpm3 * L**2 * vessel.dimensions.draught_m
+        inertia = mass * L**2
+        return Inertia(
+            self.m * mass,
+            self.I_zG * inertia,
+            -self.m_x * mass,
+            -self.m_y * mass,
+            0.0,
+            -self.J_z * inertia,
+            self.x_G * L,
+        )
+
+
+WindNumbers = dict[str, float | tuple[float, ...]]
+_NO_TABLE = (0.0,) * TABLE_SIZE
+
+
+def _padded(harmonics: tuple[float, ...]) -> tuple[float, ...]:
+    return harmonics + _NO_TABLE[len(harmonics) :]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +125,62 @@ class Wind:
     CY: Table
     CN: Table
 
+    def numbers(self, dimensions: Dimensions) -> WindNumbers:
+        """What a plant holds of it."""
+        return {
+            "frontal_area_m2": self.frontal_area_m2, "lateral_area_m2": self.lateral_area_m2,
+            "air_density_kgpm3": self.air_density_kgpm3, "CX": self.CX, "CY": self.CY, "CN": self.CN,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FujiwaraWind:
+    """A ship's outline above water, from which a regression tells the coefficients; see ``fujiwara.py``."""
+
+    model: Literal["fujiwara"]
+    frontal_area_m2: Number
+    lateral_area_m2: Number
+    air_density_kgpm3: Number
+    superstructure_area_m2: Number
+    lateral_centre_m: Number
+    lateral_centre_height_m: Number
+    bridge_centre_m: Number
+    bridge_height_m: Number
+
+    def numbers(self, dimensions: Dimensions) -> WindNumbers:
+        """What a plant holds of it."""
+        own = {field.name: getattr(self, field.name) for field in fields(Outline) if hasattr(self, field.name)}
+        outline = Outline(length_m=dimensions.length_between_perpendiculars_m, beam_m=dimensions.beam_m, **own)
+        CX, CY, CN = map(_padded, fujiwara(outline))
+        return {
+            "frontal_area_m2": self.frontal_area_m2, "lateral_area_m2": self.lateral_area_m2,
+            "air_density_kgpm3": self.air_density_kgpm3, "CX": CX, "CY": CY, "CN": CN, "wind_model": 1.0,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class NoWind:
+    """A ship whose windage is not modelled."""
+
+    model: Literal["none"]
+
+    def numbers(self, dimensions: Dimensions) -> WindNumbers:
+        """What a plant holds of it."""
+        areas = dict.fromkeys(("frontal_area_m2", "lateral_area_m2", "air_density_kgpm3"), 0.0)
+        return {**areas, **dict.fromkeys(("CX", "CY", "CN"), _NO_TABLE)}
+
+
+AnyWind = Annotated[Wind | FujiwaraWind | NoWind, Discriminator("model")]
+
+
+def _inertia_model(value: Any) -> str:
+    return str(value.get("model", "si") if isinstance(value, Mapping) else value.model)
+
+
+AnyInertia = Annotated[
+    Annotated[Inertia, Tag("si")] | Annotated[PrimedInertia, Tag("primed")], Discriminator(_inertia_model)
+]
+
 
 @dataclass(frozen=True, slots=True)
 class Vessel:
@@ -118,20 +189,23 @@ class Vessel:
     ``actuator`` has an entry for each actuator; their order is that of the controls. ``effects`` are additions to
     the model, name to parameter values in the units of the parameters' names; ``base`` is the vessel that the
     file built upon, if it did; ``provenance`` is free text and numbers about where the values come from.
+    ``estimated`` are the usual relative errors, one standard deviation, of numbers that a regression gave, by
+    ``TABLE.NUMBER`` or ``ACTUATOR.NUMBER``.
     """
 
     name: str
     water_density_kgpm3: Number
     dimensions: Dimensions
     validity: Validity
-    inertia: Inertia
-    hull: Polynomial
-    wind: Wind
+    inertia: AnyInertia
+    hull: AnyHull
+    wind: AnyWind
     actuator: tuple[AnyActuator, ...]
     description: str = ""
     base: str = ""
     effects: Mapping[str, Values] = field(default_factory=dict)
     provenance: Provenance = field(default_factory=dict)
+    estimated: Mapping[str, Number] = field(default_factory=dict)
 
     @property
     def actuators(self) -> Actuators:
@@ -143,5 +217,7 @@ class Vessel:
         return tuple(each for each in self.actuator if each.kind == kind)
 
 
-for _part in (Dimensions, Validity, Inertia, Polynomial, Wind, Vessel, *(kind.entry for kind in KINDS.values())):
+_PARTS = (Dimensions, Validity, Inertia, PrimedInertia, Wind, FujiwaraWind, NoWind, Vessel)
+_ENTRIES = (*(model.entry for model in HULLS.values()), *(kind.entry for kind in KINDS.values()))
+for _part in (*_PARTS, *_ENTRIES):
     setattr(_part, "__pydantic_config__", _STRICT)  # noqa: B010 - not an attribute that mypy knows

@@ -11,7 +11,7 @@ all actuators of that kind where the name is not there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, partial
 from operator import add, attrgetter
@@ -26,7 +26,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from analysis.compiling import source_stamp
 from hybrid.vessel.actuators import CODES, CONTROL, CONTROLS_OF, FIRST_NUMBER, IS_ANGLE, KIND, KINDS, ROW_SIZE
-from hybrid.vessel.parameters import Polynomial, Vessel
+from hybrid.vessel.hulls import HULL_CODES, HULL_SIZE, HULLS, HullModel
+from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
 
 PHYSICS_STAMP = source_stamp(Path(__file__).parent)
@@ -45,6 +46,22 @@ class ExtraForce:
 
 
 @dataclass(frozen=True, slots=True)
+class HullNumbers:
+    """The hull of a plant: its model, and its coefficients in the order of the model's."""
+
+    model: str
+    values: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What a plant's numbers are called: the hull's model, and the names and kinds of the actuators."""
+
+    hull: str
+    actuators: Actuators
+
+
+@dataclass(frozen=True, slots=True)
 class ActuatorNumbers:
     """One actuator of a plant: its name, its kind, and its numbers in the order of the kind's."""
 
@@ -55,7 +72,7 @@ class ActuatorNumbers:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant:
-    """One run's numbers, SI and radians; the hull's coefficients carry their own names."""
+    """One run's numbers, SI and radians; the hull's coefficients are read by their own names, too."""
 
     # dimensions and range
     length_overall_m: float
@@ -74,39 +91,6 @@ class Plant:
     Yvd: float
     Yrd: float
     Nrd: float
-    # hull
-    Xuu: float
-    Xvv: float
-    Xrr: float
-    Xrv: float
-    Xuvv: float
-    Xrvu: float
-    Xurr: float
-    Xu_absv: float
-    Yuv: float
-    Yur: float
-    Yuur: float
-    Yuuv: float
-    Yvvv: float
-    Yrrr: float
-    Yrrv: float
-    Yvvr: float
-    Y_absr_v: float
-    Y_absv_v: float
-    Y_absr_r: float
-    Y_absv_r: float
-    Nuv: float
-    Nur: float
-    Nuur: float
-    Nuuv: float
-    Nvvv: float
-    Nrrr: float
-    Nrrv: float
-    Nvvr: float
-    N_absr_v: float
-    N_absv_v: float
-    N_absr_r: float
-    N_absv_r: float
     # wind
     frontal_area_m2: float
     lateral_area_m2: float
@@ -114,7 +98,11 @@ class Plant:
     CX: tuple[float, ...]
     CY: tuple[float, ...]
     CN: tuple[float, ...]
+    hull: HullNumbers
     actuators: tuple[ActuatorNumbers, ...]
+    # what only some ships have
+    centre_of_gravity_m: float = 0.0
+    wind_model: float = 0.0
     # slots of effects, neutral: propulsion
     azimuth_scale: float = 1.0
     thruster_lag_s: float = 0.0
@@ -148,6 +136,12 @@ class Plant:
     # forces that no slot expresses
     forces: tuple[ExtraForce, ...] = ()
 
+    def __getattr__(self, name: str) -> float:
+        """A coefficient of the hull by its name."""
+        if name != "hull" and name in HULLS[self.hull.model].numbers:
+            return self.hull.values[HULLS[self.hull.model].numbers.index(name)]
+        raise AttributeError(f"a plant has no {name}")
+
     def number(self, name: str) -> Any:
         """A number, or table, by its name; of a kind's number the one of its first actuator.
 
@@ -155,40 +149,43 @@ class Plant:
         """
         if name in SCALARS:
             return getattr(self, name)
-        which, place = _places(self.layout, name)[0]
-        return self.actuators[which].values[place]
+        which, place = _places(self.form, name)[0]
+        return self._values[which][place]
 
     def numbers(self) -> dict[str, float | tuple[float, ...]]:
         """Every number by name; one of a kind without the actuators' names where it is the same in all."""
         result = {name: getattr(self, name) for name in SCALARS}
+        result |= zip(HULLS[self.hull.model].numbers, self.hull.values, strict=True)
         for each in self.actuators:
             kind = KINDS[each.kind]
             for name, value in zip(kind.numbers, each.values, strict=True):
-                alike = name in kind.shared and {*self._values(each.kind, name)} == {value}
+                alike = name in kind.shared and {*self._numbers_of_kind(each.kind, name)} == {value}
                 result[name if alike else f"{each.name}_{name}"] = value
         return result
 
     def replaced(self, **values: Any) -> Plant:
         """This plant with numbers, or tables, of these names instead."""
-        plant = replace(self, **{name: value for name, value in values.items() if name in SCALARS})
-        rows = [list(each.values) for each in self.actuators]
-        for name, value in values.items():
-            for which, place in () if name in SCALARS else _places(self.layout, name):
-                rows[which][place] = value
-        if all(name in SCALARS for name in values):
-            return plant
-        both = zip(self.actuators, rows, strict=True)
-        return replace(plant, actuators=tuple(replace(each, values=tuple(row)) for each, row in both))
+        return self._with({name: partial(_second, value) for name, value in values.items()})
 
     def changed(self, change: Callable[[Any], Any], *names: str) -> Plant:
         """This plant with ``change`` made to each of the named numbers, of every actuator that a name means."""
-        plant = self.replaced(**{name: change(getattr(self, name)) for name in names if name in SCALARS})
-        for name in names:
-            for which, place in () if name in SCALARS else _places(self.layout, name):
-                each = plant.actuators[which]
-                value = change(each.values[place])
-                plant = plant.replaced(**{f"{each.name}_{KINDS[each.kind].numbers[place]}": value})
-        return plant
+        return self._with(dict.fromkeys(names, change))
+
+    def _with(self, changes: Mapping[str, Callable[[Any], Any]]) -> Plant:
+        scalars = {name: change(getattr(self, name)) for name, change in changes.items() if name in SCALARS}
+        plant = replace(self, **scalars)
+        if len(scalars) == len(changes):
+            return plant
+        rows = [list(values) for values in self._values]
+        for name, change in changes.items():
+            for which, place in () if name in SCALARS else _places(self.form, name):
+                rows[which][place] = change(rows[which][place])
+        *actuators, hull = map(tuple, rows)
+        return replace(
+            plant,
+            hull=HullNumbers(self.hull.model, hull),
+            actuators=tuple(replace(each, values=row) for each, row in zip(self.actuators, actuators, strict=True)),
+        )
 
     def scaled(self, factor: float, *names: str) -> Plant:
         """This plant with the named numbers, or tables, multiplied by ``factor``."""
@@ -210,17 +207,37 @@ class Plant:
         """The names and kinds of the actuators, in the order of their controls."""
         return tuple(Actuator(each.name, each.kind) for each in self.actuators)
 
-    def _values(self, kind: str, number: str) -> list[float]:
+    @property
+    def form(self) -> Form:
+        """What the numbers are called."""
+        return Form(self.hull.model, self.layout)
+
+    @property
+    def hull_model(self) -> HullModel:
+        """The hull's model."""
+        return HULLS[self.hull.model]
+
+    @property
+    def _values(self) -> tuple[tuple[float, ...], ...]:
+        """The numbers of each actuator, and last the hull's."""
+        return (*(each.values for each in self.actuators), self.hull.values)
+
+    def _numbers_of_kind(self, kind: str, number: str) -> list[float]:
         place = KINDS[kind].numbers.index(number)
         return [each.values[place] for each in self.actuators if each.kind == kind]
+
+
+def _second(value: Any, _: Any) -> Any:
+    return value
 
 
 def _times(value: float | tuple[float, ...], factor: float) -> Any:
     return tuple(factor * each for each in value) if isinstance(value, tuple) else value * factor
 
 
-SCALARS: tuple[str, ...] = tuple(field.name for field in fields(Plant) if field.name not in ("actuators", "forces"))
-"""The names of a plant's numbers besides its actuators', in their order in its record."""
+_GROUPS = ("hull", "actuators", "forces")
+SCALARS: tuple[str, ...] = tuple(field.name for field in fields(Plant) if field.name not in _GROUPS)
+"""The names of a plant's numbers besides its hull's and actuators', in their order in its record."""
 
 _SCALARS_OF = attrgetter(*SCALARS)
 
@@ -232,38 +249,58 @@ _SCALAR_TYPES = [(name, np.float64, (TABLE_SIZE,) if name in TABLES else ()) for
 def dtype_of(actuators: int) -> np.dtype[np.void]:
     """The record that a plant with so many actuators is packed into: float64 throughout, so :func:`flat` is a view.
 
-    ``actuators`` in it is the table [actuators, :data:`~hybrid.vessel.actuators.ROW_SIZE`] of their rows.
+    ``hull`` in it is the row of the hull's coefficients, ``actuators`` the table
+    [actuators, :data:`~hybrid.vessel.actuators.ROW_SIZE`] of their rows.
     """
-    return np.dtype([*_SCALAR_TYPES, ("actuators", np.float64, (actuators, ROW_SIZE))])
-
-
-HULL: tuple[str, ...] = tuple(field.name for field in fields(Polynomial) if field.name != "model")
-"""The names of the hull's coefficients, without the added masses."""
+    hull = [("hull_model", np.float64), ("hull", np.float64, (HULL_SIZE,))]
+    return np.dtype([*_SCALAR_TYPES, *hull, ("actuators", np.float64, (actuators, ROW_SIZE))])
 
 
 def bare_plant(vessel: Vessel) -> Plant:
     """The plant of a vessel *without* the effects its file may add; those: ``effects.vessel_plant``."""
     values: dict[str, Any] = {"water_density_kgpm3": vessel.water_density_kgpm3}
-    for part in (vessel.dimensions, vessel.inertia, vessel.hull, vessel.wind):
+    for part in (vessel.dimensions, vessel.inertia.in_si(vessel)):
         values |= {field.name: getattr(part, field.name) for field in fields(part) if field.name != "model"}
-    limits = vessel.validity
+    values |= vessel.wind.numbers(vessel.dimensions)
+    limits, model = vessel.validity, vessel.hull.model
+    names = [each.name for each in vessel.actuator]
     return Plant(
         **values,
         surge_low_mps=limits.surge_low_mps,
         surge_high_mps=limits.surge_high_mps,
         sway_limit_mps=limits.sway_mps,
         yaw_rate_limit_radps=limits.yaw_rate_radps,
-        actuators=tuple(_numbers_of(each) for each in vessel.actuator),
+        hull=HullNumbers(model, tuple(getattr(vessel.hull, name) for name in HULLS[model].numbers)),
+        actuators=tuple(_numbers_of(each, names) for each in vessel.actuator),
     )
 
 
-def _numbers_of(entry: Any) -> ActuatorNumbers:
+def _numbers_of(entry: Any, names: list[str]) -> ActuatorNumbers:
     kind = KINDS[entry.kind]
-    values = (kind.slots[name] if name in kind.slots else getattr(entry, name) for name in kind.numbers)
-    return ActuatorNumbers(entry.name, entry.kind, tuple(values))
+    given = {**kind.slots, **kind.numbers_of(entry)}
+    values = (given[name] if name in given else getattr(entry, name) for name in kind.numbers)
+    return ActuatorNumbers(entry.name, entry.kind, tuple(_as_number(value, names) for value in values))
 
 
-def _rows(plant: Plant) -> list[tuple[float, ...]]:
+def _as_number(value: float | str, names: list[str]) -> float:
+    """A number as it is, another actuator's name as its place in the list; -1 for none."""
+    if isinstance(value, str):
+        return float(names.index(value)) if value else -1.0
+    return float(value)
+
+
+def _row(plant: Plant) -> tuple[Any, ...]:
+    """A plant as its record."""
+    padding = (0.0,) * (HULL_SIZE - len(plant.hull.values))
+    return (
+        *_SCALARS_OF(plant),
+        HULL_CODES[plant.hull.model],
+        (*plant.hull.values, *padding),
+        _actuator_rows(plant),
+    )
+
+
+def _actuator_rows(plant: Plant) -> list[tuple[float, ...]]:
     """The actuators as rows of the compiled core: kind, first control, numbers."""
     rows, first = [], 0
     for each in plant.actuators:
@@ -285,19 +322,28 @@ def angles_in(packed: NDArray[np.void]) -> list[int]:
     return [int(row[CONTROL]) + int(place) for row in rows for place in np.flatnonzero(IS_ANGLE[int(row[KIND])])]
 
 
-def places_of(actuators: Actuators, name: str) -> list[int]:
+def places_of(form: Form, name: str) -> list[int]:
     """Where a number stands in a flat packed plant (:func:`flat`): one place, or one for each actuator it means."""
-    record = np.arange(dtype_of(len(actuators)).itemsize // 8, dtype=np.float64).view(dtype_of(len(actuators)))[0]
+    dtype = dtype_of(len(form.actuators))
+    record = np.arange(dtype.itemsize // 8, dtype=np.float64).view(dtype)[0]
     if name in SCALARS:
         return [int(place) for place in np.atleast_1d(record[name])]
-    return [int(record["actuators"][which, FIRST_NUMBER + place]) for which, place in _places(actuators, name)]
+    return [
+        int(record["hull"][place] if which == _HULL_ROW else record["actuators"][which, FIRST_NUMBER + place])
+        for which, place in _places(form, name)
+    ]
+
+
+_HULL_ROW = -1
 
 
 @lru_cache(maxsize=4096)
-def _places(actuators: Actuators, name: str) -> tuple[tuple[int, int], ...]:
-    """Which actuators, and where in their values, a name means. Raises :class:`KeyError` if none."""
+def _places(form: Form, name: str) -> tuple[tuple[int, int], ...]:
+    """Which actuators, or the hull, and where in their values, a name means. Raises :class:`KeyError` if none."""
+    if name in HULLS[form.hull].numbers:
+        return ((_HULL_ROW, HULLS[form.hull].numbers.index(name)),)
     own, shared = [], []
-    for which, each in enumerate(actuators):
+    for which, each in enumerate(form.actuators):
         numbers = KINDS[each.kind].numbers
         number = name.removeprefix(f"{each.name}_")
         if number != name and number in numbers:
@@ -320,14 +366,14 @@ def pack(plants: Plants) -> NDArray[np.void]:
     array, where there is no plant, and for plants whose actuators differ in number, name or kind.
     """
     if isinstance(plants, Plant):
-        return np.array([(*_SCALARS_OF(plants), _rows(plants))], dtype=dtype_of(len(plants.actuators)))
+        return np.array([_row(plants)], dtype=dtype_of(len(plants.actuators)))
     if len(plants) == 0:
         raise ConfigurationError("no plant to simulate", fix="give one plant, or one for each run")
     if not isinstance(plants, np.ndarray):
         layout = plants[0].layout
         if any(each.layout != layout for each in plants):
             raise ConfigurationError("the plants have different actuators", fix="simulate each ship by itself")
-        return np.array([(*_SCALARS_OF(each), _rows(each)) for each in plants], dtype=dtype_of(len(layout)))
+        return np.array([_row(each) for each in plants], dtype=dtype_of(len(layout)))
     names = plants.dtype.names or ()
     size = plants.dtype["actuators"].shape[0] if "actuators" in names else 0
     if plants.dtype != dtype_of(size) or plants.ndim != 1:

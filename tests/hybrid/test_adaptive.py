@@ -39,11 +39,12 @@ from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows
 from hybrid.prediction.scores import distances
-from hybrid.vessel.plant import Plant, flat, pack, places_of
+from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 from tests.hybrid.windows_by_hand import moved, turned, voyages
 
 SECONDS = 10
-NAMES, POSITIVE, SIGNED = (make(DEFAULT) for make in (parameter_names, positive_names, signed_names))
+FORM = Form("polynomial", DEFAULT)
+NAMES, POSITIVE, SIGNED = (make(FORM) for make in (parameter_names, positive_names, signed_names))
 UNADAPTED = np.zeros(len(NAMES))
 NUMBERS = ("start", "track", "wind", "control", "past")
 power = st.floats(-3.0, 2.0)
@@ -190,13 +191,13 @@ def test_numbers_change_by_factors_or_shares(plant: Plant, numbers: list[float])
     """
     then, now = flat(pack(plant))[0], flat(adapt_plant(np.array(numbers), plant))[0]
     for name, number in zip(NAMES, numbers, strict=True):
-        place = places_of(plant.layout, name) if name in POSITIVE or name in SIGNED else []
+        place = places_of(plant.form, name) if name in POSITIVE or name in SIGNED else []
         if name in POSITIVE:
             assert now[place] == pytest.approx(then[place] * np.exp(np.clip(0.5 * number, -2.0, 2.0)), rel=1e-12)
         elif name in SIGNED:
             assert now[place] == pytest.approx(then[place] * (1.0 + 0.5 * number), rel=1e-12)
     for name in ("length_overall_m", "propeller_diameter_m", "CX", "lateral_area_m2", "wind_load_factor"):
-        place = places_of(plant.layout, name)
+        place = places_of(plant.form, name)
         assert np.array_equal(now[place], then[place])
 
 

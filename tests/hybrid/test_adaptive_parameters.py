@@ -18,6 +18,9 @@ from hybrid.prediction.baselines import reference
 from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import Form
+
+FORM = Form("polynomial", DEFAULT)
 
 pytestmark = pytest.mark.pages  # training takes its time
 
@@ -45,7 +48,7 @@ def learned(calibrator: AdaptiveCalibrator) -> Parameters:
 
 def test_the_covariance_is_one_and_no_wider_than_the_prior(calibrator: AdaptiveCalibrator) -> None:
     covariance = calibrator.covariance_
-    assert covariance.shape == (len(parameter_names(DEFAULT)), len(parameter_names(DEFAULT)))
+    assert covariance.shape == (len(parameter_names(FORM)), len(parameter_names(FORM)))
     np.testing.assert_allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12)
     assert np.linalg.eigvalsh(covariance).min() > 0.0
     assert np.linalg.eigvalsh(covariance).max() <= 1.0 + 1e-9
@@ -103,15 +106,15 @@ def test_values_are_the_models_own_and_what_was_learned(calibrator: AdaptiveCali
     plant = replace(calibrator.plant, current_north_mps=0.3, thruster_lag_s=0.5)  # type: ignore[type-var]
     told = AdaptiveCalibrator(0, plant)
     told.vectors_, told.covariance_ = (
-        np.zeros((2, len(parameter_names(DEFAULT)))),
-        np.eye(len(parameter_names(DEFAULT))),
+        np.zeros((2, len(parameter_names(FORM)))),
+        np.eye(len(parameter_names(FORM))),
     )
     every = {each.name: each for each in parameters_of(told).every}
     assert every["current north"].value == pytest.approx(0.3)
     assert every["thruster lag"].value == pytest.approx(0.5)
     assert not any(each.at_bound for each in every.values())
-    told.vectors_[:, parameter_names(DEFAULT).index("thruster_lag")] = -0.6
-    told.vectors_[:, parameter_names(DEFAULT).index("thrust_nn")] = 3.95
+    told.vectors_[:, parameter_names(FORM).index("thruster_lag")] = -0.6
+    told.vectors_[:, parameter_names(FORM).index("thrust_nn")] = 3.95
     every = {each.name: each for each in parameters_of(told).every}
     assert every["thruster lag"].value == 0.0
     assert {name for name, each in every.items() if each.at_bound} == {"thruster lag", "thrust_nn"}

@@ -131,4 +131,4 @@ def test_packing_keeps_every_number(plant: Plant) -> None:
     assert np.isfinite(flat(packed)).all()
     for name, value in plant.numbers().items():
         if name not in ("CX", "CY", "CN", "mass_kg"):
-            assert (flat(packed)[:, places_of(plant.layout, name)] == value).all()
+            assert (flat(packed)[:, places_of(plant.form, name)] == value).all()

@@ -22,7 +22,8 @@ from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_
 from hybrid.prediction.prediction_windows import CONTROLS, WIND, PredictionWindows, difference_rad
 from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.extra_forces import combine_forces
-from hybrid.vessel.plant import HULL, Plant, flat, pack, places_of
+from hybrid.vessel.hulls import HULLS
+from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 
 _DIFFUSE = 10.0
 WAVE_DAMPING = 0.1
@@ -63,25 +64,26 @@ def kalman_gains(
     return np.asarray(gain_sequence(F, Q, H, np.array([position_noise, 1.0]), P, steps))
 
 
-_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "Xuu")
-_SIGNED = (*(name for name in HULL if name not in _POSITIVE), "Yrd")
+_POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
 
 
-def positive_names(actuators: Actuators) -> tuple[str, ...]:
+def positive_names(form: Form) -> tuple[str, ...]:
     """Numbers that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
-    kinds = dict.fromkeys(each.kind for each in actuators)
-    return (*_POSITIVE, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
+    kinds = dict.fromkeys(each.kind for each in form.actuators)
+    damping = HULLS[form.hull].keeps_sign
+    return (*_POSITIVE, *damping, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
 
 
-def signed_names(actuators: Actuators) -> tuple[str, ...]:
+def signed_names(form: Form) -> tuple[str, ...]:
     """Numbers that may change their sign, each actuator's own among them."""
-    own = (f"{each.name}_{name}" for each in actuators for name in KINDS[each.kind].adapted)
-    return (*_SIGNED, *own)
+    hull = HULLS[form.hull]
+    own = (f"{each.name}_{name}" for each in form.actuators for name in KINDS[each.kind].adapted)
+    return (*(name for name in hull.numbers if name not in hull.keeps_sign), "Yrd", *own)
 
 
-def parameter_names(actuators: Actuators) -> tuple[str, ...]:
-    """The names of the vector's numbers: of the model of a ship with these actuators, and of what acts on her."""
-    return (*positive_names(actuators), *signed_names(actuators), *SURROUNDED)
+def parameter_names(form: Form) -> tuple[str, ...]:
+    """The names of the vector's numbers: of the model of a ship of this form, and of what acts on her."""
+    return (*positive_names(form), *signed_names(form), *SURROUNDED)
 
 
 USUAL_SHARE = 0.5
@@ -175,13 +177,13 @@ def parameter(vector: Floats, name: str) -> float:
 
 
 @lru_cache(maxsize=32)
-def _adapted_numbers(actuators: Actuators) -> tuple[list[int], list[int], int]:
+def _adapted_numbers(form: Form) -> tuple[list[int], list[int], int]:
     """Where in a flat plant the vector's numbers stand, which of them it is, and how many keep their sign."""
-    positive = positive_names(actuators)
+    positive = positive_names(form)
     every = [
         (place, number)
-        for number, name in enumerate((*positive, *signed_names(actuators)))
-        for place in places_of(actuators, name)
+        for number, name in enumerate((*positive, *signed_names(form)))
+        for place in places_of(form, name)
     ]
     return [place for place, _ in every], [number for _, number in every], len(positive)
 
@@ -189,7 +191,7 @@ def _adapted_numbers(actuators: Actuators) -> tuple[list[int], list[int], int]:
 def adapt_plant(vector: Floats, plant: Plant) -> NDArray[np.void]:
     """The plant, packed [1], with coefficients, steady forces, current, drift and lag changed by the vector."""
     packed = pack(plant)
-    places, numbers, kept = _adapted_numbers(plant.layout)
+    places, numbers, kept = _adapted_numbers(plant.form)
     departed = USUAL_SHARE * vector[: -len(SURROUNDED)]
     factor = np.exp(departed[:kept].clip(-LARGEST_FACTOR, LARGEST_FACTOR))
     flat(packed)[0, places] *= np.concatenate([factor, 1.0 + departed[kept:]])[numbers]

@@ -233,8 +233,8 @@ class AdaptiveCalibrator(Calibrator):
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
         fitted = {name: tensor.numpy() for name, tensor in tensors.items()}
         self.vectors_, self.covariance_, self.range_ = (fitted[name] for name in ("vectors", "covariance", "range"))
-        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != len(parameter_names(self.actuators)):
-            numbers = len(parameter_names(self.actuators))
+        numbers = len(parameter_names(self.plant.form)) if self.plant else 0
+        if self.vectors_.ndim != 2 or self.vectors_.shape[1] != numbers:
             raise ValueError(f"vectors of {self.vectors_.shape[-1]} numbers, and this version has {numbers}")
         self.radius_ = fitted["region"]
         power, self.median_hindcast_m_ = map(float, fitted["trust"])

@@ -46,7 +46,7 @@ def adapt(
     NaN and say nothing.
     """
     off, known = _differences(plant, windows, track)
-    vector, damping = np.zeros(len(parameter_names(plant.layout))), 1e-3
+    vector, damping = np.zeros(len(parameter_names(plant.form))), 1e-3
     now = off(vector)
     for step in range(steps):
         progress(step / steps)

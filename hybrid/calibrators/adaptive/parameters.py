@@ -79,14 +79,14 @@ def parameters_of(calibrator: AdaptiveCalibrator) -> Parameters:
     if calibrator.plant is None:
         raise ValueError("the adaptive calibrator needs the reference model")
     units = units_of(calibrator.plant)
-    layout = calibrator.plant.layout
-    places = np.array([parameter_names(layout).index(name) for name in units])
+    form = calibrator.plant.form
+    places = np.array([parameter_names(form).index(name) for name in units])
     vector, covariance = calibrator.vectors_.mean(axis=0)[places], calibrator.covariance_[np.ix_(places, places)]
     deviation = np.sqrt(np.diag(covariance))
     order = np.argsort(deviation, kind="stable")
     correlation = (covariance / np.outer(deviation, deviation))[np.ix_(order, order)]
     names = list(units)
-    signs = positive_names(layout)
+    signs = positive_names(form)
     every = [
         _parameter(names[place], vector[place], deviation[place], names[place] in signs, *units[names[place]])
         for place in order
@@ -107,8 +107,8 @@ def units_of(plant: Plant) -> dict[str, tuple[str, float, Natural]]:
 
     heavier = plant.mass_kg / STEADY_MASS_KG
     units: dict[str, tuple[str, float, Natural]] = {}
-    factors = dict.fromkeys(positive_names(plant.layout), lambda z: float(np.exp(USUAL_SHARE * z)))
-    factors |= dict.fromkeys(signed_names(plant.layout), lambda z: 1.0 + USUAL_SHARE * z)
+    factors = dict.fromkeys(positive_names(plant.form), lambda z: float(np.exp(USUAL_SHARE * z)))
+    factors |= dict.fromkeys(signed_names(plant.form), lambda z: 1.0 + USUAL_SHARE * z)
     units |= {name: ("times the model's", 1.0, natural) for name, natural in factors.items()}
     for name, usual in STEADY.items():
         own = float(getattr(plant, name))

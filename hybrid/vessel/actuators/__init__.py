@@ -16,9 +16,19 @@ from acquisition.core.arrays import Floats
 from analysis.compiling import compiled
 from hybrid.vessel.actuators.azimuth import AZIMUTH
 from hybrid.vessel.actuators.kind import CONTROL, FIRST_NUMBER, KIND, Drive, Kind
+from hybrid.vessel.actuators.propeller import CONTROLLABLE_PROPELLER, PROPELLER
+from hybrid.vessel.actuators.rudder import RUDDER
 from hybrid.vessel.actuators.tunnel import TUNNEL
+from hybrid.vessel.actuators.waterjet import WATERJET
 
-KINDS: dict[str, Kind] = {"azimuth": AZIMUTH, "tunnel": TUNNEL}
+KINDS: dict[str, Kind] = {
+    "azimuth": AZIMUTH,
+    "tunnel": TUNNEL,
+    "propeller": PROPELLER,
+    "controllable_propeller": CONTROLLABLE_PROPELLER,
+    "rudder": RUDDER,
+    "waterjet": WATERJET,
+}
 
 
 class Entry(Protocol):
@@ -43,6 +53,11 @@ WORK_SIZE = max(kind.work for kind in KINDS.values())
 _WIDEST = max(len(kind.units) for kind in KINDS.values())
 CONTROLS_OF = np.array([len(kind.units) for kind in KINDS.values()])
 """How many controls an actuator of each kind has, by its code."""
+
+LAG_COLUMN = np.array([
+    FIRST_NUMBER + kind.numbers.index(kind.lag) if kind.lag else -1 for kind in KINDS.values()
+])  # fmt: skip
+"""Where in its row an actuator of each kind has a lag of its own; -1 for none."""
 
 IS_ANGLE = np.array([[*kind.angles, *[False] * (_WIDEST - len(kind.angles))] for kind in KINDS.values()])
 """Which controls of each kind are angles, [kinds, most controls]."""
@@ -96,10 +111,10 @@ def _chained_force(kinds: list[tuple[int, Kind]]) -> Callable[..., tuple[float, 
     other: Any = _chained_force(others)
 
     @compiled
-    def force(p, row, work, u, v, r):  # type: ignore[no-untyped-def]
-        if row[KIND] == code:
-            return own(p, row, work, u, v, r)
-        return other(p, row, work, u, v, r)
+    def force(p, i, work, u, v, r):  # type: ignore[no-untyped-def]
+        if p.actuators[i, KIND] == code:
+            return own(p, i, work, u, v, r)
+        return other(p, i, work, u, v, r)
 
     return force  # type: ignore[no-any-return]
 
@@ -108,7 +123,7 @@ hold_actuator = _chained_hold(list(enumerate(KINDS.values())))
 """``hold_actuator(p, row, control, first, work)``: the working numbers of one actuator while the control holds."""
 
 actuator_force = _chained_force(list(enumerate(KINDS.values())))
-"""``actuator_force(p, row, work, u, v, r)``: its force and moment X [N], Y [N], N [N m]."""
+"""``actuator_force(p, i, work, u, v, r)``: the force and moment X [N], Y [N], N [N m]."""
 
 __all__ = [
     "CODES",
@@ -118,6 +133,7 @@ __all__ = [
     "IS_ANGLE",
     "KIND",
     "KINDS",
+    "LAG_COLUMN",
     "ROW_SIZE",
     "WORK_SIZE",
     "Drive",

@@ -73,23 +73,25 @@ def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> N
 
 
 @compiled
-def force(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
+def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
     """Force and moment X [N], Y [N], N [N m] of one pod; ``u, v`` [m/s], ``r`` [rad/s] relative to the water.
 
     Thrust along the pod and the side force across it are quadratic in shaft speed and inflow; the inflow is
     that of the hull's motion at the pod.
     """
-    D, n, x, y = row[DIAMETER_M], work[SHAFT_RPS], row[X_M], row[Y_M]
+    row = p.actuators[i]
+    held = work[i]
+    D, n, x, y = row[DIAMETER_M], held[SHAFT_RPS], row[X_M], row[Y_M]
     u_p, v_p = u - y * r, v + x * r
-    u_a = u_p * work[COSINE] + v_p * work[SINE]
-    v_c = -u_p * work[SINE] + v_p * work[COSINE]
-    pressure = p.water_density_kgpm3 * D * D * work[EFFECT]
+    u_a = u_p * held[COSINE] + v_p * held[SINE]
+    v_c = -u_p * held[SINE] + v_p * held[COSINE]
+    pressure = p.water_density_kgpm3 * D * D * held[EFFECT]
     T = pressure * (
         row[THRUST_NN] * D * D * n * abs(n) + row[THRUST_NU] * D * abs(n) * u_a + row[THRUST_UU] * u_a * abs(u_a)
     )
     C = pressure * v_c * (row[SIDE_NV] * D * abs(n) + row[SIDE_UV] * abs(u_a) + row[SIDE_VV] * abs(v_c))
-    X = T * work[COSINE] - C * work[SINE]
-    Y = T * work[SINE] + C * work[COSINE]
+    X = T * held[COSINE] - C * held[SINE]
+    Y = T * held[SINE] + C * held[COSINE]
     return X, Y, x * Y - y * X
 
 
@@ -177,4 +179,5 @@ AZIMUTH = Kind(
     shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"),
     adapted=("x_m",),
+    positive=("propeller_diameter_m", "limit_rpm", "azimuth_rate_limit_dps"),
 )

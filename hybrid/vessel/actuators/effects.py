@@ -22,6 +22,30 @@ def offset(plant: Plant, number: str, angle_deg: float) -> Plant:
     return plant.shifted(**{number: radians(angle_deg)})
 
 
+def times(plant: Plant, number: str, factor: float) -> Plant:
+    """A number multiplied."""
+    return plant.scaled(factor, number)
+
+
+def later(plant: Plant, number: str, seconds: float) -> Plant:
+    """A time added."""
+    return plant.shifted(**{number: seconds})
+
+
+def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
+    """``lag_NAME`` for each actuator and ``lag_both_TOGETHER`` for a pair: what acts follows what is reported."""
+    parameter = Parameter("time_constant_s", "s", 0.0, 0.0, 60.0, 1.0, 0.3, 0.03)
+    return for_each_and_all(
+        "lag", names, later, number,
+        family="clock",
+        what=f"The {{names}}'s {part} that acts follows the reported one with a first-order lag",
+        source="First-order actuator model; feedback has none, orders have about a second",
+        parameter=parameter,
+        like=("command_delay", "thruster_lag"),
+        kind_of_all=f"_{together}",
+    )  # fmt: skip
+
+
 def for_each_and_all(
     stem: str,
     names: tuple[str, ...],
@@ -35,13 +59,15 @@ def for_each_and_all(
     like: tuple[str, ...] = (),
     one_is_like: tuple[str, ...] = (),
     all_are_like: tuple[str, ...] = (),
+    kind_of_all: str = "",
 ) -> tuple[Effect, ...]:
     """``stem_NAME`` for each actuator, and ``stem_both`` for a pair, ``stem_all`` for more of one kind.
 
     ``change`` changes the ``number`` of the actuators concerned. They are confused with each other and with the
     effects ``like`` them; one alone with ``one_is_like`` besides, all together with ``all_are_like``.
+    ``kind_of_all`` ends the name of the effect on all, where another kind has an effect of the same stem.
     """
-    together = {1: "", 2: f"{stem}_both"}.get(len(names), f"{stem}_all")
+    together = {1: "", 2: f"{stem}_both{kind_of_all}"}.get(len(names), f"{stem}_all{kind_of_all}")
     groups: list[tuple[str, tuple[str, ...]]] = [(f"{stem}_{name}", (name,)) for name in names]
     groups += [(together, names)] if together else []
 

@@ -37,8 +37,11 @@ class Kind:
     kind's channels into controls in SI, ``labels`` name these, ``angles`` tells which of them are angles,
     ``drives`` how they follow orders, ``still`` how much feedback of a held one moves and ``alike`` what is not
     another setting. ``keeps_sign`` are the shared numbers, ``adapted`` the own ones, that are learned of a ship.
-    ``hold(p, row, control, first, work)`` and ``force(p, row, work, u, v, r) -> X, Y, N`` are compiled; ``work``
-    is how many working numbers they share. ``effects(names)`` are the effects of a ship's actuators of this kind.
+    ``hold(p, row, control, first, work)`` and ``force(p, i, work, u, v, r) -> X, Y, N`` are compiled, ``row`` and
+    ``i`` an actuator's row and its number; ``work`` is how many working numbers they share, in ``force`` those of
+    all actuators, [actuators, working numbers]. ``effects(names)`` are the effects of a ship's actuators of this
+    kind. ``numbers_of(entry)`` are numbers that follow from the entry; those named ``positive`` are above zero;
+    ``lag`` is the slot of its own lag [s].
     """
 
     entry: type
@@ -57,6 +60,9 @@ class Kind:
     shared: frozenset[str] = frozenset()
     keeps_sign: tuple[str, ...] = ()
     adapted: tuple[str, ...] = ()
+    numbers_of: Callable[[Any], dict[str, float]] = lambda entry: {}
+    positive: tuple[str, ...] = ()
+    lag: str = ""
 
 
 def columns(numbers: tuple[str, ...]) -> range:

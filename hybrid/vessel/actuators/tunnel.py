@@ -46,9 +46,9 @@ def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> N
 
 
 @compiled
-def force(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
+def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
     """Force and moment X [N], Y [N], N [N m], whatever the motion."""
-    return 0.0, work[FORCE_N], row[X_M] * work[FORCE_N]
+    return 0.0, work[i, FORCE_N], p.actuators[i, X_M] * work[i, FORCE_N]
 
 
 def drives(entry: Tunnel) -> tuple[Drive]:
@@ -90,4 +90,5 @@ TUNNEL = Kind(
     drives=drives,
     effects=effects,
     adapted=("cubic_n", "quadratic_n", "linear_n"),
+    positive=("limit_rpm",),
 )

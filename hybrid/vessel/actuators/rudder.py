@@ -1,0 +1,191 @@
+"""A rudder, in the race of a propeller or alone. Control: its angle [rad], positive turns the ship to starboard.
+
+Normal force ``F_N = rho/2 A U_R^2 slope sin(alpha)``; the hull adds a_H of it at x_H and takes t_R of its drag. In
+the race ``u_R = eps sqrt(eta (u_P + kappa (sqrt(u_P^2 + 8 T / (pi rho D^2)) - u_P))^2 + (1 - eta) u_P^2)``: the
+form of Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015), 37-52, that holds at standstill too; with the shaft
+astern Kitagawa's, as in Miyauchi et al. (2022), doi 10.1007/s00773-022-00889-3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, pi, radians, sin, sqrt
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import StrictFloat as Number
+
+from acquisition.core.arrays import Floats
+from analysis.compiling import Record, compiled
+from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, inflow, thrust
+
+if TYPE_CHECKING:
+    from hybrid.vessel.effect import Effect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rudder:
+    """A rudder in a vessel file; ``behind`` names the propeller in whose race it is, if in one.
+
+    ``flow_straightening_plus`` holds where the stern at ``switch_x_m`` moves to starboard, ``_minus`` where it
+    moves to port; ``l_R_m`` is the effective place of the inflow aside, ``l_R' L`` of the MMG method.
+    ``lift_slope`` is that of the normal force over sin(alpha); without it Fujii's 6.13 A / (A + 2.25) of the
+    aspect ratio A.
+    ``inflow_factor`` is 1 - w of a rudder that is behind no propeller.
+    """
+
+    name: str
+    kind: Literal["rudder"]
+    x_m: Number
+    area_m2: Number
+    span_m: Number
+    t_R: Number
+    a_H: Number
+    x_H_m: Number
+    flow_straightening_minus: Number
+    flow_straightening_plus: Number
+    l_R_m: Number
+    limit_deg: Number
+    rate_limit_dps: Number
+    lag_s: Number
+    y_m: Number = 0.0
+    behind: str = ""
+    lift_slope: Number = 0.0
+    eps: Number = 1.0
+    kappa: Number = 0.5
+    switch_x_m: Number | None = None
+    inflow_factor: Number = 1.0
+    drift_as_angle: bool = True
+    astern_race: Number = 0.144
+    astern_loss: Number = 0.176
+
+
+SHARED = (
+    "area_m2", "span_m", "t_R", "a_H", "x_H_m", "flow_straightening_minus", "flow_straightening_plus", "l_R_m",
+    "lift_slope", "eps", "kappa", "switch_x_m", "inflow_factor", "drift_as_angle", "astern_race", "astern_loss",
+)  # fmt: skip
+SLOTS = {"angle_offset_rad": 0.0, "force_loss": 0.0, "response_lag_s": 0.0}
+NUMBERS = ("x_m", "y_m", "behind", *SHARED, *SLOTS)
+(
+    X_M, Y_M, BEHIND, AREA_M2, SPAN_M, T_R, A_H, X_H_M, STRAIGHTENING_MINUS, STRAIGHTENING_PLUS, L_R_M,
+    LIFT_SLOPE, EPS, KAPPA, SWITCH_X_M, INFLOW_FACTOR, DRIFT_AS_ANGLE, ASTERN_RACE, ASTERN_LOSS,
+    ANGLE_OFFSET_RAD, FORCE_LOSS, RESPONSE_LAG_S,
+) = columns(NUMBERS)  # fmt: skip
+COSINE, SINE, ANGLE_RAD = range(3)
+"""The working numbers: the true angle and its direction."""
+
+
+@compiled
+def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
+    """Where the rudder stands while ``control`` holds."""
+    true_rad = control[first] + row[ANGLE_OFFSET_RAD]
+    work[COSINE], work[SINE], work[ANGLE_RAD] = cos(true_rad), sin(true_rad), true_rad
+
+
+@compiled
+def astern_inflow(row: Floats, u: float, u_P: float, eta: float, n: float, D: float, kt_n2: float) -> float:
+    """The inflow [m/s] while the shaft turns astern, or drags; ``kt_n2`` is K_T n^2 of the thrust there is."""
+    if u < 0.0:
+        return float(u)
+    outside = row[EPS] * u_P
+    turning = 1.0 if n > 0.0 else -1.0
+    inside = outside + turning * row[ASTERN_RACE] * D * sqrt(8.0 * abs(kt_n2) / pi)
+    square = eta * inside * abs(inside) + (1.0 - eta) * outside * outside - row[ASTERN_LOSS] * u * u
+    return float(sqrt(square) if square >= 0.0 else -sqrt(-square))
+
+
+@compiled
+def race(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -> float:
+    """The inflow [m/s] along the ship of a rudder behind a propeller."""
+    behind = int(row[BEHIND])
+    propeller = p.actuators[behind]
+    D, n = propeller[DIAMETER_M], work[behind, SHAFT_RPS]
+    u_P = inflow(propeller, u, v, r)
+    kt_n2 = thrust(p, propeller, work[behind], u, v, r) / (p.water_density_kgpm3 * D**4)
+    eta = min(D / row[SPAN_M], 1.0)
+    if n < 0.0 or kt_n2 < 0.0:
+        return float(astern_inflow(row, u, u_P, eta, n, D, kt_n2))
+    inside = u_P + row[KAPPA] * (sqrt(u_P * u_P + 8.0 * kt_n2 * D * D / pi) - u_P)
+    return float(row[EPS] * sqrt(eta * inside * inside + (1.0 - eta) * u_P * u_P))
+
+
+@compiled
+def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
+    """Force and moment X [N], Y [N], N [N m] of one rudder; ``u, v`` [m/s], ``r`` [rad/s] through the water."""
+    row = p.actuators[i]
+    u_here = u - row[Y_M] * r
+    u_R = race(p, row, work, u, v, r) if row[BEHIND] >= 0.0 else row[INFLOW_FACTOR] * u_here
+    aside = hypot(u, v) * drift_at(row[DRIFT_AS_ANGLE], row[L_R_M], u, v, r)
+    if u == 0.0 == v:
+        aside = -row[L_R_M] * r
+    straightening = row[STRAIGHTENING_PLUS] if v + row[SWITCH_X_M] * r >= 0.0 else row[STRAIGHTENING_MINUS]
+    v_R = straightening * aside
+    alpha = work[i, ANGLE_RAD] - atan2(v_R, u_R)
+    pressure = 0.5 * p.water_density_kgpm3 * row[AREA_M2] * (u_R * u_R + v_R * v_R)
+    F_N = pressure * row[LIFT_SLOPE] * sin(alpha) * (1.0 - row[FORCE_LOSS])
+    X = -(1.0 - row[T_R]) * F_N * work[i, SINE]
+    across = F_N * work[i, COSINE]
+    return X, -(1.0 + row[A_H]) * across, -(row[X_M] + row[A_H] * row[X_H_M]) * across - row[Y_M] * X
+
+
+def numbers_of(entry: Rudder) -> dict[str, float]:
+    """What follows where the entry does not say it: Fujii's slope; the switch where the inflow aside is."""
+    aspect_ratio = entry.span_m**2 / entry.area_m2
+    return {
+        "lift_slope": entry.lift_slope or 6.13 * aspect_ratio / (2.25 + aspect_ratio),
+        "switch_x_m": entry.l_R_m if entry.switch_x_m is None else entry.switch_x_m,
+    }
+
+
+def drives(entry: Rudder) -> tuple[Drive]:
+    """How the angle [rad] follows its order."""
+    return (Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
+
+
+def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
+    """Offset angle, lost force and a lag of each rudder and of all alike."""
+    from hybrid.vessel.actuators.effects import for_each_and_all, lag, loss, offset
+    from hybrid.vessel.effect import Parameter
+
+    return (
+        *for_each_and_all(
+            "rudder_loss", names, loss, "force_loss",
+            family="propulsion",
+            what="Lost force of the {names}: normal force times (1 - fraction)",
+            source="Fujii's slope scatters by a tenth; growth and damage come to it",
+            parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
+            like=("drift_moment", "hull_lengthening", "yaw_damping"),
+        ),
+        *for_each_and_all(
+            "rudder_offset", names, offset, "angle_offset_rad",
+            family="alignment",
+            what="The {names} stands elsewhere: true angle = reported + offset",
+            source="Zero of the rudder feedback",
+            parameter=Parameter("angle_deg", "deg", 0.0, -30.0, 30.0, 2.0, 0.5, tolerance=0.1),
+            like=("sway_asymmetry", "yaw_asymmetry"),
+        ),
+        *lag(names, "rudders", "angle", "response_lag_s"),
+    )  # fmt: skip
+
+
+RUDDER = Kind(
+    entry=Rudder,
+    numbers=NUMBERS,
+    labels=("angle",),
+    units=(pi / 180.0,),
+    angles=(True,),
+    work=3,
+    hold=hold,
+    force=force,
+    still=(0.026,),
+    alike=(0.0,),
+    drives=drives,
+    effects=effects,
+    slots=SLOTS,
+    lag="response_lag_s",
+    shared=frozenset(SHARED),
+    keeps_sign=("lift_slope", "eps", "flow_straightening_minus", "flow_straightening_plus"),
+    adapted=("a_H",),
+    numbers_of=numbers_of,
+    positive=("area_m2", "span_m", "limit_deg", "rate_limit_dps"),
+)

@@ -1,0 +1,61 @@
+"""What a hull model is to the rest: its table in a vessel file, its coefficients, its force.
+
+The compiled core sees a hull as the code of its model and one row of coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class HullModel:
+    """A hull model.
+
+    ``entry`` is the class of its ``[hull]`` table, ``numbers`` are the coefficients in the order of their row.
+    ``force(p, u, v, r) -> X, Y, N`` is compiled: the water's force at velocities through it, the Coriolis terms of
+    the added mass with it. ``linear`` names the coefficients that give Y and N in proportion to v and to r, in the
+    order Y v, Y r, N v, N r. Effects speak of a hull by the other tuples: what brakes her straight ahead, what
+    resists when she is dragged sideways, and her force and moment in drift and turn. ``keeps_sign`` are
+    coefficients that damp. A ``primed`` model's coefficients are without dimension, so that they grow with the
+    ship's length; ``munk`` tells that the moment of u v that the added masses give stands beside N's
+    coefficients, not in them.
+    """
+
+    entry: type
+    numbers: tuple[str, ...]
+    force: Callable[..., tuple[float, float, float]]
+    linear: tuple[str, str, str, str]
+    resistance: tuple[str, ...]
+    cross_flow_drag: tuple[str, ...]
+    drift_force: tuple[str, ...]
+    drift_moment: tuple[str, ...]
+    turning_force: tuple[str, ...]
+    turning_drag: tuple[str, ...]
+    yaw_damping: tuple[str, ...]
+    keeps_sign: tuple[str, ...]
+    primed: bool = False
+    munk: bool = False
+
+    @property
+    def turning(self) -> tuple[str, ...]:
+        """The coefficients of force and moment that the turning rate alone gives, or with the speed ahead."""
+        return self.turning_force + self.yaw_damping
+
+    def sideways(self, axis: str) -> list[str]:
+        """The other coefficients of the force Y or the moment N."""
+        first = axis if axis == "N" else ("Y", "C_D")
+        return [name for name in self.numbers if name.startswith(first) and name not in self.turning]
+
+    def moments_of(self) -> list[tuple[str, str]]:
+        """Pairs of a moment's coefficient and the side force's of like name."""
+        pairs = ((name, f"Y{name[1:]}") for name in self.numbers if name.startswith("N"))
+        return [(moment, force) for moment, force in pairs if force in self.numbers]
+
+    def unit(self, name: str, water_density_kgpm3: float, length_m: float, draught_m: float) -> float:
+        """What a coefficient of Y or N is multiplied with to be in SI, at its power of speed and yaw rate."""
+        if not self.primed:
+            return 1.0
+        levers = name.startswith("N") + name.partition("_")[2].count("r")
+        return 0.5 * water_density_kgpm3 * length_m * draught_m * length_m**levers

@@ -1,0 +1,135 @@
+"""The hull as a polynomial of u, v, r (paper, eq. 3-4), with the added-mass Coriolis terms beside it.
+
+Structure of the published R/V Gunnerus manoeuvring model; there are no linear terms, so near standstill the damping
+is quadratic only. Everything here is relative to the water, SI and radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import StrictFloat as Number
+
+from analysis.compiling import Record, compiled
+from hybrid.vessel.hulls.kind import HullModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Polynomial:
+    """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|."""
+
+    model: Literal["polynomial"]
+    Xuu: Number
+    Xvv: Number
+    Xrr: Number
+    Xrv: Number
+    Xuvv: Number
+    Xrvu: Number
+    Xurr: Number
+    Xu_absv: Number
+    Yuv: Number
+    Yur: Number
+    Yuur: Number
+    Yuuv: Number
+    Yvvv: Number
+    Yrrr: Number
+    Yrrv: Number
+    Yvvr: Number
+    Y_absr_v: Number
+    Y_absv_v: Number
+    Y_absr_r: Number
+    Y_absv_r: Number
+    Nuv: Number
+    Nur: Number
+    Nuur: Number
+    Nuuv: Number
+    Nvvv: Number
+    Nrrr: Number
+    Nrrv: Number
+    Nvvr: Number
+    N_absr_v: Number
+    N_absv_v: Number
+    N_absr_r: Number
+    N_absv_r: Number
+
+
+NUMBERS = (
+    "Xuu", "Xvv", "Xrr", "Xrv", "Xuvv", "Xrvu", "Xurr", "Xu_absv", "Yuv", "Yur", "Yuur", "Yuuv", "Yvvv", "Yrrr",
+    "Yrrv", "Yvvr", "Y_absr_v", "Y_absv_v", "Y_absr_r", "Y_absv_r", "Nuv", "Nur", "Nuur", "Nuuv", "Nvvv",
+    "Nrrr", "Nrrv", "Nvvr", "N_absr_v", "N_absv_v", "N_absr_r", "N_absv_r",
+)  # fmt: skip
+(
+    XUU, XVV, XRR, XRV, XUVV, XRVU, XURR, XU_ABSV, YUV, YUR, YUUR, YUUV, YVVV, YRRR, YRRV, YVVR, Y_ABSR_V,
+    Y_ABSV_V, Y_ABSR_R, Y_ABSV_R, NUV, NUR, NUUR, NUUV, NVVV, NRRR, NRRV, NVVR, N_ABSR_V, N_ABSV_V, N_ABSR_R,
+    N_ABSV_R,
+) = range(len(NUMBERS))  # fmt: skip
+
+
+@compiled
+def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]:
+    """Force and moment X [N], Y [N], N [N m] at the speeds ``u, v`` [m/s] and yaw rate ``r`` [rad/s]."""
+    h = p.hull
+    au, av, ar = abs(u), abs(v), abs(r)
+    uu, vv, rr, uv, ur, rv = u * u, v * v, r * r, u * v, u * r, r * v
+    X = (
+        -p.Yvd * rv
+        - p.Yrd * rr
+        + h[XUU] * u * au
+        + h[XVV] * vv
+        + h[XRR] * rr
+        + h[XRV] * rv
+        + h[XUVV] * u * vv
+        + h[XRVU] * rv * u
+        + h[XURR] * u * rr
+        + h[XU_ABSV] * u * av
+    )
+    Y = (
+        p.Xud * ur
+        + h[YUV] * uv
+        + h[YUR] * ur
+        + h[YUUR] * uu * r
+        + h[YUUV] * uu * v
+        + h[YVVV] * vv * v
+        + h[YRRR] * rr * r
+        + h[YRRV] * rr * v
+        + h[YVVR] * vv * r
+        + h[Y_ABSR_V] * ar * v
+        + h[Y_ABSV_V] * av * v
+        + h[Y_ABSR_R] * ar * r
+        + h[Y_ABSV_R] * av * r
+    )
+    N = (
+        (p.Yvd - p.Xud) * uv
+        + p.Yrd * ur
+        + h[NUV] * uv
+        + h[NUR] * ur
+        + h[NUUR] * uu * r
+        + h[NUUV] * uu * v
+        + h[NVVV] * vv * v
+        + h[NRRR] * rr * r
+        + h[NRRV] * rr * v
+        + h[NVVR] * vv * r
+        + h[N_ABSR_V] * ar * v
+        + h[N_ABSV_V] * av * v
+        + h[N_ABSR_R] * ar * r
+        + h[N_ABSV_R] * av * r
+    )
+    return X, Y, N
+
+
+POLYNOMIAL = HullModel(
+    entry=Polynomial,
+    numbers=NUMBERS,
+    force=force,
+    linear=("Yuv", "Yur", "Nuv", "Nur"),
+    resistance=("Xuu",),
+    cross_flow_drag=("Y_absv_v", "N_absv_v"),
+    drift_force=("Yuv", "Yuuv", "Yvvv"),
+    drift_moment=("Nuv", "Nuuv", "Nvvv"),
+    turning_force=("Yur", "Yuur", "Yrrr", "Y_absr_r"),
+    turning_drag=("Xrr", "Xurr", "Xrv", "Xrvu"),
+    yaw_damping=("Nur", "Nuur", "Nrrr", "N_absr_r"),
+    keeps_sign=("Xuu",),
+    munk=True,
+)
