@@ -65,7 +65,7 @@ from hybrid.report.plots import COLOUR, plain_numbers
 from hybrid.report.words import join_words
 from hybrid.reproduction.campaign import MODEL, TRUTH, paper_campaign
 from hybrid.vessel.files import load_vessel
-from hybrid.vessel.plant import HULL, Plant
+from hybrid.vessel.plant import Plant
 
 # %% [markdown]
 # ## Degraded references
@@ -115,7 +115,10 @@ def single_degradations(
     weather = {name: getattr(reference, name) for name in ENVIRONMENT}
     other_weather = {name: getattr(truth, name) for name in ENVIRONMENT}
     return (
-        *(Degradation(COEFFICIENTS, f"hull x {each:g}", truth.scaled(each, *HULL)) for each in factors),
+        *(
+            Degradation(COEFFICIENTS, f"hull x {each:g}", truth.scaled(each, *truth.hull_model.numbers))
+            for each in factors
+        ),
         *(Degradation(THRUST, f"thrust x {each:g}", truth.scaled(each, *THRUST_NUMBERS)) for each in factors),
         Degradation(MISSING, "without current and wave drift", replace(truth, **weather)),
         Degradation(MISSING, "without what changed the ship", replace(reference, **other_weather)),
@@ -135,7 +138,7 @@ def blended(truth: Plant, reference: Plant, share: float) -> Plant:
 
 def livelier(reference: Plant, factor: float) -> Plant:
     """The hull's coefficients divided, the thrust multiplied: a ship that answers ever more than she should."""
-    return reference.scaled(1.0 / factor, *HULL).scaled(factor, *THRUST_NUMBERS)
+    return reference.scaled(1.0 / factor, *reference.hull_model.numbers).scaled(factor, *THRUST_NUMBERS)
 
 
 # %% [markdown]
