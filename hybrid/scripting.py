@@ -156,7 +156,7 @@ def simulate(
     from hybrid.vessel.files import load_vessel
 
     target, ship = Path(path), load_vessel(vessel)
-    known = catalogue_with(actuators=ship.actuators) if catalogue is None else catalogue
+    known = catalogue_with(vessel=ship) if catalogue is None else catalogue
     table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)
     latitude_deg, longitude_deg = ORIGIN_DEG
     trial = Trial(
@@ -338,7 +338,7 @@ def diagnose(
     from hybrid.workflows.diagnose import diagnose_files
 
     ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
-    catalogue = catalogue_with(effect_files, without, ship.actuators)
+    catalogue = catalogue_with(effect_files, without, ship)
     with bar("diagnosing") as progress:
         return diagnose_files(
             as_paths(recordings), ship, tolerance_percent / 100.0, catalogue, percent_of(part),
@@ -364,7 +364,7 @@ def plan(
     from hybrid.vessel.files import DEFAULT, load_vessel
 
     ship, sea = load_vessel(vessel or DEFAULT), sea_state_named(sea_state)
-    catalogue, share = catalogue_with(effect_files, without, ship.actuators), tolerance_percent / 100.0
+    catalogue, share = catalogue_with(effect_files, without, ship), tolerance_percent / 100.0
     parts = programme_of(manoeuvres, ship, duration_min)
     with bar("noise") as progress:
         noise = noise_in(ship, sea, share, catalogue, progress)

@@ -116,7 +116,7 @@ def _is_union_tag(key: str | int, raw: dict[str, Any], location: tuple[str | int
         in_list = isinstance(value, list) and isinstance(part, int) and part < len(value)
         if in_list or (isinstance(value, dict) and part in value):
             value = value[part]
-    return isinstance(value, dict) and value.get("type") == key and key not in value
+    return isinstance(value, dict) and key not in value and key != location[-1]
 
 
 def _explain(error: Any) -> str:

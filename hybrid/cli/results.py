@@ -54,7 +54,7 @@ def diagnose(
     from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
     ship = load_vessel(vessel or DEFAULT)
-    catalogue = catalogue_with(effects or (), without or (), ship.actuators)
+    catalogue = catalogue_with(effects or (), without or (), ship)
     make_folder(output)  # before minutes of work
     with bar("diagnosing") as progress:
         diagnosed = diagnose_files(

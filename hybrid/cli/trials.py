@@ -73,7 +73,7 @@ def simulate(
     from hybrid.vessel.files import load_vessel
 
     ship = load_vessel(vessel)
-    catalogue = catalogue_with(effects_file or (), actuators=ship.actuators)
+    catalogue = catalogue_with(effects_file or (), vessel=ship)
     hidden = parse_effects(hide or (), catalogue)
     table = run(output, vessel, sea_state, manoeuvre, duration, rate, seed, hidden, catalogue=catalogue)
     samples, truth = int(table.notna().to_numpy().sum()), output.with_suffix(".truth.json")
@@ -114,7 +114,7 @@ def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_
     from hybrid.effects.catalogue import VERSION, catalogue_with
     from hybrid.vessel.files import DEFAULT, load_vessel
 
-    catalogue = catalogue_with(effects_file or (), actuators=load_vessel(vessel or DEFAULT).actuators)
+    catalogue = catalogue_with(effects_file or (), vessel=load_vessel(vessel or DEFAULT))
     if as_json:
         listed = [effect.as_dict() for effect in catalogue.values()]
         typer.echo(json.dumps({"version": VERSION, "effects": listed}))

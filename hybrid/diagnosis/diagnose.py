@@ -17,7 +17,7 @@ from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import select_effects
 from hybrid.diagnosis.verdict import Conclusion, reach_verdict
 from hybrid.effects import Catalogue
-from hybrid.effects.catalogue import catalogue_for
+from hybrid.effects.catalogue import catalogue_of
 from hybrid.vessel.parameters import Vessel
 
 TOLERANCE = 0.01
@@ -45,7 +45,7 @@ def diagnose(
         return lambda share: progress(first + (last - first) * share)
 
     with threadpool_limits(1, user_api="blas"):  # the filter has its own threads, and more only wait for each other
-        every = catalogue_for(vessel.actuators) if catalogue is None else catalogue
+        every = catalogue_of(vessel) if catalogue is None else catalogue
         linearisation = linearise(log_of(tables), model_of(vessel, every), tolerance)
         estimate = estimate_noise(linearisation, part(0.1, 0.3))
         estimate = choose_input_hold(estimate, part(0.3, 0.4))

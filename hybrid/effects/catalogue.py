@@ -13,6 +13,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
+from math import log2
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects import environment, hull, sensors
 from hybrid.vessel.actuators import KINDS
-from hybrid.vessel.effect import FAMILIES, Effect, Values
+from hybrid.vessel.effect import FAMILIES, Effect, Parameter, Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
 
@@ -37,10 +38,34 @@ def _actuator_effects(actuators: Actuators) -> list[Effect]:
     return sorted(each, key=lambda effect: FAMILIES.index(effect.family))
 
 
+USUAL_LENGTH_M = 30.0
+"""The length of a ship for which the effects' ordinary sizes are written down."""
+
+_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5}
+"""How what is ordinary grows with the length of a ship, by its unit, at the same Froude number."""
+
+
+def _scale_of(length_m: float) -> float:
+    """How many times as long a ship is as the usual one, in powers of two: sizes are orders of magnitude."""
+    return float(2.0 ** round(log2(length_m / USUAL_LENGTH_M)))
+
+
+def _sized(effect: Effect, scale: float) -> Effect:
+    """An effect whose sizes, bounds and tolerances are those of a ship so many times as long as the usual one."""
+
+    def sized(parameter: Parameter) -> Parameter:
+        factor = scale ** _POWERS.get(parameter.unit, 0.0)
+        sizes = ("low", "high", "typical", "smallest", "tolerance")
+        return replace(parameter, **{name: factor * getattr(parameter, name) for name in sizes})
+
+    return effect if scale == 1.0 else replace(effect, parameters=tuple(map(sized, effect.parameters)))
+
+
 @lru_cache(maxsize=32)
-def _catalogue_for(actuators: Actuators) -> dict[str, Effect]:
+def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
     own = _actuator_effects(actuators)
-    every = (*hull.EFFECTS, *own, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
+    unsized = (*hull.EFFECTS, *own, *hull.ASYMMETRY, *environment.EFFECTS, *sensors.EFFECTS)
+    every = [_sized(effect, scale) for effect in unsized]
     catalogue = {effect.name: effect for effect in every}
     if twice := sorted({each.name for each in every if catalogue[each.name] is not each}):
         raise ConfigurationError(
@@ -60,9 +85,17 @@ def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: b
             catalogue[rival] = replace(other, confused_with=tuple(sorted(names)) if in_order else names)
 
 
-def catalogue_for(actuators: Actuators) -> dict[str, Effect]:
-    """The catalogue of a ship with these actuators: what any ship may lack, and the effects of each actuator."""
-    return dict(_catalogue_for(actuators))
+def catalogue_for(actuators: Actuators, length_m: float = USUAL_LENGTH_M) -> dict[str, Effect]:
+    """The catalogue of a ship with these actuators: what any ship may lack, and the effects of each actuator.
+
+    What is an ordinary size of an effect goes with her length.
+    """
+    return dict(_catalogue_for(actuators, _scale_of(length_m)))
+
+
+def catalogue_of(vessel: Vessel) -> dict[str, Effect]:
+    """The catalogue of a vessel."""
+    return catalogue_for(vessel.actuators, vessel.dimensions.length_between_perpendiculars_m)
 
 
 def effect_named(name: str, catalogue: Catalogue | None = None) -> Effect:
@@ -81,7 +114,8 @@ CATALOGUE: dict[str, Effect] = catalogue_for(DEFAULT)
 
 def apply_effects(plant: Plant, effects: Mapping[str, Values], catalogue: Catalogue | None = None) -> Plant:
     """``plant`` with each named effect at its values, in the order given; by default those of its own catalogue."""
-    catalogue = _catalogue_for(plant.layout) if catalogue is None else catalogue
+    if catalogue is None:
+        catalogue = _catalogue_for(plant.layout, _scale_of(plant.length_between_perpendiculars_m))
     for name, values in effects.items():
         plant = effect_named(name, catalogue).apply(plant, values)
     return plant
@@ -93,13 +127,13 @@ def vessel_plant(vessel: Vessel, catalogue: Catalogue | None = None) -> Plant:
 
 
 def catalogue_with(
-    files: Iterable[str | Path] = (), without: Iterable[str] = (), actuators: Actuators = DEFAULT
+    files: Iterable[str | Path] = (), without: Iterable[str] = (), vessel: Vessel | None = None
 ) -> dict[str, Effect]:
-    """The catalogue of a ship with users' files added and some effects left out.
+    """The catalogue of a ship, by default R/V Gunnerus, with users' files added and some effects left out.
 
     What a user's effect is confused with is told of that other, too.
     """
-    catalogue = catalogue_for(actuators)
+    catalogue = dict(CATALOGUE) if vessel is None else catalogue_of(vessel)
     for file in files:
         own = load_effects(file)
         catalogue |= own

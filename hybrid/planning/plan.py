@@ -29,7 +29,7 @@ from hybrid.diagnosis.evidence import normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.diagnosis.log import Log, log_of
 from hybrid.effects import Catalogue, vessel_plant
-from hybrid.effects.catalogue import catalogue_for
+from hybrid.effects.catalogue import catalogue_of
 from hybrid.planning.information import (
     TOLD_APART,
     Design,
@@ -260,7 +260,7 @@ def noise_in(
 ) -> Noise:
     """The noise that a diagnosis would find in such a sea, from ten simulated minutes with sensors."""
     every = {
-        **catalogue_for(vessel.actuators),
+        **catalogue_of(vessel),
         **catalogue,
     }  # what is ruled out as missing may be known to be there
     table, _ = simulate_trial(vessel, sea, "zigzag", _NOISE_S, 1.0, catalogue=every)
@@ -282,7 +282,7 @@ def plan(
     ``tolerance`` is the share of the force range that the model may be off by. Raises :class:`ModelRangeError`
     where the programme takes the ship out of the range of her model.
     """
-    ship = vessel_plant(vessel, {**catalogue_for(vessel.actuators), **catalogue})
+    ship = vessel_plant(vessel, {**catalogue_of(vessel), **catalogue})
     asked = [rehearse(part.legs, vessel, ship, sea, round(60.0 * part.minutes)) for part in programme]
     made = rehearsals(candidates_of(vessel), vessel, ship, sea)
     joined = _joined([*asked, *made.values()])

@@ -9,7 +9,7 @@ name, more actuators, and effects added to the model as ``[effects.NAME]`` table
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, is_dataclass, replace
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -69,7 +69,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
 
     A vessel built on one of Seatrial's own states only what differs from it. Raises :class:`StorageError`.
     """
-    tree = asdict(vessel)
+    tree = _stated(vessel)
     base = _whole(vessel.base) if vessel.base in vessel_names() else {}
     if _names_in(base) and _names_in(base) <= _names_in(tree):
         tree = {key: _difference(value, base.get(key)) for key, value in tree.items()}
@@ -81,6 +81,16 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
         Path(path).write_text(_toml(tree), encoding="utf-8")
     except OSError as error:
         raise storage_error(path, error) from error
+
+
+def _stated(part: Any) -> Any:
+    """A vessel or a part of it as plain data, without what is so by default."""
+    if isinstance(part, tuple):
+        return tuple(map(_stated, part))
+    if not is_dataclass(part):
+        return dict(part) if isinstance(part, Mapping) else part
+    values = {field.name: (getattr(part, field.name), field.default) for field in fields(part)}
+    return {name: _stated(value) for name, (value, default) in values.items() if value != default}
 
 
 def with_effects(vessel: Vessel, effects: Mapping[str, Mapping[str, float]], **provenance: Any) -> Vessel:

@@ -36,8 +36,8 @@ def test_the_thruster_fits_the_makers_table(plant: Plant, shared_data: Path) -> 
     packed = pack(plant.replaced(port_x_m=0.0, port_y_m=0.0))[0]
     cosine, sine = np.cos(np.deg2rad(angle_deg)), np.sin(np.deg2rad(angle_deg))
     rows = zip(cosine, sine, rpm / 60.0, u, v, strict=True)
-    pod = packed["actuators"][0]
-    ours = np.array([force(packed, pod, np.array([c, s, n, 1.0]), a, b, 0.0) for c, s, n, a, b in rows])
+    first = 0
+    ours = np.array([force(packed, first, np.array([[c, s, n, 1.0]]), a, b, 0.0) for c, s, n, a, b in rows])
     x, y = ours[:, 0] - fx, ours[:, 1] - fy
     along, across = x * cosine + y * sine, y * cosine - x * sine
     assert np.sqrt(np.mean(along**2)) == pytest.approx(2.6e3, abs=50)

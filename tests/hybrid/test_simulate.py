@@ -205,7 +205,7 @@ def test_packed_plants_are_plants(plant: Plant) -> None:
 def test_packed_plants_need_every_number(plant: Plant) -> None:
     """An array that is no packed plant, or an empty one, is refused before the compiled loop reads it."""
     start, controls, wind = _wild(1, 3)
-    for wrong in (np.zeros((1, 100)), pack(plant)[["mass_kg", "Xuu"]], pack([plant]).reshape(1, 1)):
+    for wrong in (np.zeros((1, 100)), pack(plant)[["mass_kg", "Xud"]], pack([plant]).reshape(1, 1)):
         with pytest.raises(ConfigurationError, match="packed plants"):
             simulate(wrong, start, controls, wind, 1.0)
     with pytest.raises(ConfigurationError, match="no plant"):

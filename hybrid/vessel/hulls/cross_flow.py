@@ -19,6 +19,10 @@ EVEN_FLOW = 1e-3
 """Where the flow across differs by less than this share along the ship, the integral is its series."""
 
 
+NO_FLOW = 1e-100
+"""A speed [m/s] whose square is still a number."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossFlow:
     """Coefficients without dimension: forces by rho/2 L d U^2, moments by L times that.
@@ -47,7 +51,7 @@ X_0F, X_0A, X_VR, Y_V, Y_R, C_D, C_RY, N_V, N_R, C_RN = range(len(NUMBERS))
 @compiled
 def drag_across(v: float, w: float) -> tuple[float, float]:
     """The integrals of |v + w s| (v + w s) and of that times s, over s from -1/2 to 1/2."""
-    if abs(w) <= EVEN_FLOW * abs(v):
+    if abs(w) <= EVEN_FLOW * abs(v) + NO_FLOW:
         return v * abs(v), abs(v) * w / 6.0
     fore, aft = v + 0.5 * w, v - 0.5 * w
     first = (abs(fore) ** 3 - abs(aft) ** 3) / 3.0
