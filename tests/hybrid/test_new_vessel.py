@@ -123,7 +123,7 @@ def test_any_displacement_ship_gets_a_file_of_finite_numbers(
     tree = tomllib.loads(made.text)
     assert len(tree["actuator"]) == count
     assert all(isfinite(value) for value in tree["hull"].values() if isinstance(value, float))
-    assert all(0.0 < rpm < 1e6 for rpm in made.service_rpm.values())
+    assert all(isfinite(rpm) and rpm > 0.0 for rpm in made.service_rpm.values())
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ FITTED = 1.5
 HIRANO = "usual, Hirano 1980"
 ODD_SHARE = 0.1
 """A shaft speed said that differs by more from the one estimated is mentioned."""
-_LAG = Assumed(1.0)
+_USUAL_LENGTH_M = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def _driven(ship: Particulars, said: Propeller | Azimuth, place: tuple[float, fl
         "y_m": y_m,
         **_blades(ship, said, pitch_ratio, known, wake, deduction),
         "limit_rpm": Assumed(RESERVE * rpm, f"{rpm:.4g} rpm at service speed, and a reserve"),
-        "shaft_lag_s": _LAG,
+        "shaft_lag_s": _lag(ship, 1.0),
     }
     return Driven(Table("[[actuator]]", said.name, rows), said, x_m, y_m, wake.value, rpm)
 
@@ -115,8 +115,8 @@ def _blades(
         return {
             "propeller_diameter_m": said.diameter,
             **thrusters.pod(pitch, said.area_ratio, said.blades, known, wake, deduction),
-            "azimuth_rate_limit_dps": said.rate,
-            "azimuth_lag_s": _LAG,
+            "azimuth_rate_limit_dps": said.rate or Assumed(12.0, "two turns a minute, usual"),
+            "azimuth_lag_s": _lag(ship, 1.0),
         }
     k = screws.open_water(pitch, said.area_ratio, said.blades, known)
     return {
@@ -128,8 +128,13 @@ def _blades(
         "wake_decay": Estimate(4.0, 0.3, HIRANO),
         "wake_x_m": Estimate(-0.5 * ship.length_m, 0.3, HIRANO),
         **screws.astern(k["k_0"].value),
-        **({"pitch_lag_s": Assumed(3.0)} if said.controllable else {}),
+        **({"pitch_lag_s": _lag(ship, 3.0)} if said.controllable else {}),
     }
+
+
+def _lag(ship: Particulars, seconds: float) -> Assumed:
+    """A drive's time constant [s], that of a ship of 30 m, by Froude's law."""
+    return Assumed(seconds * sqrt(ship.length_m / _USUAL_LENGTH_M), f"assumed, {seconds:g} s at 30 m")
 
 
 def _abeam(ship: Particulars, count: int, x_m: float) -> list[tuple[float, float]]:
@@ -177,9 +182,9 @@ def _rudder(ship: Particulars, said: Rudder, shafts: Sequence[Driven], number: i
         "l_R_m": _by_length(numbers["l_R"], L),
         "lift_slope": Estimate(steering.normal_force_slope(span**2 / area_m2.value), 0.1, "Fujii and Tsuda 1961"),
         **({"eps": numbers["eps"], "kappa": numbers["kappa"]} if before else {"inflow_factor": Assumed(0.8)}),
-        "limit_deg": said.limit,
+        "limit_deg": said.limit or Assumed(35.0, "usual"),
         "rate_limit_dps": said.rate or Assumed(steering.usual_rate_dps(ship), "65 degrees in 28 s at 100 m, SOLAS"),
-        "lag_s": Assumed(0.5),
+        "lag_s": _lag(ship, 0.5),
     }
     return Table("[[actuator]]", said.name, rows)
 
@@ -218,7 +223,7 @@ def tunnel(ship: Particulars, said: Tunnel) -> Table:
         "quadratic_n": replace(force, value=force.value / said.rpm**2),
         "linear_n": 0.0,
         "limit_rpm": said.rpm,
-        "shaft_lag_s": _LAG,
+        "shaft_lag_s": _lag(ship, 1.0),
     })  # fmt: skip
 
 

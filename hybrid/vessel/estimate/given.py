@@ -37,7 +37,7 @@ class Azimuth:
     rpm: float | None = None
     x: float | None = None
     y: float | None = None
-    rate: float = 12.0
+    rate: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class Rudder:
     behind: str | None = None
     x: float | None = None
     y: float | None = None
-    limit: float = 35.0
+    limit: float | None = None
     rate: float | None = None
 
 
