@@ -114,7 +114,9 @@ def _zigzags_and_turns(
 
 
 def helm_of(motion: Motion) -> Floats:
-    """The helm [deg], nothing where no drive runs."""
+    """The helm [deg], nothing where it steers by thrust and no drive runs."""
+    if not motion.steers_by_thrust:
+        return motion.helm_deg
     push = np.linalg.norm([*motion.drives.values()], axis=0)
     running = push > max(_RUNNING_SHARE * float(np.percentile(push, 99)), 10.0 * motion.drive_noise_rpm)
     return np.where(running, motion.helm_deg, 0.0)

@@ -60,6 +60,10 @@ class Current:
         }
 
 
+HELMS = ("azimuth_deg", "rudder_deg", "nozzle_deg")
+"""The settings that a helm may be, by what the ship is steered with."""
+
+
 @dataclass(frozen=True, slots=True)
 class Manoeuvre:
     """One manoeuvre: ``start`` is its execute, the first change of the command.
@@ -84,6 +88,11 @@ class Manoeuvre:
     def sided_name(self) -> str:
         """The name, with the side where it does not say it."""
         return f"{self.name} to {self.side}" if self.side and self.side not in self.name else self.name
+
+    @property
+    def helm_deg(self) -> float | None:
+        """The helm that was held, as its actuators count it; None for a manoeuvre without."""
+        return next((self.settings[name] for name in HELMS if name in self.settings), None)
 
     @property
     def sign(self) -> float:
@@ -211,9 +220,7 @@ def add_limits(manoeuvres: Iterable[Manoeuvre], length_m: float | None) -> tuple
     The largest helm is that of all zigzags and turns of the recording.
     """
     every = tuple(manoeuvres)
-    largest = max(
-        (abs(each.settings["azimuth_deg"]) for each in every if "azimuth_deg" in each.settings), default=0.0
-    )
+    largest = max((abs(each.helm_deg or 0.0) for each in every), default=0.0)
     return tuple(_add_limits(each, length_m, largest) for each in every)
 
 
@@ -230,7 +237,7 @@ def is_turning_test(helm_deg: float, largest_deg: float) -> bool:
 def _add_limits(each: Manoeuvre, length_m: float | None, largest_deg: float) -> Manoeuvre:
     if each.kind not in ("zigzag", "turning_circle", "course_change"):
         return each
-    helm_deg, limits, notes = abs(each.settings["azimuth_deg"]), dict[str, float | None](), list[str]()
+    helm_deg, limits, notes = abs(each.helm_deg or 0.0), dict[str, float | None](), list[str]()
     if each.kind == "zigzag":
         test = (helm_deg, each.settings["switch_deg"], length_m, each.settings["approach_mps"])
         limits |= {f"overshoot_{number}_deg": overshoot_limit_deg(number, *test) for number in (1, 2)}

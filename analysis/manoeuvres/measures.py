@@ -28,13 +28,38 @@ from analysis.manoeuvres.motion import MEASURED_COLUMNS, Motion, noise_of, runni
 APPROACH_S = 10.0
 
 
-def level_before(motion: Motion, command: Floats, plateau: Plateau, seconds: float = 4.0) -> float:
+_LONGEST_CHANGE_S = 15.0
+_SLOWEST_RUDDER_DPS = 2.0
+"""Steering gear takes 28 s at most from 35 deg to 30 deg on the other side, 2.3 deg/s (SOLAS II-1/29)."""
+
+
+def helm_change_s(motion: Motion, change_deg: float) -> float:
+    """How long the helm may take for a change [s]: a rudder as long as its gear needs, a thruster less."""
+    return abs(change_deg) / _SLOWEST_RUDDER_DPS if not motion.steers_by_thrust else 0.0
+
+
+def helm_execute_s(motion: Motion, helm: Floats, plateau: Plateau) -> tuple[float, float]:
+    """When the helm began to go to a plateau, from where it was before, and was half way there [s]."""
+    change_s = helm_change_s(motion, plateau.level)
+    before = level_before(motion, helm, plateau, longest_s=max(_LONGEST_CHANGE_S, change_s + 5.0) + 1.0)
+    earliest = motion.row_before(plateau.first, max(_LONGEST_CHANGE_S, change_s + 5.0))
+    return execute_s(motion.time_s, helm, plateau, before, earliest)
+
+
+def level_before(
+    motion: Motion,
+    command: Floats,
+    plateau: Plateau,
+    seconds: float = 4.0,
+    longest_s: float = _LONGEST_CHANGE_S + 1.0,
+) -> float:
     """The level a command had shortly before it went to a plateau: the median of ``seconds`` before the change.
 
-    The change itself is where the command is nearer to the plateau than to where it was before.
+    The change itself, which takes ``longest_s`` at most, is where the command is nearer to the plateau than to
+    where it was before.
     """
     rows = round(seconds / motion.step_s)
-    first = motion.row_before(plateau.first, 4.0 * seconds)
+    first = motion.row_before(plateau.first, longest_s)
     ahead = command[first : plateau.first + 1]
     start = float(np.median(ahead[: max(rows, 1)]))
     share = (ahead - start) / (plateau.level - start) if plateau.level != start else np.zeros(ahead.size)
@@ -333,9 +358,22 @@ def execute_s(
     inside = plateau.first - earliest + max(1, (plateau.end - plateau.first) // 4)
     half = _last_crossing(share[: inside + 1], 0.5)
     tenth = _last_crossing(share[: int(half) + 2], 0.1)
+    rest = _first_crossing(share[int(half) :], 0.9)
+    if half - tenth > _CREEP * (rest + 0.25) and before != (near := float(values[earliest + int(half)])):
+        # a hand that held the course crept this way before: the order began where the last of it began
+        return execute_s(time_s, values, plateau, near, earliest)
     rows = earliest + np.array([max(0.0, tenth - 0.25 * (half - tenth)), half])
     start, middle = np.interp(rows, np.arange(time_s.size), time_s)
     return float(start), float(middle)
+
+
+_CREEP = 4.0  # times as long as the last half of a change, and a row: no drive begins so slowly
+
+
+def _first_crossing(share: Floats, level: float) -> float:
+    """How many rows it takes ``share`` to rise to ``level``."""
+    above = np.flatnonzero(share >= level)
+    return float(above[0]) if above.size else float(share.size)
 
 
 def _last_crossing(share: Floats, level: float) -> float:

@@ -4,25 +4,26 @@ The path joins position and speed. The speeds, turned by the heading and integra
 the positions do not drift but may be quantised, jump or carry a wrong time. Their difference is slow, so a fit
 over half a minute takes the noise out of it without rounding off the path.
 
-The helm is the direction of the thrust of all azimuth thrusters together, taken as the square of the shaft speed:
-that is the common angle of alike drives, the angle of the one that runs when the others stand, and straight ahead
-for a drive that pulls while it looks aft. Those at the other end of the ship, which turn her by the opposite angle,
-are told by just that, and count with it.
+The helm of a ship with rudders is their mean angle. Of one that steers by her thrust, by azimuth thrusters or
+waterjets, it is the direction of the thrust of them all together, taken as the square of the shaft speed: that is
+the common angle of alike drives, the angle of the one that runs when the others stand, and straight ahead for a
+drive that pulls while it looks aft. Those at the other end of the ship, which turn her by the opposite angle, are
+told by just that, and count with it. A ship with neither has no helm.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import Actuator
+from acquisition.core.actuators import KINDS, Actuator, Actuators
 from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.channels import POSE, VELOCITY, is_circular
 from acquisition.core.errors import InputError
 from analysis.estimation.local_polynomial import local_quadratic
@@ -37,6 +38,7 @@ _PATH_HALF_WIDTH_S = 20.0
 _GLITCH_DEG, _GLITCH_SIGMAS = 3.0, 8.0
 _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
+_RUDDER = "rudder"  # what a ship is steered by whose helm works without thrust
 _AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is at the other end of the ship
 
 
@@ -44,13 +46,16 @@ _AGAINST = -0.9  # correlation of side thrusts under way, below which a drive is
 class Motion:
     """Rows of one even grid, all [rows]: ``time_s`` since ``origin_ns`` (UTC).
 
-    ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180 and means nothing where no
-    drive runs. ``thrust`` is the sum of n|n| along the bow of all drives [rpm^2]. ``drives`` are the shafts of the
-    azimuth thrusters and ``tunnels`` those of tunnel thrusters [rpm], by channel. ``known`` says where pose and
-    speeds were measured; elsewhere they are interpolated. ``broken`` says where position or heading jump as
-    no ship does, as where a piece was cut out of a recording: nothing reaches across it. ``path_sd_m`` is the
-    standard deviation of a point of the path, by how the positions wander about it. ``orders_are_events`` says
-    that the azimuth was recorded when it changed and filled in between, so that nobody knows when it began to.
+    ``heading_deg`` runs on without jumps of a turn. ``helm_deg`` is -180 < x <= 180, as the actuators of the kind
+    that ``steering`` names count it ("azimuth", "rudder", "nozzle"; "" for none); of one that steers by thrust it
+    means nothing where no drive runs. ``thrust`` is the sum of n|n| along the bow of all drives [rpm^2]. ``drives``
+    are the shafts of what drives the ship and ``tunnels`` those of tunnel thrusters [rpm], by channel, ``words``
+    what each is called; the shaft of a controllable propeller counts as what gives her thrust at full pitch.
+    ``known`` says where pose and speeds were measured; elsewhere they are interpolated. ``broken`` says where
+    position or heading jump as no ship does, as where a piece was cut out of a recording: nothing reaches across.
+    ``path_sd_m`` is the standard deviation of a point of the path, by how the positions wander about it.
+    ``orders_are_events`` says that the helm was recorded when it changed and filled in between, so that nobody
+    knows when it began to.
     """
 
     origin_ns: int
@@ -69,6 +74,13 @@ class Motion:
     broken: NDArray[np.bool_]
     path_sd_m: float = 0.0
     orders_are_events: bool = False
+    steering: str = "azimuth"
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def steers_by_thrust(self) -> bool:
+        """Whether the helm does nothing where no drive runs."""
+        return self.steering != _RUDDER
 
     @property
     def main_rpm(self) -> Floats:
@@ -97,7 +109,9 @@ class Motion:
     def rows(self, first: int, end: int) -> Motion:
         """The rows from ``first`` up to ``end``."""
         part = slice(max(first, 0), end)
-        columns = {each.name: _part(getattr(self, each.name), part) for each in fields(self)}
+        columns = {
+            each.name: _part(getattr(self, each.name), part) for each in fields(self) if each.name != "words"
+        }
         return replace(self, **columns)
 
     def between(self, start_s: float, end_s: float) -> Motion:
@@ -138,19 +152,25 @@ def _part(values: Any, part: slice) -> Any:
 MEASURED_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 
 
+def steering_of(actuators: Actuators) -> Actuators:
+    """What a ship is steered by: her rudders, else the drives that turn their thrust; none where she has none."""
+    able = tuple(each for each in actuators if each.angle is not None)
+    return tuple(each for each in able if not each.drives) or able
+
+
 def motion_of(table: pd.DataFrame) -> Motion:
     """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz.
 
-    Raises :class:`InputError` where pose, speeds or the first azimuth thruster are missing; what is not recorded of
-    the other actuators stands.
+    Raises :class:`InputError` where pose, speeds or the first actuator to steer by are missing, or where nothing
+    drives the ship; what is not recorded of the other actuators stands.
     """
     actuators = table_actuators(table)
-    azimuths = [each for each in actuators if each.kind == "azimuth"]
-    if not azimuths:
-        raise InputError("the ship has no azimuth thruster to steer her by", fix="name the actuators in the trial")
-    require(table, (*POSE, *VELOCITY, *(channel.name for channel in azimuths[0].channels)))
+    steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
+    if not driving:
+        raise InputError("the ship has nothing that drives her ahead", fix="name the actuators in the trial")
+    require(table, (*POSE, *VELOCITY, *(channel.name for channel in (*steering, *driving)[0].channels)))
     heading = _cleaned_heading(table)
-    grid = resample(table.assign(heading_deg=heading), _rate_hz(table))
+    grid = _with_sharp_settings(resample(table.assign(heading_deg=heading), _rate_hz(table)), table)
     time_ns = times_ns(grid)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
@@ -166,20 +186,23 @@ def motion_of(table: pd.DataFrame) -> Motion:
     slow = [_smooth_pieces(rest, broken, step_s) for rest in apart]
     spread = float(np.hypot(_wander_m(apart[0] - slow[0], step_s), _wander_m(apart[1] - slow[1], step_s)))
     north, east = reckoned[0] + slow[0], reckoned[1] + slow[1]
-    drives = {each.channels[0].name: _shaft(grid, each) for each in azimuths}
-    tunnels = {each.channels[0].name: _shaft(grid, each) for each in actuators if each.kind == "tunnel"}
-    helm, thrust = _helm_and_thrust(grid, azimuths, surge)
+    sideways = [each for each in actuators if not each.drives and each.angle is None]
+    shafts = {each: (_shaft_name(each), _shaft(grid, each)) for each in (*driving, *sideways)}
+    drives, tunnels = (dict(shafts[each] for each in some) for some in (driving, sideways))
+    words = {name: _called(each) for each, (name, _) in shafts.items()}
+    helm, thrust = _helm_and_thrust(grid, steering, driving, surge)
+    kind = KINDS[steering[0].kind].parts[-1] if steering else ""
     return Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
-        known & ~broken, broken, spread, orders_are_events(table),
+        known & ~broken, broken, spread, orders_are_events(table), kind, words,
     )  # fmt: skip
 
 
 def orders_are_events(table: pd.DataFrame) -> bool:
-    """Whether an azimuth's values between its changes are made up: straight lines, or lines that were repaired."""
+    """Whether a helm's values between its changes are made up: straight lines, or lines that were repaired."""
     repaired = {entry["options"].get("channel") for entry in history_of(table)
               if entry["options"].get("code") == ORDER_INTERPOLATED}  # fmt: skip
-    angles = [name for name in table_controls(table) if is_circular(name)]
+    angles = [each.angle.name for each in steering_of(table_actuators(table)) if each.angle is not None]
     return bool(repaired & set(angles)) or bool(check_orders(table[[*filter(table.__contains__, angles)]]).findings)
 
 
@@ -207,6 +230,23 @@ def _rate_hz(table: pd.DataFrame) -> float:
     interval_s = float(np.median(np.diff(times))) / NANO if times.size > 1 else 1.0
     rate = min(1.0 / interval_s, FASTEST_HZ)
     return float(np.round(rate)) if rate >= 1.0 else rate
+
+
+def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
+    """The grid with the settings of a faster table as they are at its rows.
+
+    The filter against aliases makes a ramp of a step, and a ramp begins early: an execute is a matter of the tenth
+    of a second where a model turns by 3 deg in one.
+    """
+    at, sharp = times_ns(grid), {}
+    for name in filter(table.__contains__, table_controls(table)):
+        samples = table[name].dropna().sort_index()
+        stamps = times_ns(samples.to_frame())
+        if stamps.size > 1 and np.median(np.diff(stamps)) < 0.8 * NANO / FASTEST_HZ:
+            values = samples.to_numpy(dtype=float)
+            values = np.interp(at, stamps, unwrap(values) if is_circular(name) else values)
+            sharp[name] = wrap_180(values) if is_circular(name) else values
+    return grid.assign(**sharp)
 
 
 def _cleaned_heading(table: pd.DataFrame) -> Floats:
@@ -276,25 +316,61 @@ def stretches(true: NDArray[np.bool_], least_rows: int = 1) -> list[tuple[int, i
     return [(int(a), int(b)) for a, b in zip(*runs(true), strict=True) if b - a >= least_rows]
 
 
+def _shaft_name(actuator: Actuator) -> str:
+    """The channel of a shaft, or what the shaft of a controllable propeller would turn at full pitch."""
+    return actuator.channels[0].name if _pitch_of(actuator) is None else f"{actuator.name}_at_full_pitch_rpm"
+
+
+def _pitch_of(actuator: Actuator) -> str | None:
+    """The channel of an actuator's pitch."""
+    return next((each.name for each in actuator.channels if each.unit == "%"), None)
+
+
+def _called(actuator: Actuator) -> str:
+    """What a drive or a tunnel thruster is called: the port thruster, the propeller."""
+    noun = {"azimuth": "thruster", "tunnel": "thruster", "waterjet": "waterjet"}.get(actuator.kind, "propeller")
+    name = actuator.name.replace("_", " ")
+    return name if noun in name else f"{name} {noun}"
+
+
 def _shaft(grid: pd.DataFrame, actuator: Actuator) -> Floats:
-    """The shaft speed of an actuator [rpm]; one that is not recorded stands."""
-    name = actuator.channels[0].name
-    return fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
+    """The shaft speed of an actuator [rpm], at full pitch; one that is not recorded stands."""
+    name, pitch = actuator.channels[0].name, _pitch_of(actuator)
+    rpm = fill_gaps(grid[name].to_numpy()) if name in grid else np.zeros(len(grid))
+    if pitch is None or pitch not in grid:
+        return rpm
+    share = fill_gaps(grid[pitch].to_numpy()) / 100.0  # thrust goes with the pitch and the square of the speed
+    return np.asarray(rpm * np.sign(share) * np.sqrt(np.abs(share)))
 
 
-def _helm_and_thrust(grid: pd.DataFrame, azimuths: Sequence[Actuator], surge: Floats) -> tuple[Floats, Floats]:
-    """Helm [deg] and thrust along the bow [rpm^2] of all azimuth thrusters."""
-    pushes = []
-    for each in azimuths:
-        rpm, angle = _shaft(grid, each), each.channels[1].name
-        # Where an angle is missing the shaft still pushes: straight ahead is the least that can be said.
-        known = fill_gaps(unwrap(grid[angle].to_numpy())) if angle in grid else np.zeros(len(grid))
-        pushes.append(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(known)))
+def _angle(grid: pd.DataFrame, actuator: Actuator) -> Floats:
+    """The angle of an actuator [deg], running on; where it is missing straight ahead, the least to be said."""
+    if actuator.angle is None or actuator.angle.name not in grid:
+        return np.zeros(len(grid))
+    return fill_gaps(unwrap(grid[actuator.angle.name].to_numpy()))
+
+
+def _helm_and_thrust(
+    grid: pd.DataFrame, steering: Actuators, driving: Actuators, surge: Floats
+) -> tuple[Floats, Floats]:
+    """Helm [deg] and thrust along the bow [rpm^2]."""
+    pushes = {each: _push(grid, each) for each in driving}
+    ahead = np.sum([push.real for push in pushes.values()], axis=0)
+    if not steering or not steering[0].drives:
+        known = [each for each in steering if each.angle is not None and each.angle.name in grid]
+        return np.mean([_angle(grid, each) for each in known], axis=0) if known else np.zeros(len(grid)), ahead
+    turned = [pushes[each] for each in steering]
     under_way = np.abs(surge) >= 0.5 * np.percentile(np.abs(surge), 98)
-    sides = [_side_of(push.imag[under_way], pushes[0].imag[under_way]) for push in pushes]
-    ahead = np.sum([push.real for push in pushes], axis=0)
-    aside = np.sum([side * push.imag for side, push in zip(sides, pushes, strict=True)], axis=0)
-    return wrap_180(np.rad2deg(np.arctan2(aside, ahead))), ahead
+    sides = [_side_of(push.imag[under_way], turned[0].imag[under_way]) for push in turned]
+    along = np.sum([push.real for push in turned], axis=0)
+    aside = np.sum([side * push.imag for side, push in zip(sides, turned, strict=True)], axis=0)
+    return wrap_180(np.rad2deg(np.arctan2(aside, along))), ahead
+
+
+def _push(grid: pd.DataFrame, actuator: Actuator) -> Complexes:
+    """n|n| of a drive in the direction of its thrust [rpm^2]."""
+    rpm = _shaft(grid, actuator)
+    return np.asarray(rpm * np.abs(rpm) * np.exp(1j * np.deg2rad(_angle(grid, actuator))))
 
 
 def _side_of(aside: Floats, first: Floats) -> float:

@@ -310,10 +310,10 @@ def find_thruster_tests(
     cases = {}
     for name in motion.drives if len(motion.drives) > 1 else ():
         others = _all(idle for other, (_, idle) in state.items() if other != name)
-        cases[f"{_words(name)} thruster alone"] = state[name][0] & others
+        cases[f"{motion.words[name]} alone"] = state[name][0] & others
     for name, rpm in motion.tunnels.items():
         for sign in (1.0, -1.0):
-            cases[f"{_words(name)} thruster to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
+            cases[f"{motion.words[name]} to {side_of(sign)}"] = state[name][0] & (sign * rpm > 0) & alike
     driven, sideways = ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
     found = _tests_of(motion, "crabbing", "crabbing", _bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
@@ -327,10 +327,6 @@ def find_thruster_tests(
 
 def _all(masks: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
     return np.asarray(np.logical_and.reduce(list(masks)))
-
-
-def _words(shaft: str) -> str:
-    return shaft.removesuffix("_rpm").replace("_", " ")
 
 
 def _tests_of(

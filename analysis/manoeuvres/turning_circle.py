@@ -28,9 +28,8 @@ from analysis.manoeuvres.measures import (
     crossing_s,
     distance_m,
     event_notes,
-    execute_s,
     half_width_s,
-    level_before,
+    helm_execute_s,
     smooth_motion,
 )
 from analysis.manoeuvres.motion import Motion
@@ -57,8 +56,7 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float)
 
 def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float | None) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices."""
-    earliest = motion.row_before(each.first, 15.0)
-    start, half = execute_s(motion.time_s, helm, each, level_before(motion, helm, each), earliest)
+    start, half = helm_execute_s(motion, helm, each)
     end = float(motion.time_s[each.end - 1])
     part = motion.around(start, end, _MARGIN_S)
     turned = motion.at("heading_deg", end) - motion.at("heading_deg", start)
@@ -66,7 +64,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
     width = half_width_s(part, quarter_s)
     found = bootstrap_indices(part, np.array([start, half, end]), width, circle_indices)
     settings = {
-        "azimuth_deg": each.level,
+        f"{motion.steering}_deg": each.level,
         "turned_deg": abs(turned),
         "half_command_s": half - start,
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),

@@ -25,8 +25,9 @@ from analysis.manoeuvres.measures import (
     event_notes,
     execute_s,
     half_width_s,
+    helm_change_s,
+    helm_execute_s,
     is_same_order,
-    level_before,
     peak,
 )
 from analysis.manoeuvres.motion import Motion
@@ -38,6 +39,7 @@ _MARGIN_S = 30.0
 _STEADY_SHARE = 0.2
 _SWITCH_SHARE = 0.16  # people switch early and late
 _INITIAL_TURN_DEG = 10.0
+_GATHERED_WAY = 0.2  # of the approach's speed: no ship gains it by swinging
 
 
 def zigzag_chains(motion: Motion, held: Sequence[Plateau], fewest: int = FEWEST_SWINGS) -> list[list[Plateau]]:
@@ -63,7 +65,7 @@ def _continues(motion: Motion, last: Plateau, each: Plateau) -> bool:
     return (
         last.level * each.level < 0
         and is_same_order(last.level, -each.level)
-        and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s)
+        and pause_s <= max(_LONGEST_PAUSE_S, 0.5 * shortest_s, helm_change_s(motion, last.level - each.level))
     )
 
 
@@ -83,9 +85,7 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
 
     The last column is the end of the last swing.
     """
-    first = chain[0]
-    earliest = motion.row_before(first.first, 15.0)
-    times = [execute_s(motion.time_s, helm, first, level_before(motion, helm, first), earliest)]
+    times = [helm_execute_s(motion, helm, chain[0])]
     for last, each in pairwise(chain):
         times.append(execute_s(motion.time_s, helm, each, last.level, (last.first + last.end) // 2))
     end = float(motion.time_s[chain[-1].end - 1])
@@ -101,8 +101,10 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float |
     found = bootstrap_indices(part, both, half_width_s(part, swing_s), zigzag_indices)
     settings = _settings(part, chain, both)
     indices = indices_of(found, length_m)
-    angle, switch = settings["azimuth_deg"], settings["switch_deg"]
+    angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
     steady = () if "reach_s" in found else ("the approach was not steady",)
+    if steady == () and "speed_loss" not in found:
+        steady = ("the ship was still gathering way at the execute",)
     return Manoeuvre(
         kind="zigzag",
         name=f"zigzag {nominal_deg(angle):.0f}/{nominal_deg(switch, _SWITCH_SHARE):.0f}",
@@ -121,7 +123,7 @@ def _settings(part: Motion, chain: list[Plateau], both: Floats) -> dict[str, flo
     executes = both.mean(axis=0) if part.orders_are_events else both[0]
     heading = np.interp(executes[:-1], part.time_s, part.heading_deg)
     return {
-        "azimuth_deg": float(np.median([abs(each.level) for each in chain])),
+        f"{part.steering}_deg": float(np.median([abs(each.level) for each in chain])),
         "switch_deg": _switch_deg(heading),
         "swings": float(len(chain)),
         "half_command_s": float(np.median(both[1, :-1] - both[0, :-1])),
@@ -149,7 +151,8 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
     An overshoot counts from the first change of the command; beside it stands the one from half way of the
     change, which is what a reader of slowly moved levers finds. Where orders are known from events only all
     counts from half way, and the overshoot from the first change stands beside it. What was not reached is
-    missing; after an approach that was not steady, all that hangs on the approach.
+    missing; after an approach that was not steady, all that hangs on the approach; of one in which the ship still
+    gathered way, the loss of speed.
     """
     executes = counting_times(motion, both)
     approach = approach_of(motion, both[0, 0])
@@ -165,8 +168,10 @@ def zigzag_indices(motion: Motion, both: Floats) -> dict[str, float]:
             "initial_turning_time_s": executes[1] - executes[0],
             "initial_turning_m": distance_m(motion, executes[0], tenth_s),
             "reach_s": back_s - executes[0],
-            "speed_loss": 1.0 - float(swinging.speed_mps.mean()) / approach["approach_mps"],
         }
+        loss = 1.0 - float(swinging.speed_mps.mean()) / approach["approach_mps"]
+        if loss > -_GATHERED_WAY:
+            values["speed_loss"] = loss
     return values | beside
 
 

@@ -64,7 +64,7 @@ def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: 
     base = approach_of(motion, start)["approach_unwrapped_deg"]
     heading = motion.heading_deg - base
     above.plot(time_s, heading, color=BLUE, linewidth=1.8, label="heading off the approach")
-    above.plot(time_s, motion.helm_deg, color=ORANGE, label="azimuth")
+    above.plot(time_s, motion.helm_deg, color=ORANGE, label=motion.steering)
     _mark_overshoots(above, motion, manoeuvre, heading)
     above.set_ylabel("[deg], starboard positive")
     above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
