@@ -10,14 +10,15 @@ what that is worth. A map for people: the selection of effects does not look at 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from acquisition.core.actuators import control_names, names_of
+from acquisition.core.actuators import KINDS, Actuators, control_names, names_of
+from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
@@ -39,7 +40,13 @@ _FINEST = {
     "yaw_rate_dps": 0.25,
     "drift_angle_deg": 1.0,
     "azimuth_deg": 2.0,
+    "rudder_deg": 1.0,
+    "nozzle_deg": 1.0,
+    "pitch_percent": 5.0,
 }
+ANGLES = {"azimuth": "azimuth_deg", "rudder": "rudder_deg", "waterjet": "nozzle_deg"}
+"""What the mean angle of a kind of actuator is called."""
+
 _FINEST_SHAFT_RPM, _FINEST_TUNNEL_RPM = 5.0, 10.0
 """Steps below which a cell would part what no sensor or drive tells apart."""
 
@@ -71,24 +78,41 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
 
 
 def _settings(log: Log) -> dict[str, Floats]:
-    """The thrusters' settings: mean shaft speed and direction of the azimuths, what one runs faster than the next,
-    and each tunnel thruster's shaft.
+    """The actuators' settings: mean shaft speed of those that drive the ship, what one runs faster than the next,
+    their mean pitch, the mean angle of each kind that has one, and each tunnel thruster's shaft.
     """
     controls = log.controls.mean(axis=1) / control_units(log.actuators)
     mean = dict(zip(control_names(log.actuators), controls.T, strict=True))
-    names = names_of(log.actuators, "azimuth")
-    shafts = {name: mean[f"{name}_rpm"] for name in names}
     tunnels = {f"{name}_rpm": mean[f"{name}_rpm"] for name in names_of(log.actuators, "tunnel")}
+    return {**_drives(log.actuators, mean), **_angles(log.actuators, mean), **tunnels}
+
+
+def _drives(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Floats]:
+    names = drives_in(actuators)
     if not names:
-        return tunnels
-    running = np.max([np.abs(each) for each in shafts.values()], axis=0) > _RUNNING_RPM
-    azimuth_rad = np.angle(np.sum([np.exp(1j * np.deg2rad(mean[f"{name}_angle_deg"])) for name in names], axis=0))
+        return {}
+    turning = {name: mean[f"{name}_rpm"] for name in names}
+    pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
     return {
-        "rpm": np.mean([np.abs(each) for each in shafts.values()], axis=0),
-        **{f"{one}_less_{other}_rpm": shafts[one] - shafts[other] for one, other in itertools.pairwise(names)},
-        "azimuth_deg": np.where(running, np.degrees(azimuth_rad), np.nan),
-        **tunnels,
+        "rpm": np.mean([np.abs(each) for each in turning.values()], axis=0),
+        **{f"{one}_less_{other}_rpm": turning[one] - turning[other] for one, other in itertools.pairwise(names)},
+        **({"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}),
     }
+
+
+def _angles(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Floats]:
+    """The mean angle of each kind [deg], the short way round; of what drives the ship only while it runs."""
+    found = {}
+    for kind, quantity in ANGLES.items():
+        names = names_of(actuators, kind)
+        if not names:
+            continue
+        turns = np.sum([np.exp(1j * np.deg2rad(mean[f"{name}_angle_deg"])) for name in names], axis=0)
+        running = np.ones(len(turns), dtype=bool)
+        if KINDS[kind].drives:
+            running = np.max([np.abs(mean[f"{name}_rpm"]) for name in names], axis=0) > _RUNNING_RPM
+        found[quantity] = np.where(running, np.degrees(np.angle(turns)), np.nan)
+    return found
 
 
 def cells_of(log: Log, origin: Floats) -> list[Cell]:

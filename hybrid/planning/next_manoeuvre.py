@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from acquisition.core.actuators import control_names, names_of
+from acquisition.core.actuators import control_names, shafts
 from acquisition.core.errors import ModelRangeError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.evidence import NormalEquations, normal_equations
@@ -26,7 +26,6 @@ from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import apply_effects
 from hybrid.planning.information import Design, Information, design_of, separation
 from hybrid.planning.repertoire import (
-    MINUTES,
     Candidate,
     append_rehearsals,
     as_one_leg,
@@ -74,7 +73,7 @@ class RankedCandidate:
     @property
     def gains(self) -> tuple[float, ...]:
         """What each pair gains a minute."""
-        return tuple((a - b) / MINUTES for a, b in zip(self.with_it, self.without, strict=True))
+        return tuple((a - b) / self.candidate.minutes for a, b in zip(self.with_it, self.without, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +111,8 @@ def best_request(ranking: Sequence[RankedCandidate], pairs: Sequence[Pair]) -> M
     worst = min(
         (place for place, gain in enumerate(best.gains) if gain >= _WORTH_A_MINUTE), key=best.with_it.__getitem__
     )
-    what, pair = f"{best.candidate.what}, {MINUTES} minutes in all", pairs[worst]
-    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], float(MINUTES))
+    what, pair = f"{best.candidate.what}, {best.candidate.minutes} minutes in all", pairs[worst]
+    return Manoeuvre(what, (pair.name, pair.rival), best.with_it[worst], float(best.candidate.minutes))
 
 
 def rehearsal_of(
@@ -157,17 +156,21 @@ def rehearsals(
     made = {}
     for candidate in candidates:
         try:
-            made[candidate] = rehearse(candidate.legs, vessel, ship, sea, 60 * MINUTES, heading_deg)
+            made[candidate] = rehearse(candidate.legs, vessel, ship, sea, 60 * candidate.minutes, heading_deg)
         except ModelRangeError:  # such a manoeuvre cannot be judged, and had better not be asked for
             continue
     return made
 
 
 def usual_rpm(log: Log) -> float:
-    """The shaft speed [rpm] of most of the time under way: the median of the faster thruster's."""
-    main = [f"{name}_rpm" for name in names_of(log.actuators, "azimuth")]
-    shafts = [name in main for name in control_names(log.actuators)]
-    fastest = np.abs(log.controls[:, :, shafts]).mean(axis=1).max(axis=1, initial=0.0) * RPM_PER_RPS
+    """The shaft speed [rpm] of most of the time under way: the median of the fastest that drives her."""
+    main = {f"{name}_rpm" for name in shafts(log.actuators)}
+    fastest = (
+        np.abs(log.controls[:, :, [name in main for name in control_names(log.actuators)]])
+        .mean(axis=1)
+        .max(axis=1, initial=0.0)
+        * RPM_PER_RPS
+    )
     return float(np.median(fastest[fastest >= _IDLE_SHARE * fastest.max()]))
 
 

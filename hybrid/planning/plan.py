@@ -42,7 +42,6 @@ from hybrid.planning.information import (
 )
 from hybrid.planning.next_manoeuvre import rehearsals
 from hybrid.planning.repertoire import (
-    MINUTES,
     Candidate,
     append_rehearsals,
     as_one_leg,
@@ -293,10 +292,10 @@ def plan(
     first = len(asked)
     shown = _programme(programme, design.information(range(first)))
     aims = Aims(tuple(catalogue), _pairs(shown, catalogue))
-    slots = max(1, round(shown.minutes / MINUTES))
+    slots = max(1, round(shown.minutes / next(iter(made)).minutes))
     legs = compose_programme(design, range(first, first + len(made)), slots, aims, part_of(progress, 1, 2))
     candidates = [list(made)[leg - first] for leg in legs]
-    parts = [Part(each.name, each.what, float(MINUTES), each.legs) for each in candidates]
+    parts = [Part(each.name, each.what, float(each.minutes), each.legs) for each in candidates]
     return Plan(vessel.name, sea, tolerance, catalogue, shown, _programme(parts, design.information(legs)))
 
 

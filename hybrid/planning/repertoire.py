@@ -1,5 +1,4 @@
-"""Manoeuvres of some ten minutes that a ship can be asked for, in her own range of shaft speeds, and their
-rehearsal.
+"""Manoeuvres of some ten minutes that a ship can be asked for, at her shaft speeds and pace, and their rehearsal.
 
 They are made of the parts of :mod:`hybrid.simulation.manoeuvres`, and come with the words in which an officer of
 the watch may be asked for them. A rehearsal on the simulator is a log of what the ship would do, without noise or
@@ -9,16 +8,28 @@ So its true motion is its measured one, and needs no smoothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from acquisition.core.actuators import Actuators, names_of
+from acquisition.core.actuators import Actuator, Actuators, names_of
+from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
-from hybrid.simulation.manoeuvres import Leg, Manoeuvre, alone, reciprocal, settle, steer, turning_circle, zigzag
+from hybrid.simulation.handling import HARD_OVER_DEG, pace_of, shaft_limit_rpm
+from hybrid.simulation.manoeuvres import (
+    Leg,
+    Manoeuvre,
+    alone,
+    in_time,
+    reciprocal,
+    settle,
+    steer,
+    turning_circle,
+    zigzag,
+)
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import sail_through
 from hybrid.vessel.parameters import Vessel
@@ -26,25 +37,35 @@ from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measure
 
 MINUTES = 10
+"""How long a manoeuvre is made by R/V Gunnerus; another ship takes her own time."""
+
+_FEWEST_MINUTES = 2
+_IN_SECONDS_S = 100.0  # shorter times are said in seconds
 _SLOW, _FAST = 0.7, 1.15  # of the usual shaft speed
 _TUNNEL = 0.75  # of the tunnel thruster's limit
 _ROUND_RPM = 5.0
+_DRIVES = {"azimuth": "thruster", "propeller": "propeller", "controllable_propeller": "propeller",
+           "waterjet": "waterjet"}  # fmt: skip
+_STEERS = {"azimuth": "azimuth", "rudder": "rudder", "waterjet": "nozzle"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """A manoeuvre by name, in words, and as legs that are gone through again until the time is up."""
+    """A manoeuvre by name, in words, and as legs that are gone through again until its ``minutes`` are up."""
 
     name: str
     what: str
     legs: Manoeuvre
+    minutes: int = MINUTES
 
 
 @dataclass(frozen=True, slots=True)
 class Shafts:
     """Shaft speeds [rpm] to make manoeuvres with: usual, half of it, slower, faster; the tunnel thruster's.
 
-    ``azimuths`` and ``tunnels`` are the names of her thrusters of these kinds.
+    ``drives`` and ``tunnels`` are the names of the thrusters that drive her and push her aside, ``steering`` those
+    of what steers her by an angle, none of a ship that is steered by the difference of her shafts. ``drive`` and
+    ``steers`` are what one of them is called. ``time`` is how long her manoeuvres take beside R/V Gunnerus'.
     """
 
     usual: float
@@ -52,31 +73,67 @@ class Shafts:
     slow: float
     fast: float
     tunnel: float
-    azimuths: tuple[str, ...]
+    drives: tuple[str, ...]
+    steering: tuple[str, ...]
     tunnels: tuple[str, ...]
+    drive: str = "thruster"
+    steers: str = "azimuth"
+    time: float = 1.0
+
+    @property
+    def minutes(self) -> int:
+        """How long a manoeuvre is made, again and again [min]."""
+        return max(_FEWEST_MINUTES, round(MINUTES * self.time))
+
+    def candidate(self, name: str, what: str, legs: Sequence[Leg]) -> Candidate:
+        """A candidate of legs that are stated in R/V Gunnerus' time."""
+        return Candidate(name, what, in_time(tuple(legs), self.time), self.minutes)
+
+    def span(self, seconds: float) -> str:
+        """A time of R/V Gunnerus' in words, in this ship's."""
+        own_s = seconds * self.time
+        if own_s < _IN_SECONDS_S:
+            return "a minute" if round(own_s) == 60 else f"{max(5.0, 5.0 * round(own_s / 5.0)):g} seconds"
+        return f"{round(own_s / 30.0) / 2.0:g} minutes"
+
+    def helm(self, angle_deg: float) -> str:
+        """The helm at an angle, in words."""
+        if not self.steering:
+            return f"one shaft {angle_deg / HARD_OVER_DEG * self.usual:.0f} rpm faster and the other as much slower"
+        number = {1: f"the {self.steers}", 2: f"both {self.steers}s"}
+        return f"{number.get(len(self.steering), f'all {self.steers}s')} at {angle_deg:g} degrees"
 
 
 def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
     """Round figures about a usual shaft speed, within what the drives can do."""
-    azimuths, tunnels = vessel.of_kind("azimuth"), vessel.of_kind("tunnel")
-    most = min((each.limit_rpm for each in azimuths), default=usual_rpm)
+    most = shaft_limit_rpm(vessel)
     usual_rpm = min(usual_rpm, most)
     usual, half, slow, fast = (
         min(max(_ROUND_RPM, round(usual_rpm * share / _ROUND_RPM) * _ROUND_RPM), most)
         for share in (1.0, 0.5, _SLOW, _FAST)
     )
-    aside = min((each.limit_rpm for each in tunnels), default=0.0)
+    aside = min((each.limit_rpm for each in vessel.of_kind("tunnel")), default=0.0)
+    steering = [each for each in vessel.actuators if each.angle]
     return Shafts(
         usual, half, slow, fast, round(_TUNNEL * aside / _ROUND_RPM) * _ROUND_RPM,
-        names_of(vessel.actuators, "azimuth"), names_of(vessel.actuators, "tunnel"),
+        drives_in(vessel.actuators), tuple(each.name for each in steering), names_of(vessel.actuators, "tunnel"),
+        _called(_DRIVES, [each for each in vessel.actuators if each.drives], "thruster"),
+        _called(_STEERS, steering, "helm"), pace_of(vessel).time,
     )  # fmt: skip
+
+
+def _called(words: Mapping[str, str], actuators: Sequence[Actuator], otherwise: str) -> str:
+    """What all of some actuators are called."""
+    found = {words[each.kind] for each in actuators}
+    return found.pop() if len(found) == 1 else otherwise
 
 
 def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
     """All candidates that a ship with these thrusters can make."""
-    pair = len(shafts.azimuths) == 2
+    by_angle = len(shafts.steering) > 0
     needed: dict[Callable[[Shafts], Candidate], bool] = {
-        _uneven: pair, _toed: pair, _one_pod: len(shafts.azimuths) > 1, _tunnel: len(shafts.tunnels) > 0,
+        _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and shafts.steers in _STEERS.values(),
+        _one_drive: len(shafts.drives) > 1, _tunnel: len(shafts.tunnels) > 0,
     }  # fmt: skip
     return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
 
@@ -88,13 +145,13 @@ def _reciprocal(at: Shafts) -> Candidate:
         settle(180.0, at.usual),
         steer(180.0, 220.0, at.usual),
     )
-    what = f"Run straight at {at.usual:g} rpm, 4 minutes on a heading and 4 on the reciprocal"
-    return Candidate("reciprocal_headings", what, legs)
+    what = f"Run straight at {at.usual:g} rpm, {at.span(240.0)} on a heading and as long on the reciprocal"
+    return at.candidate("reciprocal_headings", what, legs)
 
 
 def _four_headings(at: Shafts) -> Candidate:
-    what = f"Run straight at {at.usual:g} rpm on four headings 90 degrees apart, 2 minutes each"
-    return Candidate("four_headings", what, reciprocal(110.0, at.usual))
+    what = f"Run straight at {at.usual:g} rpm on four headings 90 degrees apart, {at.span(120.0)} each"
+    return at.candidate("four_headings", what, reciprocal(110.0, at.usual))
 
 
 def _speed_runs(at: Shafts) -> Candidate:
@@ -105,31 +162,32 @@ def _speed_runs(at: Shafts) -> Candidate:
         for leg in (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds))
     ]
     steps = ", ".join(f"{rpm:g}" for rpm in speeds)
-    what = f"Run straight at {steps} rpm, a minute each, on a heading and on the reciprocal"
-    return Candidate("speed_runs", what, tuple(legs))
+    what = f"Run straight at {steps} rpm, {at.span(60.0)} each, on a heading and on the reciprocal"
+    return at.candidate("speed_runs", what, legs)
 
 
-def _turns(azimuth_deg: float, turn_deg: float) -> Callable[[Shafts], Candidate]:
+def _turns(helm_deg: float, turn_deg: float) -> Callable[[Shafts], Candidate]:
     def make(at: Shafts) -> Candidate:
         what = (
-            f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with both azimuths at {azimuth_deg:g} degrees, "
+            f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg)}, "
             "to one side and then to the other"
         )
-        return Candidate(f"turns_{azimuth_deg:g}", what, turning_circle(azimuth_deg, at.usual, turn_deg))
+        return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
 
     return make
 
 
-def _zigzag(name: str, azimuth_deg: float, switch_deg: float, share: float = 1.0) -> Callable[[Shafts], Candidate]:
+def _zigzag(name: str, helm_deg: float, switch_deg: float, share: float = 1.0) -> Callable[[Shafts], Candidate]:
     def make(at: Shafts) -> Candidate:
         rpm = at.usual if share == 1.0 else at.slow
         legs = [
             leg
             for course in (0.0, 180.0)
-            for leg in (settle(course, rpm), *zigzag(azimuth_deg, switch_deg, rpm, swings=10))
+            for leg in (settle(course, rpm), *zigzag(helm_deg, switch_deg, rpm, swings=10))
         ]
-        what = f"Zigzags {azimuth_deg:g}/{switch_deg:g} at {rpm:g} rpm, about a heading and about the reciprocal"
-        return Candidate(name, what, tuple(legs))
+        by = "" if at.steering else f" with {at.helm(helm_deg)}"
+        what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
+        return at.candidate(name, what, legs)
 
     return make
 
@@ -144,10 +202,10 @@ def _speed_changes(at: Shafts) -> Candidate:
         )
     ]
     what = (
-        f"Speed up to {at.fast:g} rpm and slow down to {at.half:g} rpm every 30 seconds, 5 minutes on a "
-        "heading and 5 on the reciprocal"
+        f"Speed up to {at.fast:g} rpm and slow down to {at.half:g} rpm every {at.span(30.0)}, {at.span(300.0)} on "
+        "a heading and as long on the reciprocal"
     )
-    return Candidate("speed_changes", what, tuple(legs))
+    return at.candidate("speed_changes", what, legs)
 
 
 def _coasting(at: Shafts) -> Candidate:
@@ -156,38 +214,50 @@ def _coasting(at: Shafts) -> Candidate:
         leg for course in (0.0, 180.0) for leg in (settle(course, at.usual), steer(course, 60.0, at.usual), idle)
     ]
     what = (
-        f"Speed up to {at.usual:g} rpm and coast without thrust for 3 minutes, on a heading and on the reciprocal"
+        f"Speed up to {at.usual:g} rpm and coast without thrust for {at.span(180.0)}, on a heading and on the "
+        "reciprocal"
     )
-    return Candidate("coasting", what, tuple(legs))
+    return at.candidate("coasting", what, legs)
 
 
-def _one_pod(at: Shafts) -> Candidate:
-    legs: list[Leg] = []
-    for name in at.azimuths:
-        single = alone(name, at.usual, at.azimuths)
+def _one_drive(at: Shafts) -> Candidate:
+    first, *others = (_named(name, at.drive) for name in at.drives)
+    then = "".join(f", then on the {name} alone" for name in others)
+    if not at.steering:
+        legs = [replace(alone(name, at.usual, at.drives), at_most_s=120.0) for name in at.drives]
+        what = f"Run on the {first} alone at {at.usual:g} rpm{then}: {at.span(120.0)} each"
+        return at.candidate("one_thruster_at_a_time", what, legs)
+    legs = []
+    for name in at.drives:
+        single = alone(name, at.usual, at.drives)
         legs.append(replace(single, course_deg=0.0, at_most_s=120.0))
         legs += [replace(single, helm_deg=angle, at_most_s=60.0) for angle in (0.0, 15.0, -15.0)]
-    first, *others = (name.replace("_", " ") for name in at.azimuths)
-    then = "".join(f", then on the {name} alone" for name in others)
     what = (
-        f"Run on the {first} thruster alone at {at.usual:g} rpm{then}: 2 minutes on a course, "
-        "then 1 minute each held straight, at 15 degrees and at -15 degrees"
+        f"Run on the {first} alone at {at.usual:g} rpm{then}: {at.span(120.0)} on a course, "
+        f"then {at.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
     )
-    return Candidate("one_thruster_at_a_time", what, tuple(legs))
+    return at.candidate("one_thruster_at_a_time", what, legs)
 
 
-def _toed(at: Shafts) -> Candidate:
-    one, other = (f"{name}_angle_deg" for name in at.azimuths)
+def _named(name: str, drive: str) -> str:
+    """A drive's name, with what it is where the name does not say it."""
+    words = name.replace("_", " ")
+    return words if drive in words else f"{words} {drive}"
+
+
+def _opposed(at: Shafts) -> Candidate:
+    one, other = (f"{name}_angle_deg" for name in at.steering)
     legs = [Leg(rpm=at.usual, orders={one: a, other: -a}, at_most_s=75.0) for a in (20.0, -20.0, 35.0, -35.0)]
+    drives = {1: f"the {at.drive}", 2: f"both {at.drive}s"}.get(len(at.drives), f"all {at.drive}s")
     what = (
-        f"Hold both thrusters at {at.usual:g} rpm with azimuths opposed, 20 and 35 degrees inwards and outwards, "
-        "75 seconds each, twice"
+        f"Hold {drives} at {at.usual:g} rpm with {at.steers}s opposed, 20 and 35 degrees inwards and outwards, "
+        f"{at.span(75.0)} each, twice"
     )
-    return Candidate("azimuths_opposed", what, tuple(legs))
+    return at.candidate(f"{at.steers}s_opposed", what, legs)
 
 
 def _uneven(at: Shafts) -> Candidate:
-    one, other = at.azimuths
+    one, other = at.drives
     legs = [
         leg
         for orders in (
@@ -199,31 +269,32 @@ def _uneven(at: Shafts) -> Candidate:
             *(Leg(orders=orders, helm_deg=angle, at_most_s=45.0) for angle in (10.0, -10.0)),
         )
     ]
+    names = [name.replace("_", " ") for name in (one, other)]
     what = (
-        f"Run with {one} at {at.usual:g} and {other} at {at.slow:g} rpm, then the other way round: 90 seconds on "
-        "a course, 45 seconds each at 10 degrees and at -10 degrees"
+        f"Run with {names[0]} at {at.usual:g} and {names[1]} at {at.slow:g} rpm, then the other way round: "
+        f"{at.span(90.0)} on a course, {at.span(45.0)} each at 10 degrees and at -10 degrees"
     )
-    return Candidate("uneven_thrusters", what, tuple(legs))
+    return at.candidate("uneven_thrusters", what, legs)
 
 
 def _tunnel(at: Shafts) -> Candidate:
-    def push(pods: float, name: str, aside: float) -> Leg:
-        return Leg(rpm=pods, orders={f"{name}_rpm": aside}, at_most_s=60.0)
+    def push(main: float, name: str, aside: float) -> Leg:
+        return Leg(rpm=main, orders={f"{name}_rpm": aside}, at_most_s=60.0)
 
     ahead = 0.3 * at.usual
     subject = "the tunnel thruster" if len(at.tunnels) == 1 else "each tunnel thruster"
     sides = (at.tunnel, 0.0, -at.tunnel, 0.0)
-    legs = [push(pods, name, side) for name in at.tunnels for pods in (0.0, ahead) for side in sides]
+    legs = [push(main, name, side) for name in at.tunnels for main in (0.0, ahead) for side in sides]
     what = (
-        f"Run {subject} at {at.tunnel:g} rpm to either side, a minute each and a minute of rest between, "
-        f"stopped and at {ahead:.0f} rpm ahead"
+        f"Run {subject} at {at.tunnel:g} rpm to either side, {at.span(60.0)} each and {at.span(60.0)} of rest "
+        f"between, stopped and at {ahead:.0f} rpm ahead"
     )
-    return Candidate("tunnel_thruster", what, tuple(legs))
+    return at.candidate("tunnel_thruster", what, legs)
 
 
 def _drifting(at: Shafts) -> Candidate:
     legs = (Leg(rpm=0.0, at_most_s=60.0 * MINUTES),)
-    return Candidate("drifting", "Lie stopped without any thrust and drift", legs)
+    return at.candidate("drifting", "Lie stopped without any thrust and drift", legs)
 
 
 _MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
@@ -238,9 +309,9 @@ _MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
     _zigzag("zigzags_30_5", 30.0, 5.0),
     _speed_changes,
     _coasting,
-    _one_pod,
+    _one_drive,
     _uneven,
-    _toed,
+    _opposed,
     _tunnel,
     _drifting,
 )

@@ -21,7 +21,10 @@ QUANTITIES = {
     "heading_deg": "heading [deg]",
     "relative_wind_deg": "wind from, off the bow [deg]",
     "rpm": "shafts, mean [rpm]",
+    "pitch_percent": "pitch, mean [%]",
     "azimuth_deg": "azimuths [deg]",
+    "rudder_deg": "rudders [deg]",
+    "nozzle_deg": "nozzles [deg]",
     "time_s": "time [min]",
     "place": "place north, east [m]",
 }
@@ -147,11 +150,11 @@ def _plain(value: float, digits: int) -> str:
 
 def _in_order(found: Iterable[str]) -> list[str]:
     """Quantities in the order of the titles; what one shaft runs faster than another after their mean, tunnel
-    thrusters after the azimuths.
+    thrusters after the angles.
     """
     own = [name for name in found if name not in QUANTITIES]
     after = {"rpm": [name for name in own if "_less_" in name]}
-    after["azimuth_deg"] = [name for name in own if name not in after["rpm"]]
+    after["nozzle_deg"] = [name for name in own if name not in after["rpm"]]
     return [name for title in QUANTITIES for name in (title, *after.get(title, ()))]
 
 

@@ -32,7 +32,7 @@ DEPENDS = {
     "heading": "the heading",
     "place": "the place",
     "time": "time",
-    "azimuth": "large azimuth angles",
+    "azimuth": "large angles of helm",
     "operating point": "speed and thrusters",
     "speed": "the speed",
     "drift": "the speed sideways",

@@ -17,11 +17,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.actuators import names_of
+from acquisition.core.actuators import Actuators, names_of
 from acquisition.core.angles import difference, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
 from analysis.tables.table import NANO, index_of, trial_channels
+from hybrid.diagnosis.map import ANGLES
 from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, in_ship_axes
 from hybrid.prediction.scores import LegBootstrap, distances
 from hybrid.report.words import plain
@@ -217,16 +218,27 @@ def residuals_of(one_hz: pd.DataFrame, motion: SmoothedMotion, plant: Plant) -> 
     states, controls = states_of(whole), controls_of(whole, plant.layout)
     model = modelled_acceleration(plant, states, controls, wind_of(whole)) * np.array([1.0, 1.0, np.rad2deg(1.0)])
     measured = whole[list(ACCELERATIONS)].to_numpy(dtype=float)
-    angles = [whole[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names_of(plant.layout, "azimuth")]
-    first = angles[0] if angles else np.zeros(len(whole))
-    turned = [difference(each, first) for each in angles[1:]]
-    azimuth = wrap_180(
-        first + sum(turned, np.zeros(len(whole))) / max(len(angles), 1)
-    )  # the mean the short way round
     relative = wrap_180(whole["wind_direction_deg"].to_numpy() - whole["heading_deg"].to_numpy())
     quantities = {name: whole[name].to_numpy(dtype=float) for name in ("surge_mps", "sway_mps", "yaw_rate_dps")}
-    quantities |= {"azimuth_deg": np.asarray(azimuth), "relative_wind_deg": np.asarray(relative)}
+    quantities |= {**_angles(whole, plant.layout), "relative_wind_deg": np.asarray(relative)}
     return Residuals(measured - model, quantities)
+
+
+def _angles(table: pd.DataFrame, actuators: Actuators) -> dict[str, Floats]:
+    """The mean angle of each kind of actuator that has one, the short way round [deg]."""
+    found = {}
+    for kind, quantity in ANGLES.items():
+        angles = [table[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names_of(actuators, kind)]
+        if angles:
+            turned = [difference(each, angles[0]) for each in angles[1:]]
+            found[quantity] = np.asarray(wrap_180(angles[0] + sum(turned, np.zeros(len(table))) / len(angles)))
+    return found
+
+
+def planes_of(residuals: Residuals) -> tuple[tuple[str, str], ...]:
+    """:data:`PLANES` with the angle that the ship is steered by; without the last for one that has none."""
+    angle = next((name for name in ANGLES.values() if name in residuals.quantities), "")
+    return (*PLANES[:-1], (angle, PLANES[-1][1])) if angle else PLANES[:-1]
 
 
 def cells_of(residuals: Residuals, x: str, y: str) -> Cells:

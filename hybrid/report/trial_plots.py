@@ -21,13 +21,13 @@ from hybrid.report import plots
 from hybrid.report.case import Case
 from hybrid.report.errors import (
     ACCELERATIONS,
-    PLANES,
     QUANTITIES,
     Calibration,
     Cells,
     Residuals,
     cells_of,
     consecutive_windows,
+    planes_of,
 )
 from hybrid.report.words import plain, quantity_title
 
@@ -38,6 +38,8 @@ TITLES = {
     "sway_mps": "sway [m/s]",
     "yaw_rate_dps": "yaw rate [deg/s]",
     "azimuth_deg": "azimuths, mean [deg]",
+    "rudder_deg": "rudders, mean [deg]",
+    "nozzle_deg": "nozzles, mean [deg]",
     "relative_wind_deg": "wind from, off the bow [deg]",
 }
 LACKS = ("surge lacks\n[m/s\u00b2]", "sway lacks\n[m/s\u00b2]", "yaw lacks\n[deg/s\u00b2]")
@@ -52,8 +54,9 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
 
     One colour scale a row; cells of too few seconds are grey.
     """
-    cells = [cells_of(residuals, *plane) for plane in PLANES]
-    grid = figure.subplots(len(ACCELERATIONS) + 1, len(PLANES), squeeze=False, sharex="col", sharey="col")
+    planes = planes_of(residuals)
+    cells = [cells_of(residuals, *plane) for plane in planes]
+    grid = figure.subplots(len(ACCELERATIONS) + 1, len(planes), squeeze=False, sharex="col", sharey="col")
     artists: list[Artist] = []
     for row, words in enumerate(LACKS):
         values = np.concatenate([each.mean[row].ravel() for each in cells])
@@ -63,13 +66,13 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
             artists.append(_mesh(axes, each, each.mean[row], cmap=_LESS_MORE, vmin=-extent, vmax=extent))
         figure.colorbar(artists[-1], ax=list(grid[row]), pad=0.01, label=words)  # type: ignore[arg-type]
     most = max(float(each.seconds.max(initial=1.0)) for each in cells)
-    for axes, each, (x, _) in zip(grid[-1], cells, PLANES, strict=True):
+    for axes, each, (x, _) in zip(grid[-1], cells, planes, strict=True):
         counted = np.where(each.seconds > 0, each.seconds, np.nan)
         artists.append(_mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0))))
         axes.set_xlabel(TITLES[x])
     figure.colorbar(artists[-1], ax=list(grid[-1]), pad=0.01, label="in a cell [s]")  # type: ignore[arg-type]
     for row in grid:
-        for axes, (_, y) in zip(row, PLANES, strict=True):
+        for axes, (_, y) in zip(row, planes, strict=True):
             axes.set_ylabel(TITLES[y], fontsize=8)
     return artists
 
@@ -160,7 +163,7 @@ def time_series(figure: Figure, case: Case, name: str) -> None:
     by_quantity = [[each for each in controls if each.endswith(ending)] for ending in ("_rpm", "_angle_deg")]
     commands = known_groups(table, [*by_quantity, ["wind_speed_mps"], ["wind_direction_deg"]])
     orders = {name_of_order(each.name): each.name for actuator in table_actuators(table)
-              for each in actuator.channels if actuator.kind == "azimuth"}  # fmt: skip
+              for each in actuator.channels if actuator.kind != "tunnel"}  # fmt: skip
     grid = figure.subplots(len(_SERIES) + len(commands), 1, sharex=True)
     for axes, channel in zip(grid, _SERIES, strict=False):
         plots.measured_and_predicted(axes, table, channel, predicted, windows)

@@ -108,10 +108,17 @@ def for_ship(manoeuvre: Manoeuvre, vessel: Vessel) -> Manoeuvre:
             rpm=leg.rpm * pace.rpm,
             orders={name: value * by_channel.get(name, 1.0) for name, value in leg.orders.items()},
             slower_mps=leg.slower_mps * pace.speed,
-            at_least_s=leg.at_least_s * pace.time,
-            at_most_s=leg.at_most_s * pace.time,
         )
-        for leg in manoeuvre
+        for leg in in_time(manoeuvre, pace.time)
+    )
+
+
+def in_time(manoeuvre: Manoeuvre, factor: float) -> Manoeuvre:
+    """A manoeuvre whose times are multiplied by a factor."""
+    if factor == 1.0:
+        return manoeuvre
+    return tuple(
+        replace(leg, at_least_s=factor * leg.at_least_s, at_most_s=factor * leg.at_most_s) for leg in manoeuvre
     )
 
 

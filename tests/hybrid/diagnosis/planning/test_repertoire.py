@@ -1,0 +1,47 @@
+"""What a ship is asked for, in the words of her own actuators and at her own pace."""
+
+from __future__ import annotations
+
+import re
+
+from hybrid.planning.repertoire import Candidate, Shafts, repertoire
+
+TWIN_SCREW = Shafts(
+    90.0, 45.0, 65.0, 105.0, 0.0, ("port_propeller", "starboard_propeller"), ("port_rudder", "starboard_rudder"),
+    (), "propeller", "rudder", 7.0,
+)  # fmt: skip
+TWO_SHAFTS = Shafts(70.0, 35.0, 50.0, 80.0, 0.0, ("port", "starboard"), (), (), "propeller", "helm", 0.5)
+
+
+def by_name(shafts: Shafts) -> dict[str, Candidate]:
+    return {each.name: each for each in repertoire(shafts)}
+
+
+def test_a_twin_screw_ship_is_asked_in_her_own_words() -> None:
+    asked = by_name(TWIN_SCREW)
+    assert "both rudders at 30 degrees" in asked["turns_30"].what
+    assert "both propellers at 90 rpm with rudders opposed" in asked["rudders_opposed"].what
+    assert (
+        "Run on the port propeller alone at 90 rpm, then on the starboard propeller"
+        in asked["one_thruster_at_a_time"].what
+    )
+    assert "tunnel_thruster" not in asked
+    assert not any("azimuth" in each.what or "pod" in each.what for each in asked.values())
+
+
+def test_a_large_ship_takes_her_time_and_a_small_one_hers() -> None:
+    """Said and sailed: the reciprocal runs of four minutes of a ship of 28.9 m."""
+    large, small = by_name(TWIN_SCREW)["reciprocal_headings"], by_name(TWO_SHAFTS)["reciprocal_headings"]
+    assert (large.minutes, small.minutes) == (70, 5)
+    assert "28 minutes on a heading" in large.what
+    assert "2 minutes on a heading" in small.what
+    assert [leg.at_most_s for leg in large.legs] == [14.0 * leg.at_most_s for leg in small.legs]
+
+
+def test_a_ship_steered_by_her_shafts_has_no_angle_to_hold() -> None:
+    """Her helm is said in rpm; with one shaft alone she cannot keep a course."""
+    asked = by_name(TWO_SHAFTS)
+    assert "one shaft 60 rpm faster and the other as much slower" in asked["turns_30"].what
+    assert {"uneven_thrusters", "rudders_opposed", "azimuths_opposed"}.isdisjoint(asked)
+    assert all(leg.course_deg != leg.course_deg for leg in asked["one_thruster_at_a_time"].legs)
+    assert not re.search(r"degrees of helm|at -?\d+ degrees", asked["one_thruster_at_a_time"].what)
