@@ -130,9 +130,9 @@ def _called(words: Mapping[str, str], actuators: Sequence[Actuator], otherwise: 
 
 def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
     """All candidates that a ship with these thrusters can make."""
-    by_angle = len(shafts.steering) > 0
+    by_angle, alike = len(shafts.steering) > 0, shafts.steers in _STEERS.values()
     needed: dict[Callable[[Shafts], Candidate], bool] = {
-        _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and shafts.steers in _STEERS.values(),
+        _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and alike,
         _one_drive: len(shafts.drives) > 1, _tunnel: len(shafts.tunnels) > 0,
     }  # fmt: skip
     return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
