@@ -8,7 +8,7 @@ PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test test-slow frozen pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
+.PHONY: help install lock demo test test-slow frozen oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -40,6 +40,10 @@ test-slow: $(STAMP) ## the long proofs
 
 frozen: $(STAMP) ## the figures from before the rebuilding, again; PART=quick some of them, PART=NAME one
 	$(BIN)/python -m pytest -n 2 --dist worksteal tests/frozen $(if $(filter quick,$(PART)),-m frozen,$(if $(PART),-k "$(PART)"))
+
+oracle: $(STAMP) ## rudder ships against another program, which it installs
+	$(PIP) install --no-deps shipmmg==0.0.11
+	$(BIN)/python -m pytest tests/hybrid/test_rudder_ships.py
 
 pages: $(STAMP)  ## the tutorial word by word, the notebooks, the site
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m pages

@@ -28,7 +28,7 @@ from acquisition.core.channels import POSE, VELOCITY, is_circular
 from analysis.tables.table import NANO, times_ns
 
 MOTION = (*POSE, *VELOCITY)
-HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 30.0
+HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
 _LEAST_SAMPLES = 5
 _PARABOLIC = ("north_m", "east_m")
 
