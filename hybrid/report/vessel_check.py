@@ -22,6 +22,7 @@ from analysis.report.figures import write_figure
 from analysis.report.plots import FAINT, INK, PALETTE, ship
 from analysis.report.rendering import Page, render
 from hybrid.report.notebook import templates
+from hybrid.report.words import join_words
 from hybrid.simulation.vessel_check import StandardTest, VesselCheck
 
 BLUE, ORANGE, GREEN, _, RED = PALETTE[:5]
@@ -51,9 +52,7 @@ def _sentences(check: VesselCheck) -> str:
 
 def title_of(test: StandardTest) -> str:
     """The test with its helm."""
-    return (
-        f"{test.name}, helm {abs(test.helm_deg):.0f} deg" if test.helm_deg and test.kind != "zigzag" else test.name
-    )
+    return f"{test.name}, {abs(test.helm_deg):.0f} deg" if test.helm_deg and test.kind != "zigzag" else test.name
 
 
 def headline(check: VesselCheck) -> str:
@@ -85,9 +84,10 @@ def index_rows(test: StandardTest) -> list[list[str]]:
 
 
 def value_text(index: Index) -> str:
-    """A value with four digits and its unit."""
+    """A value with three digits and more, and its unit."""
     value = 0.0 if abs(index.value) < 1e-6 else index.value
-    return f"{value:#.4g}".rstrip(".") + (f" {index.unit}" if index.unit else "")
+    digits = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
+    return f"{digits} {index.unit}".rstrip()
 
 
 def _limit_text(index: Index) -> str:
@@ -126,7 +126,10 @@ def page_of(check: VesselCheck) -> Page:
 
 def notes_of(check: VesselCheck) -> list[str]:
     """What is to be said under the table."""
-    said = [stability_text(check), *(f"{name} could not be made: {why}" for name, why in check.left_out.items())]
+    by_reason: dict[str, list[str]] = {}
+    for name, why in check.left_out.items():
+        by_reason.setdefault(why, []).append(name)
+    said = [stability_text(check), *(f"{join_words(names)} not made: {why}" for why, names in by_reason.items())]
     return said if check.limits_apply else [*said, _FOR_INFORMATION]
 
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import KINDS
 from acquisition.core.arrays import Floats
 from acquisition.core.channel import Channel
-from acquisition.core.errors import ConfigurationError
+from acquisition.core.errors import ConfigurationError, ModelRangeError
 from hybrid.vessel.actuators import control_units
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
@@ -37,7 +37,8 @@ FULL_PITCH_PERCENT = 100.0
 _LIMIT_RPM, _TUNNEL_LIMIT_RPM, _LENGTH_M, _SPEED_MPS = 203.0, 400.0, 28.9, 5.0437
 """R/V Gunnerus' limits of the shafts, her length, and her speed at :data:`CRUISE_RPM`."""
 
-_APPROACH_STEPS, _START_MPS = 300, 3.0
+_APPROACH_STEPS, _MOST_APPROACHES, _START_MPS = 300, 8, 3.0
+_STEADY_SHARE = 1e-5  # of the speed: a smaller change in a step is none
 _SIGNIFICANT = 4  # digits of the times of other ships: no manoeuvre is stated finer
 
 
@@ -152,22 +153,35 @@ def usual_rpm(vessel: Vessel) -> float:
     return CRUISE_RPM * (shaft_limit_rpm(vessel) / _LIMIT_RPM)
 
 
-def steady_speed_mps(plant: Plant, order: Floats, steps: int = _APPROACH_STEPS) -> float:
-    """The speed straight ahead in still water after ``steps`` of a run with an ``order`` [controls] in SI.
+def steady_speed_mps(plant: Plant, order: Floats) -> float:
+    """The speed straight ahead in still water at an ``order`` [controls] in SI.
 
-    A step is a second for a ship of 28.9 m, and goes with the root of the length. Raises :class:`ModelRangeError`
-    where the speed is out of the range of the model.
+    Of a ship that nothing is ordered to drive, the one after a first run. A step of a run is a second for a ship of
+    28.9 m, and goes with the root of the length. Raises :class:`ModelRangeError` where the speed is out of the
+    range of the model.
     """
     root = sqrt(plant.length_between_perpendiculars_m / _LENGTH_M)
-    start = [0.0, 0.0, 0.0, min(_START_MPS * root, 0.8 * plant.surge_high_mps), 0.0, 0.0]
-    return float(simulate(plant, start, np.tile(order, (steps, 1)), np.zeros((steps, 2)), root)[-1, 3])
+    state = np.array([0.0, 0.0, 0.0, min(_START_MPS * root, 0.8 * plant.surge_high_mps), 0.0, 0.0])
+    orders, wind = np.tile(order, (_APPROACH_STEPS, 1)), np.zeros((_APPROACH_STEPS, 2))
+    for _ in range(_MOST_APPROACHES if order.any() else 1):
+        before, state = simulate(plant, state, orders, wind, root)[-2:]
+        if abs(state[3] - before[3]) < _STEADY_SHARE * abs(state[3]):
+            break
+    return float(state[3])
 
 
 def pace_of(vessel: Vessel) -> Pace:
-    """A ship's pace. Raises :class:`ConfigurationError` where her shafts do not drive her ahead."""
+    """A ship's pace. Raises :class:`ConfigurationError` where her shafts do not drive her ahead, or drive her out
+    of the range of her model."""
     rpm = usual_rpm(vessel)
     order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
-    speed_mps = steady_speed_mps(bare_plant(vessel), order)
+    try:
+        speed_mps = steady_speed_mps(bare_plant(vessel), order)
+    except ModelRangeError as error:
+        raise ConfigurationError(
+            f"{vessel.name} leaves the range of her model straight ahead at {rpm:.0f} rpm, her usual shaft speed",
+            why=error.why, fix="give the shafts a lower limit_rpm, or widen [validity] if the data allow",
+        ) from error  # fmt: skip
     if speed_mps <= 0.0:
         raise ConfigurationError(
             f"{vessel.name} makes no way ahead at {rpm:.0f} rpm", fix="check her propellers in the vessel file"

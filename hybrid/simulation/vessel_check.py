@@ -62,7 +62,6 @@ _APPROACH_LENGTHS, _LEAST_APPROACH_S = 10.0, 15.0
 _CIRCLE_LENGTHS, _ZIGZAG_LENGTHS, _TURN_LENGTHS, _PULL_LENGTHS, _STOP_LENGTHS = 80.0, 120.0, 15.0, 60.0, 120.0
 _CIRCLE_DEG, _PULL_OUT_DEG, _HELM_STEP_DEG, _LEAST_HELM_DEG = 720.0, 20.0, 5.0, 5.0
 _SWINGS = 4
-_STEADY_STEPS = 1200
 _SPEEDS = 10
 _SHOWN = {
     "turning_circle": ("advance_m", "transfer_m", "tactical_diameter_m", "steady_diameter_m", "steady_yaw_rate_dps",
@@ -137,7 +136,8 @@ class VesselCheck(Result):
 def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
     """The standard manoeuvres of a ship at a shaft speed, by default at :data:`TEST_SHARE` of its limit.
 
-    Raises :class:`ConfigurationError` for a ship that nothing drives or steers.
+    Raises :class:`ConfigurationError` for a ship that nothing drives or steers, :class:`ModelRangeError` where she
+    leaves the range of her model straight ahead.
     """
     limit = shaft_limit_rpm(vessel)
     test_rpm = limit * TEST_SHARE if rpm is None else rpm
@@ -148,12 +148,12 @@ def check_vessel(vessel: Vessel, rpm: float | None = None) -> VesselCheck:
         **{f"pull-out from {name}": partial(_pull_out, vessel, test_rpm, side) for name, side in sides},
         "crash stop": partial(_crash_stop, vessel, test_rpm),
     }
+    speed_mps = _test_speed_mps(vessel, test_rpm)
     made, left_out = _made(trials)
-    speeds = [(each, _steady_mps(vessel, each)) for each in limit * np.arange(1, _SPEEDS + 1) / _SPEEDS]
     length_m = length_of(vessel)
     by_rudder = any(each.kind == "rudder" for each in vessel.actuators)
     return VesselCheck(
-        vessel.name, length_m, test_rpm, _steady_mps(vessel, test_rpm), np.array(speeds), made,
+        vessel.name, length_m, test_rpm, speed_mps, _speeds(vessel, limit), made,
         by_rudder and length_m >= SHORTEST_FOR_IMO_M, left_out,
     )  # fmt: skip
 
@@ -165,7 +165,7 @@ def _made(trials: Mapping[str, Callable[[], StandardTest]]) -> tuple[tuple[Stand
         try:
             made.append(replace(make(), name=name))
         except (ModelRangeError, DataShortageError) as error:
-            left_out[name] = str(error)
+            left_out[name] = f"{error.what}{': ' * bool(error.why)}{error.why}"
     return tuple(made), left_out
 
 
@@ -175,12 +175,30 @@ def length_of(vessel: Vessel) -> float:
 
 
 def _steady_mps(vessel: Vessel, rpm: float) -> float:
-    """The steady speed at a shaft speed, NaN where it is out of the range of the model."""
+    """The steady speed at a shaft speed. Raises :class:`ModelRangeError`."""
     order = handling_of(vessel).orders(rpm, 0.0) * control_units(vessel.actuators)
+    return steady_speed_mps(vessel_plant(vessel), order)
+
+
+def _test_speed_mps(vessel: Vessel, rpm: float) -> float:
     try:
-        return steady_speed_mps(vessel_plant(vessel), order, _STEADY_STEPS)
-    except ModelRangeError:
-        return nan
+        return _steady_mps(vessel, rpm)
+    except ModelRangeError as error:
+        raise ModelRangeError(
+            f"{vessel.name} leaves the range of her model straight ahead at {rpm:.0f} rpm", why=error.why,
+            fix="give a lower --rpm, or the shafts another limit_rpm",
+        ) from error  # fmt: skip
+
+
+def _speeds(vessel: Vessel, highest_rpm: float) -> Floats:
+    """Steady speeds [m/s] over shaft speeds [rpm], [S, 2], as far as the range of the model goes."""
+    found = []
+    for rpm in highest_rpm * np.arange(1, _SPEEDS + 1) / _SPEEDS:
+        try:
+            found.append((float(rpm), _steady_mps(vessel, rpm)))
+        except ModelRangeError:
+            break
+    return np.array(found).reshape(-1, 2)
 
 
 def _sailed(vessel: Vessel, legs: Sequence[Leg], lengths: float) -> tuple[Motion, float]:

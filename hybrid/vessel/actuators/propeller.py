@@ -91,20 +91,28 @@ TURN = SIDE + SIDE_TERMS
 SHAFT_RPS, PITCH = range(2)
 """The working numbers: the shaft's speed, the share of the full pitch."""
 
+_STANDS_RPS = 1e-9  # slower is standing: J of what a lag leaves of a shaft's speed would be no number
+
 _LOW, _HIGH = -0.35, -0.06
 """The J_s between which the force aside of a shaft turning astern changes over (Miyauchi et al. 2022)."""
 
 
 @compiled
+def turning(n: float) -> float:
+    """A shaft's speed [rev/s], zero where it stands."""
+    return float(n if abs(n) > _STANDS_RPS else 0.0)
+
+
+@compiled
 def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a fixed propeller's shaft turns while ``control`` holds."""
-    work[SHAFT_RPS], work[PITCH] = control[first], 1.0
+    work[SHAFT_RPS], work[PITCH] = turning(control[first]), 1.0
 
 
 @compiled
 def hold_with_pitch(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> None:
     """How a controllable propeller's shaft turns, and its pitch, while ``control`` holds."""
-    work[SHAFT_RPS], work[PITCH] = control[first], control[first + 1]
+    work[SHAFT_RPS], work[PITCH] = turning(control[first]), control[first + 1]
 
 
 @compiled
