@@ -272,6 +272,15 @@ def kind_of_control(name: str, actuators: Actuators) -> str:
     return {channel.name: each.kind for each in actuators for channel in each.channels}[name]
 
 
+def part_of_control(name: str, actuators: Actuators) -> str:
+    """What a control channel is of its actuator: a shaft, an azimuth, a rudder ... as an order to it is called.
+
+    Raises :class:`KeyError` for a channel that is no control of the ship.
+    """
+    parts = {each.name: zip(KINDS[each.kind].parts, each.channels, strict=True) for each in actuators}
+    return {channel.name: part for pairs in parts.values() for part, channel in pairs}[name]
+
+
 @lru_cache(maxsize=64)
 def order_channels(actuators: Actuators) -> tuple[Channel, ...]:
     """The auxiliary channels of the orders to a ship's actuators."""

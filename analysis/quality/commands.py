@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from acquisition.core.actuators import kind_of_control, names_of
+from acquisition.core.actuators import kind_of_control, part_of_control
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME
@@ -35,8 +35,10 @@ ORDER_INTERPOLATED = "order_interpolated"
 _FEWEST_STEPS = 3
 _LONG_S = 5.0
 _VERY_LONG_S = 30.0
-_SLOWEST_DRIVE_PER_S = 5.0
-"""Drives turn an azimuth by 5-20 deg/s and a shaft by 5 rpm/s and more: slower lines are none of theirs."""
+_SLOWEST_DRIVE_PER_S = {"rudder": 1.0, "pitch": 2.0}
+_SLOWEST_OTHER_PER_S = 5.0
+"""Drives turn an azimuth by 5-20 deg/s and a shaft by 5 rpm/s and more, steering gear a rudder by over 2 deg/s, and
+pitch goes from nothing to full in 10 to 30 s: slower lines are none of theirs."""
 _ROUNDING = 1e-9
 
 
@@ -63,7 +65,7 @@ def check_orders(table: pd.DataFrame) -> CheckResult:
     flags, index, findings = initial_flags(table, names), utc_index(table), []
     for name in names:
         series = samples_of(table, name)
-        ramps = order_ramps(name, series)
+        ramps = order_ramps(table, name, series)
         inside = mask_of_runs(ramps.first + 1, ramps.last, series.rows.size)
         set_flags(flags, name, series.rows, series.rows[inside], Quality.SUSPECT)
         if ramps.first.size:
@@ -92,14 +94,14 @@ def hold_orders(table: pd.DataFrame, name: str) -> Floats:
     """
     value = table[name].to_numpy(dtype=float, copy=True)
     series = samples_of(table, name)
-    ramps = order_ramps(name, series)
+    ramps = order_ramps(table, name, series)
     inside = np.flatnonzero(mask_of_runs(ramps.first + 1, ramps.last, series.rows.size))
     begun = ramps.first[np.searchsorted(ramps.first, inside, side="left") - 1]
     value[series.rows[inside]] = series.value[begun]
     return value
 
 
-def order_ramps(name: str, series: Samples) -> Ramps:
+def order_ramps(table: pd.DataFrame, name: str, series: Samples) -> Ramps:
     """The ramps of a channel that was interpolated; none of any other.
 
     It was where three slow lines last 5 s, or one 30 s, that are not all equally steep, as those of a drive at its
@@ -107,7 +109,8 @@ def order_ramps(name: str, series: Samples) -> Ramps:
     """
     value = unwrap(series.value) if BY_NAME[name].circular else series.value
     ramps = straight_ramps(series.time_s, value)
-    telling = (np.abs(ramps.slope_per_s) < _SLOWEST_DRIVE_PER_S) & ~_common(ramps.slope_per_s)
+    slowest = _SLOWEST_DRIVE_PER_S.get(part_of_control(name, table_actuators(table)), _SLOWEST_OTHER_PER_S)
+    telling = (np.abs(ramps.slope_per_s) < slowest) & ~_common(ramps.slope_per_s)
     long_s = ramps.seconds[telling & (ramps.seconds >= _LONG_S)]
     found = long_s.size >= 3 or bool((long_s >= _VERY_LONG_S).any())
     return ramps.chosen(np.full(ramps.first.size, found))
@@ -194,7 +197,7 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
     the values' range, where a reading that is limited stays.
     """
     empty = np.zeros(0, np.int64)
-    if series.value.size < 3 * _SHORTEST_SAMPLES or order_ramps(name, series).first.size:
+    if series.value.size < 3 * _SHORTEST_SAMPLES or order_ramps(table, name, series).first.size:
         return empty, empty  # too short, or an order, which has no noise and rightly stands still
     starts, lengths = runs_of_equal(np.diff(series.value) != 0.0)
     usual = lengths < max(_SHORTEST_SAMPLES, 3.0 * np.quantile(lengths, 0.999))
@@ -211,10 +214,11 @@ def frozen_stretches(table: pd.DataFrame, name: str, series: Samples) -> tuple[I
 
 
 def _idle(table: pd.DataFrame, name: str, series: Samples, starts: Ints) -> Bools:
-    """Whether the thruster stands still at the given samples: its shaft turns at less than 5 % of its fastest."""
-    shaft = name.replace("_angle_deg", "_rpm")
+    """Whether the drive stands still at the given samples: its shaft turns at less than 5 % of its fastest."""
+    channels = [[each.name for each in actuator.channels] for actuator in table_actuators(table)]
+    shaft = next((names[0] for names in channels if name in names), name)
     turning = samples_of(table, shaft)
-    if not turning.rows.size:
+    if not turning.rows.size or not shaft.endswith("_rpm"):
         return np.zeros(starts.size, np.bool_)
     rpm = np.abs(np.interp(series.time_s[starts], turning.time_s, turning.value))
     return np.asarray(rpm <= _IDLE * np.abs(turning.value).max())
@@ -261,11 +265,11 @@ def _percent_finding(table: pd.DataFrame, name: str, series: Samples, estimate: 
 
 
 def _sisters(table: pd.DataFrame, name: str) -> list[str]:
-    """The shafts of other actuators of the same kind, but for tunnel thrusters: those run by themselves."""
+    """The shafts of other drives of the same kind; tunnel thrusters run by themselves."""
     actuators = table_actuators(table)
     kind = kind_of_control(name, actuators)
-    others = [f"{each}_rpm" for each in names_of(actuators, kind)] if kind != "tunnel" else []
-    return [each for each in others if each != name]
+    alike = [each.channels[0].name for each in actuators if each.drives and each.kind == kind]
+    return [each for each in alike if each != name]
 
 
 def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, float]:
@@ -290,8 +294,12 @@ def _factor_to(table: pd.DataFrame, sister: str, series: Samples) -> dict[str, f
 
 
 def _stops_at_100(value: Floats) -> bool:
-    """Whether the largest amount is 100 exactly and stands there for 1 % of the time on two occasions."""
+    """Whether the largest amount is 100 exactly and stands there for 1 % of the time on two occasions.
+
+    Elsewhere it has to be noisy, as a reading that is limited is: an order of 100 rpm stands at 100 rpm.
+    """
     at_limit = np.abs(value) == _PER_CENT
     occasions = int(np.sum(np.diff(at_limit.astype(np.int8)) == 1)) + int(at_limit[0])
     beyond = bool((np.abs(value) > _PER_CENT).any())
-    return not beyond and occasions >= 2 and float(at_limit.mean()) > 0.01
+    repeats = float(np.mean(np.diff(value[~at_limit]) == 0.0)) if np.count_nonzero(~at_limit) > 1 else 1.0
+    return not beyond and occasions >= 2 and float(at_limit.mean()) > 0.01 and repeats < _REPEATS

@@ -35,7 +35,7 @@ MOST_ROWS = 20_000
 MOST_PREDICTED = 12_000
 """Rows of one method's predictions; of more, every second, third, ... window is kept."""
 PREDICTED = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
-DECIMALS = {"m": 2, "deg": 2, "m/s": 3, "deg/s": 3, "rpm": 1}
+DECIMALS = {"m": 2, "deg": 2, "m/s": 3, "deg/s": 3, "rpm": 1, "%": 1}
 """Decimals by unit: finer than any sensor aboard, and a third of the digits of a double."""
 
 _MILLI = NANO // 1000
@@ -72,6 +72,8 @@ def interactive_page(
     Raises :class:`ConfigurationError` without plotly, :class:`DataShortageError` for a table without rows or
     without any channel and :class:`InputError` for one whose index is not UTC in increasing order.
     """
+    from analysis.report.plots import held_words
+
     library = _plotly()
     data = page_data(table, windows, predicted, manoeuvres)
     data["style"] = _style(data, table)
@@ -83,7 +85,8 @@ def interactive_page(
         "interactive.html", title=title or "Trial", subtitle=subtitle, data=data, json=Markup(text),
         figures=_figures(data, trial_channels(table)), notes=_notes(data, trial_channels(table)),
         policy=Markup(_NOTHING_LOADED), css=css, library=Markup(library), script=script,
-        track_px=_track_px(data), series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
+        held=held_words(table), track_px=_track_px(data),
+        series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
     ).html  # fmt: skip
 
 
@@ -129,10 +132,10 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
         name: PALETTE[_KNOWN_METHODS.get(name, spare[number % len(spare)])]
         for number, name in enumerate(data["predicted"])
     }
-    angles, shafts = control_groups(actuators)
+    groups = sorted(control_groups(actuators).items(), key=lambda each: "[rpm]" not in each[0])
     panels = [
         *((label(name), (name,)) for name in PREDICTED[2:]),
-        ("thrusters [rpm]", shafts), ("azimuths [deg]", angles),
+        *groups,
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
     ]  # fmt: skip
     shown = [{"title": title, "names": [name for name in names if name in there]} for title, names in panels]

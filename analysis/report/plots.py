@@ -19,9 +19,9 @@ from matplotlib.transforms import Affine2D, ScaledTranslation
 from numpy.typing import NDArray
 from rich.text import Text
 
-from acquisition.core.actuators import Actuators, control_names
+from acquisition.core.actuators import Actuators, control_names, part_of_control
 from acquisition.core.angles import difference
-from acquisition.core.channels import BY_NAME, is_circular
+from acquisition.core.channels import BY_NAME
 from analysis.kinematics import mean_wind
 from analysis.tables.table import table_actuators, utc_index
 from analysis.windows.held import HeldWindows, held_spans_ns
@@ -264,7 +264,7 @@ def track_figure(
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
 
     legs = 0 if windows is None else windows["leg"].nunique()
-    caption = f"The track, north up, one colour a leg of held thrusters ({legs} legs), time in UTC."
+    caption = f"The track, north up, one colour a leg of held {held_words(table)} ({legs} legs), time in UTC."
     return draw, (8.0, _track_height_inch(table)), caption
 
 
@@ -272,7 +272,7 @@ def channels_figure(table: pd.DataFrame, windows: pd.DataFrame | None = None) ->
     """The channels of a 1 Hz table against time, held windows shaded; None without any channel."""
     motion = (("heading_deg",), ("surge_mps", "sway_mps"), ("yaw_rate_dps",))
     wind = (("wind_speed_mps",), ("wind_direction_deg",))
-    groups = known_groups(table, (*motion, *control_groups(table_actuators(table)), *wind))
+    groups = known_groups(table, (*motion, *control_groups(table_actuators(table)).values(), *wind))
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(len(groups), 1, sharex=True, squeeze=False)[:, 0]
@@ -284,10 +284,21 @@ def channels_figure(table: pd.DataFrame, windows: pd.DataFrame | None = None) ->
     return (draw, (9.0, 1.2 + 1.5 * len(groups)), caption) if groups else None
 
 
-def control_groups(actuators: Actuators) -> tuple[list[str], list[str]]:
-    """The control channels of a ship in two groups: angles, shafts."""
-    names = control_names(actuators)
-    return [name for name in names if is_circular(name)], [name for name in names if not is_circular(name)]
+def control_groups(actuators: Actuators) -> dict[str, list[str]]:
+    """The control channels of a ship by what they are together: angles first, then shafts, then pitch."""
+    thrusters = all(each.kind in ("azimuth", "tunnel") for each in actuators)
+    shafts = "thrusters [rpm]" if thrusters else "shafts [rpm]"
+    titles = {"azimuth": "azimuths [deg]", "rudder": "rudders [deg]", "nozzle": "nozzles [deg]", "shaft": shafts,
+              "tunnel thruster": shafts, "pitch": "pitch [%]"}  # fmt: skip
+    groups: dict[str, list[str]] = {title: [] for title in titles.values()}
+    for name in control_names(actuators):
+        groups[titles[part_of_control(name, actuators)]].append(name)
+    return {title: names for title, names in groups.items() if names}
+
+
+def held_words(table: pd.DataFrame) -> str:
+    """What is held in a held window: the thrusters, or whatever controls the ship has."""
+    return "thrusters" if all(each.kind in ("azimuth", "tunnel") for each in table_actuators(table)) else "controls"
 
 
 def known_groups(table: pd.DataFrame, groups: Sequence[Sequence[str]]) -> list[list[str]]:

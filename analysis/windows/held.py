@@ -31,7 +31,7 @@ import numpy as np
 import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 
-from acquisition.core.actuators import DEFAULT, KINDS, Actuators, control_names
+from acquisition.core.actuators import DEFAULT, Actuators, control_names, part_of_control
 from acquisition.core.angles import difference, unwrap
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import is_circular, trial_names
@@ -391,12 +391,7 @@ def sort_of(name: str, actuators: Actuators) -> Sort:
 
     Raises :class:`KeyError` for a channel that is no control of the ship.
     """
-    parts = {
-        channel.name: part
-        for each in actuators
-        for part, channel in zip(KINDS[each.kind].parts, each.channels, strict=True)
-    }
-    sort: Sort = parts[name].removesuffix(" thruster")  # type: ignore[assignment]
+    sort: Sort = part_of_control(name, actuators).removesuffix(" thruster")  # type: ignore[assignment]
     return sort
 
 

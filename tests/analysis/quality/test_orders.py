@@ -98,3 +98,17 @@ def test_nothing_to_judge() -> None:
     empty = table_at([], {name: [] for name in COMMAND})
     assert check_orders(empty).findings == ()
     assert samples_of(empty, "port_rpm").rows.size == 0
+
+
+def test_steering_gear_with_one_pump_and_two_is_no_interpolation() -> None:
+    """A rudder goes over at 2.4 or 4.8 deg/s and stays, straight as a line where a simulator has no noise."""
+    at_s = np.arange(0.0, 600.0, 0.2)
+    half = np.interp(at_s % 100.0, [0.0, 14.6, 50.0, 64.6, 100.0], [-17.5, 17.5, 17.5, -17.5, -17.5])
+    whole = np.interp(at_s % 100.0, [0.0, 7.3, 50.0, 57.3, 100.0], [-17.5, 17.5, 17.5, -17.5, -17.5])
+    rudder = np.where(at_s < 150.0, half, np.where(at_s < 360.0, whole, 0.9 * half))
+    table = table_at(at_s, {"propeller_rpm": np.full(at_s.size, 90.0), "rudder_angle_deg": rudder})
+    assert check_orders(table).findings == ()
+    times, values = events(2, 60.0, 30.0)
+    drawn = table_at(AT_S, {"propeller_rpm": 90.0 + 0.0 * AT_S, "rudder_angle_deg": np.interp(AT_S, times, values)})
+    (finding,) = check_orders(drawn).findings
+    assert (finding.code, finding.channel) == (ORDER_INTERPOLATED, "rudder_angle_deg")

@@ -84,3 +84,36 @@ def test_slow_shafts_and_single_ones_are_sound(trial: pd.DataFrame) -> None:
 def test_nothing_to_judge() -> None:
     assert check_thruster_feedback(table_at([0.0, 1.0], {"surge_mps": [1.0, 1.0]})).flags.empty
     assert check_thruster_feedback(table_at([], {"port_rpm": []})).findings == ()
+
+
+def test_an_order_of_100_rpm_is_no_per_cent() -> None:
+    """The slow shaft of a big ship is ordered to run at 100 rpm, and later again."""
+    at_s = np.arange(0.0, 600.0, 0.5)
+    order = np.repeat([100.0, 60.0, 100.0, 80.0], at_s.size // 4)
+    table = table_at(at_s, {"propeller_rpm": order, "rudder_angle_deg": 0.0 * at_s})
+    assert check_thruster_feedback(table).findings == ()
+
+
+@pytest.mark.parametrize("sound", [True, False])
+def test_two_propellers_of_which_one_is_in_per_cent(sound: bool) -> None:
+    at_s = np.arange(0.0, 600.0, 0.5)
+    rpm = 80.0 + 15.0 * np.sin(at_s / 40.0) + np.random.default_rng(0).normal(0.0, 0.3, at_s.size)
+    other = rpm + 0.5 if sound else 1.8 * rpm
+    rudders = {f"{side}_rudder_angle_deg": 0.0 * at_s for side in ("port", "starboard")}
+    table = table_at(at_s, {"left_rpm": rpm, "right_rpm": other, **rudders})
+    codes = {(each.code, each.channel) for each in check_thruster_feedback(table).findings}
+    assert codes == (set() if sound else {("percent_scaled", "left_rpm")})
+
+
+def test_a_rudder_that_freezes_amidships_and_a_pitch_whose_shaft_stands_still() -> None:
+    random, at_s = np.random.default_rng(4), np.arange(0.0, 600.0, 0.5)
+    rudder = 5.0 * np.sin(at_s / 20.0) + random.normal(0.0, 0.1, at_s.size)
+    pitch = 60.0 + random.normal(0.0, 0.2, at_s.size)
+    rpm = 120.0 + random.normal(0.0, 0.3, at_s.size)
+    still = (at_s > 300.0) & (at_s < 400.0)
+    columns = {"main_rpm": rpm, "main_pitch_percent": np.where(still, 59.7, pitch), "rudder_angle_deg": rudder}
+    table = table_at(at_s, columns)
+    assert [each.channel for each in check_thruster_feedback(table).findings] == ["main_pitch_percent"]
+    assert check_thruster_feedback(table.assign(main_rpm=np.where(still, 0.0, rpm))).findings == ()
+    frozen = table.assign(main_rpm=rpm, main_pitch_percent=pitch, rudder_angle_deg=np.where(still, 0.1, rudder))
+    assert [each.channel for each in check_thruster_feedback(frozen).findings] == ["rudder_angle_deg"]
