@@ -25,6 +25,7 @@ from analysis.report.plots import FAINT, PALETTE, ship
 
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
+_LONG_SHARE = 0.15  # of the picture's extent: outlines of two turns lie on each other beyond that
 _MARGINS = {"left": 0.09, "right": 0.92, "bottom": 0.1, "top": 0.88, "hspace": 0.22, "wspace": 0.22}
 
 
@@ -144,14 +145,19 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
 def _outlines(
     axes: Axes, motion: Motion, start: float, ahead_deg: float, length_m: float | None, every_deg: float = 45.0
 ) -> None:
-    """The ship to scale at the execute and every 45 deg of turn; a thirtieth of the picture without a length."""
+    """The ship to scale at the execute and every 45 deg of turn; a twentieth of the picture without a length.
+
+    Of one that is long beside her circle only the first turn is shown: the next would lie on it.
+    """
     across, ahead = _across_ahead(motion, start, ahead_deg)
-    length = length_m or max(float(np.ptp(across)), float(np.ptp(ahead))) / 20.0
+    extent = max(float(np.ptp(across)), float(np.ptp(ahead)))
+    length = length_m or extent / 20.0
+    most = 17 if length < _LONG_SHARE * extent else 8
     turned = np.abs(motion.heading_deg - motion.at("heading_deg", start))
     turned[motion.time_s < start] = 0.0
     steps = np.floor(np.maximum.accumulate(turned) / every_deg)
     rows = [int(np.searchsorted(motion.time_s, start)), *(np.flatnonzero(np.diff(steps) > 0) + 1)]
-    for row in rows[:17]:
+    for row in rows[:most]:
         ship(axes, across[row], ahead[row], np.deg2rad(motion.heading_deg[row] - ahead_deg), length)
 
 

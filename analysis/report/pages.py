@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup, escape
 
+from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.trial import software_version
 from analysis.kinematics import mean_wind
@@ -63,7 +64,8 @@ def headline_of(row: dict[str, Any]) -> dict[str, str]:
     """The numbers that matter, for people."""
     figures = {"duration": f"{row['duration_s'] / 60:.1f} min", "samples": f"{row['samples']:,}"}
     if row["distance_m"] is not None:
-        figures["sailed"] = f"{row['distance_m'] / 1852:.2f} nmi"
+        metres = row["distance_m"]
+        figures["sailed"] = f"{metres / 1852:.2f} nmi" if metres > _SHORT_WAY_M else f"{metres:.0f} m"
     if row["grade"]:
         figures["worst channel"] = row["grade"]
     if row["missing"]:
@@ -113,6 +115,7 @@ def _origin(provenance: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
+_SHORT_WAY_M = 200.0  # of which two decimals of a nautical mile say little
 _NUMBERS = re.compile(r"[+-]?\d[\d.,]*")
 UNKNOWN = "not recorded"
 BEAUFORT_MPS = (0.3, 1.6, 3.4, 5.5, 8.0, 10.8, 13.9, 17.2, 20.8, 24.5, 28.5, 32.7)
@@ -140,6 +143,7 @@ def run_sheet(
     trial = recording.trial
     return [
         ("ship", trial.vessel or UNKNOWN),
+        *_actuators(trial.actuators),
         ("trial", trial.name or UNKNOWN),
         *_when(one_hz),
         ("place", trial.place or UNKNOWN),
@@ -158,6 +162,15 @@ def run_sheet(
         ("closed properly", "yes" if recording.closed else "no: it is read as far as it goes"),
         ("this page by", software_version()),
     ]
+
+
+def _actuators(said: str) -> list[tuple[str, str]]:
+    """What drives and steers a ship, each with its kind where the name does not say it; nothing for the list that
+    recordings do not say."""
+    if not said:
+        return []
+    named = ((each.name.replace("_", " "), each.kind.replace("_", " ")) for each in from_text(said))
+    return [("actuators", ", ".join(name if kind in name else f"{name} ({kind})" for name, kind in named))]
 
 
 def _when(one_hz: pd.DataFrame) -> list[tuple[str, str]]:
