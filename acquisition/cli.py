@@ -256,6 +256,7 @@ def recover(
 
 def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     from rich.table import Table
+    from rich.text import Text
 
     from acquisition.core.channels import actuators_of, channel_names, channel_unit
 
@@ -267,6 +268,6 @@ def _channel_table(channels: dict[str, Any], trial: dict[str, str]) -> Table:
     for name, each in sorted(channels.items(), key=lambda item: order.get(item[0], len(order))):
         table.add_row(
             name, channel_unit(name), f"{each['count']:,}", f"{each['rate_hz']:.2f}",
-            f"{each['longest_gap_s']:.2f}", ", ".join(each["sources"]),
+            f"{each['longest_gap_s']:.2f}", Text(", ".join(each["sources"])),  # [m] is a unit there, and no markup
         )  # fmt: skip
     return table

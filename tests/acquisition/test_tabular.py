@@ -382,3 +382,14 @@ def test_a_rudder_ships_wrong_map_says_what_is_wrong(tmp_path: Path, old: str, n
 def test_a_file_without_a_time_in_its_name_is_told_so(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no time like %d-%b-%Y_%H_%M_%S in its name"):
         read_table_file(csv(tmp_path, TURNING), column_map(tmp_path, RUDDER_MAP))
+
+
+def test_info_shows_a_columns_unit_in_brackets(tmp_path: Path) -> None:
+    from typer.testing import CliRunner
+
+    from seatrial import app
+
+    columns = column_map(tmp_path, RUDDER_MAP.replace('"x"', '"x [m]"'))
+    import_table(packed(tmp_path, TURNING.rename(columns={"x": "x [m]"})), tmp_path / "out.mcap", columns)
+    shown = CliRunner().invoke(app, ["info", str(tmp_path / "out.mcap")], env={"COLUMNS": "200"})
+    assert "table: x [m]" in shown.output
