@@ -36,6 +36,13 @@ def best(action: Callable[[], object], repeats: int = 5) -> float:
     return min(times)
 
 
+def of_ship(name: str) -> float:
+    """The time of :data:`STEPS` steps of a rudder ship under way [s]."""
+    plant = vessel_plant(load_vessel(name))
+    controls, wind = np.tile([10.0, 0.1], (STEPS, 1)), np.tile([1.0, 1.0], (STEPS, 1))
+    return best(lambda: simulate(plant, [0.0, 0.0, 0.0, 0.5, 0.0, 0.0], controls, wind, DT_S, 1))
+
+
 def main() -> None:
     """Measure and print."""
     plant = vessel_plant(load_vessel())
@@ -55,6 +62,11 @@ def main() -> None:
     print(
         f"simulate, one vessel    {STEPS / single / 1e6:8.2f} million steps/s, {single / bare:.2f} x the bare time"
     )
+    for name in ("kvlcc2_7m", "esso_osaka_3m"):
+        time_s = of_ship(name)
+        print(
+            f"simulate, {name:13} {STEPS / time_s / 1e6:8.2f} million steps/s, {time_s / single:.2f} x R/V Gunnerus' time"
+        )
     print(f"a batch of {BATCH} vessels   {BATCH * STEPS / batch / 1e6:8.2f} million steps/s on all cores")
     print(f"    over one core       {BATCH * bare / batch:8.2f} x")
     print(
