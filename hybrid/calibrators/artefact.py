@@ -21,7 +21,8 @@ from pydantic import Field, FiniteFloat, JsonValue, NonNegativeInt, PositiveInt,
 from safetensors import SafetensorError
 from torch import Tensor, isfinite, isnan
 
-from acquisition.core.channels import actuators_of, trial_names
+from acquisition.core.actuators import as_text, from_text
+from acquisition.core.channels import trial_names
 from acquisition.core.errors import InputError, SeatrialError, storage_error
 from analysis.tables.files import make_folder
 from hybrid.calibrators import METHODS, make_calibrator
@@ -30,7 +31,7 @@ from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Source
 from hybrid.prediction.prediction_windows import PAST_S
-from hybrid.vessel.fingerprint import layout_of, plant_hash, plant_numbers, plant_of
+from hybrid.vessel.fingerprint import plant_hash, plant_numbers, plant_of
 from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
@@ -96,7 +97,8 @@ class StoredFallback:
 class Sidecar:
     """Everything about an artefact but the weights; ``files`` has their hashes.
 
-    ``any_commands`` is written where it is so: a calibrator of held controls does not know the word.
+    ``any_commands`` is written where it is so: a calibrator of held controls does not know the word. ``actuators``
+    are those of the ship as a recording says them, empty for the default list.
     """
 
     format: int
@@ -114,6 +116,7 @@ class Sidecar:
     data: tuple[Source, ...]
     metrics: dict[str, JsonValue]
     any_commands: bool = False
+    actuators: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +200,7 @@ def damage_error(path: Path, why: str) -> InputError:
 
 def _check(sidecar: Sidecar, path: Path) -> None:
     """What the types cannot say. Raises :class:`InputError`."""
-    names = trial_names(actuators_of(sidecar.channels))
+    names = trial_names(from_text(sidecar.actuators))
     if sidecar.channels != names:
         differing = ", ".join(sorted(set(sidecar.channels) ^ set(names))) or "their order differs"
         raise InputError("was trained on other channels than this version gives",
@@ -219,7 +222,7 @@ def _check(sidecar: Sidecar, path: Path) -> None:
 def _plant(sidecar: Sidecar, path: Path) -> Plant:
     stored = sidecar.vessel
     try:
-        plant = plant_of(stored.numbers, layout_of(sidecar.channels, stored.numbers))
+        plant = plant_of(stored.numbers, from_text(sidecar.actuators))
     except ValueError as error:
         raise damage_error(path, f"vessel.numbers: {error}"[:160]) from error
     if plant_hash(plant) != stored.sha256:
@@ -263,7 +266,7 @@ def save(trained: TrainedCalibrator, folder: Path) -> Path:
 
 
 def _left_out(sidecar: Sidecar) -> set[str]:
-    return set() if sidecar.any_commands else {"any_commands"}
+    return {name for name in ("any_commands", "actuators") if not getattr(sidecar, name)}
 
 
 def _write_together(folder: Path, contents: dict[str, bytes]) -> None:
@@ -300,6 +303,7 @@ def _sidecar(trained: TrainedCalibrator, tensors: dict[str, Tensors], digests: d
         data=trained.sources,
         metrics=trained.metrics,
         any_commands=trained.calibrator.any_commands,
+        actuators=as_text(trained.plant.layout),
     )
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from acquisition.core.actuators import Actuator, Actuators
-from acquisition.core.channels import actuators_of
+from acquisition.core.actuators import Actuators
 from acquisition.core.errors import ConfigurationError
 from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.hulls import HULLS
@@ -58,19 +57,6 @@ def plant_of(numbers: Mapping[str, float | tuple[float, ...]], layout: Actuators
     if lacking:
         raise ValueError(f"{lacking[0]} is missing")
     return plant
-
-
-def layout_of(channels: Sequence[str], numbers: Mapping[str, float | tuple[float, ...]]) -> Actuators:
-    """The actuators of a stored plant: names and order as in a trial's channels, the kind as its numbers tell."""
-
-    def kind_of(each: Actuator) -> str:
-        own = {
-            name: {f"{each.name}_{n}" for n in kind.numbers if n not in kind.shared} for name, kind in KINDS.items()
-        }
-        known = [name for name, needed in own.items() if needed <= set(numbers)]
-        return max(known, key=lambda name: (len(own[name]), name == each.kind), default=each.kind)
-
-    return tuple(Actuator(each.name, kind_of(each)) for each in actuators_of(channels))
 
 
 def _hull_in(numbers: Mapping[str, float | tuple[float, ...]]) -> str:

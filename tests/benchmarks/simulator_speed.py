@@ -64,9 +64,7 @@ def main() -> None:
     )
     for name in ("kvlcc2_7m", "esso_osaka_3m"):
         time_s = of_ship(name)
-        print(
-            f"simulate, {name:13} {STEPS / time_s / 1e6:8.2f} million steps/s, {time_s / single:.2f} x R/V Gunnerus' time"
-        )
+        print(f"simulate, {name:13} {STEPS / time_s / 1e6:8.2f} million steps/s, {time_s / single:.2f} x the time")
     print(f"a batch of {BATCH} vessels   {BATCH * STEPS / batch / 1e6:8.2f} million steps/s on all cores")
     print(f"    over one core       {BATCH * bare / batch:8.2f} x")
     print(

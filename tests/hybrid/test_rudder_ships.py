@@ -133,6 +133,14 @@ def test_wind_of_the_regression_pushes_away_from_where_it_comes(angle: float) ->
     assert wind_force(packed, 5.0, 0.0)[0] < 0.0 < wind_force(packed, -5.0, 0.0)[0]
 
 
+def test_a_shaft_that_comes_to_rest_leaves_numbers() -> None:
+    """A lagging shaft that is stopped goes through ever smaller speeds."""
+    plant = ESSO.replaced(propeller_lag_s=1.0)
+    order = np.tile([-5.0, 0.1], (2000, 1))
+    order[20:] = 0.0
+    assert np.isfinite(simulate(plant, [0.0, 0.0, 0.0, 0.8, 0.0, 0.0], order, np.zeros((2000, 2)), 1.0)).all()
+
+
 def test_starboard_rudder_turns_her_to_starboard() -> None:
     for plant in (ESSO, KVLCC2):
         order = np.tile([10.0, radians(20.0)], (40, 1))
