@@ -264,13 +264,14 @@ def bare_plant(vessel: Vessel) -> Plant:
     values |= vessel.wind.numbers(vessel.dimensions)
     limits, model = vessel.validity, vessel.hull.model
     names = [each.name for each in vessel.actuator]
+    length_m, draught_m = vessel.dimensions.length_between_perpendiculars_m, vessel.dimensions.draught_m
     return Plant(
         **values,
         surge_low_mps=limits.surge_low_mps,
         surge_high_mps=limits.surge_high_mps,
         sway_limit_mps=limits.sway_mps,
         yaw_rate_limit_radps=limits.yaw_rate_radps,
-        hull=HullNumbers(model, tuple(getattr(vessel.hull, name) for name in HULLS[model].numbers)),
+        hull=HullNumbers(model, HULLS[model].values(vessel.hull, vessel.water_density_kgpm3, length_m, draught_m)),
         actuators=tuple(_numbers_of(each, names) for each in vessel.actuator),
     )
 

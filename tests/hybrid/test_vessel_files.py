@@ -16,7 +16,7 @@ from hybrid.effects.catalogue import catalogue_for
 from hybrid.vessel.actuators import list_of
 from hybrid.vessel.files import load_vessel, save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, dtype_of, flat, pack, places_of
+from hybrid.vessel.plant import Plant, bare_plant, dtype_of, flat, pack, places_of
 
 SHORT = (VESSELS / "gunnerus_short.toml").read_text()
 
@@ -110,6 +110,17 @@ def test_whole_vessels_round_trip(tmp_path: Path, vessel: Vessel) -> None:
     own = replace(vessel, name="own", description='a "quoted" ship \\ æøå')
     save_vessel(own, tmp_path / "own.toml")
     assert load_vessel(tmp_path / "own.toml") == own
+
+
+def test_a_hull_may_be_stated_without_dimension(tmp_path: Path) -> None:
+    """Y_v' of v U and N_rrr' of r^3 / U by hand; the rest of the file as it is."""
+    ship = load_vessel("gunnerus_short")
+    primed = replace(ship.hull, units="primed", reference_speed_mps=5.0, Yuv=-0.4, Nrrr=-0.02)  # type: ignore[type-var]
+    save_vessel(replace(ship, name="primed", hull=primed), tmp_path / "primed.toml")
+    plant = bare_plant(load_vessel(tmp_path / "primed.toml"))
+    q, L = 0.5 * 1025.0 * 28.9 * 2.6, 28.9
+    assert plant.Yuv == pytest.approx(-0.4 * q)
+    assert plant.Nrrr == pytest.approx(-0.02 * q * L * L**3 / 5.0)
 
 
 def test_a_model_with_effects_added_round_trips_with_its_provenance(tmp_path: Path, vessel: Vessel) -> None:

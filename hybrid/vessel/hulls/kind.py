@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +19,10 @@ class HullModel:
     the added mass with it. ``linear`` names the coefficients that give Y and N in proportion to v and to r, in the
     order Y v, Y r, N v, N r. Effects speak of a hull by the other tuples: what brakes her straight ahead, what
     resists when she is dragged sideways, and her force and moment in drift and turn. ``keeps_sign`` are
-    coefficients that damp. A ``primed`` model's coefficients are without dimension, so that they grow with the
-    ship's length; ``munk`` tells that the moment of u v that the added masses give stands beside N's
-    coefficients, not in them.
+    coefficients that damp. ``in_si(entry, rho, L, d)`` are the coefficients of an entry that may state them
+    otherwise than the model computes with them. A ``primed`` model's coefficients are without dimension, so that
+    they grow with the ship's length; ``munk`` tells that the moment of u v that the added masses give stands
+    beside N's coefficients, not in them.
     """
 
     entry: type
@@ -35,8 +37,17 @@ class HullModel:
     turning_drag: tuple[str, ...]
     yaw_damping: tuple[str, ...]
     keeps_sign: tuple[str, ...]
+    in_si: Callable[[Any, float, float, float], tuple[float, ...]] | None = None
     primed: bool = False
     munk: bool = False
+
+    def values(
+        self, entry: Any, water_density_kgpm3: float, length_m: float, draught_m: float
+    ) -> tuple[float, ...]:
+        """The coefficients of an entry as the model computes with them."""
+        if self.in_si is not None:
+            return self.in_si(entry, water_density_kgpm3, length_m, draught_m)
+        return tuple(getattr(entry, name) for name in self.numbers)
 
     @property
     def turning(self) -> tuple[str, ...]:

@@ -17,7 +17,11 @@ from hybrid.vessel.hulls.kind import HullModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polynomial:
-    """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|."""
+    """A hull as a polynomial of u, v, r by Fossen's names; ``absr``, ``absv`` stand for \\|r\\| and \\|v\\|.
+
+    With ``units = "primed"`` they are without dimension: forces by rho/2 L d U^2, moments by L times that, speeds
+    by U, yaw rates by U / L. Those of third order then hold at the speed ``reference_speed_mps``.
+    """
 
     model: Literal["polynomial"]
     Xuu: Number
@@ -52,6 +56,9 @@ class Polynomial:
     N_absv_v: Number
     N_absr_r: Number
     N_absv_r: Number
+
+    units: Literal["si", "primed"] = "si"
+    reference_speed_mps: Number = 1.0
 
 
 NUMBERS = (
@@ -118,10 +125,26 @@ def force(p: Record, u: float, v: float, r: float) -> tuple[float, float, float]
     return X, Y, N
 
 
+def in_si(entry: Polynomial, water_density_kgpm3: float, length_m: float, draught_m: float) -> tuple[float, ...]:
+    """The coefficients in SI, whichever the entry states."""
+    values = [getattr(entry, name) for name in NUMBERS]
+    if entry.units == "si":
+        return tuple(values)
+    q = 0.5 * water_density_kgpm3 * length_m * draught_m
+
+    def unit(name: str) -> float:
+        factors = name[1:].replace("abs", "").replace("_", "")
+        levers = name.startswith("N") + factors.count("r")
+        return float(q * length_m**levers * entry.reference_speed_mps ** (2 - len(factors)))
+
+    return tuple(value * unit(name) for value, name in zip(values, NUMBERS, strict=True))
+
+
 POLYNOMIAL = HullModel(
     entry=Polynomial,
     numbers=NUMBERS,
     force=force,
+    in_si=in_si,
     linear=("Yuv", "Yur", "Nuv", "Nur"),
     resistance=("Xuu",),
     cross_flow_drag=("Y_absv_v", "N_absv_v"),
