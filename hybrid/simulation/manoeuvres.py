@@ -83,6 +83,13 @@ def _orders(leg: Leg, names: tuple[str, ...], handling: Handling) -> Floats:
     return np.where(handling.steering_angles & steered, 0.0, ordered)
 
 
+def shafts_rpm(leg: Leg, vessel: Vessel) -> float:
+    """The shaft speed of a leg ahead, without what its helm makes of it: the fastest of the shafts that are ordered
+    one each, and none for a leg astern."""
+    ahead = zip(control_names(vessel.actuators), handling_of(vessel).ahead, strict=True)
+    return float(max(0.0, *(leg.orders.get(name, share * leg.rpm) / share for name, share in ahead if share)))
+
+
 def _refuse_unsteered(manoeuvre: Manoeuvre, vessel: Vessel, handling: Handling) -> None:
     """Raise :class:`ConfigurationError` for a ship that has nothing to steer a manoeuvre with."""
     steered = any(leg.helm_deg or not isnan(leg.course_deg) for leg in manoeuvre)

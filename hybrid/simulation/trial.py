@@ -24,7 +24,7 @@ from analysis.tables.files import atomic_file
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.handling import handling_of, steady_speed_mps
-from hybrid.simulation.manoeuvres import Manoeuvre, as_arrays, for_ship, manoeuvre_named
+from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
 from hybrid.simulation.sea_state import (
     SeaState,
     drift_series,
@@ -197,7 +197,7 @@ def sail_through(
     slow_n = plant.drift_force_n * drift_series(drift, sea, steps + 1, dt_s)
     (leg_array, ends), packed = as_arrays(legs, vessel), pack(plant)
     extra, parameters = combine_forces((plant,))
-    start = _start(vessel, plant, leg_array[0], heading_deg)
+    start = _start(vessel, plant, legs[0], heading_deg)
     states, controls = np.full((steps + 1, 6), np.nan), np.full((steps + 1, leg_array.shape[1]), np.nan)
     drives = drives_of(vessel)
     left = sail(
@@ -242,11 +242,9 @@ def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:
     return max(1, ceil(SLOWEST_LOOP_HZ / rate_hz - 1e-9)), rows
 
 
-def _start(vessel: Vessel, plant: Plant, leg: Floats, heading_deg: float) -> Floats:
+def _start(vessel: Vessel, plant: Plant, leg: Leg, heading_deg: float) -> Floats:
     """At the origin, on the first heading, at the speed that the first leg's shafts hold in still water."""
-    handling = handling_of(vessel)
-    fastest = (leg[handling.main] / handling.ahead[handling.main]).max(initial=0.0)
-    order = np.where(handling.pitch > 0.0, np.maximum(leg, 0.0), handling.ahead * fastest)
+    order = handling_of(vessel).orders(shafts_rpm(leg, vessel), 0.0) * control_units(vessel.actuators)
     steady_mps = steady_speed_mps(bare_plant(vessel), order)
     heading = np.deg2rad(heading_deg)
     ahead = plant.current_north_mps * np.cos(heading) + plant.current_east_mps * np.sin(heading)
