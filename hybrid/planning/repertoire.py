@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from acquisition.core.actuators import shafts as drives_in
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import BLOCK_S, LEG_S, STEPS_PER_SECOND, Log
 from hybrid.simulation.handling import HARD_OVER_DEG, pace_of, shaft_limit_rpm
+from hybrid.simulation.handling import usual_rpm as own_usual_rpm
 from hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
@@ -66,6 +68,8 @@ class Shafts:
     ``drives`` and ``tunnels`` are the names of the thrusters that drive her and push her aside, ``steering`` those
     of what steers her by an angle, none of a ship that is steered by the difference of her shafts. ``drive`` and
     ``steers`` are what one of them is called. ``time`` is how long her manoeuvres take beside R/V Gunnerus'.
+    ``most`` is the lowest limit of her shafts, ``hard_over`` what the helm, hard over, adds to one and takes from
+    the other.
     """
 
     usual: float
@@ -79,6 +83,8 @@ class Shafts:
     drive: str = "thruster"
     steers: str = "azimuth"
     time: float = 1.0
+    most: float = inf
+    hard_over: float = 0.0
 
     @property
     def minutes(self) -> int:
@@ -96,10 +102,11 @@ class Shafts:
             return "a minute" if round(own_s) == 60 else f"{max(5.0, 5.0 * round(own_s / 5.0)):g} seconds"
         return f"{round(own_s / 30.0) / 2.0:g} minutes"
 
-    def helm(self, angle_deg: float) -> str:
-        """The helm at an angle, in words."""
+    def helm(self, angle_deg: float, rpm: float) -> str:
+        """The helm at an angle and a shaft speed, in words."""
         if not self.steering:
-            return f"one shaft {angle_deg / HARD_OVER_DEG * self.usual:.0f} rpm faster and the other as much slower"
+            apart = angle_deg / HARD_OVER_DEG * self.hard_over
+            return f"one shaft at {min(rpm + apart, self.most):.0f} and the other at {rpm - apart:.0f} rpm"
         number = {1: f"the {self.steers}", 2: f"both {self.steers}s"}
         return f"{number.get(len(self.steering), f'all {self.steers}s')} at {angle_deg:g} degrees"
 
@@ -118,7 +125,7 @@ def shafts_of(vessel: Vessel, usual_rpm: float) -> Shafts:
         usual, half, slow, fast, round(_TUNNEL * aside / _ROUND_RPM) * _ROUND_RPM,
         drives_in(vessel.actuators), tuple(each.name for each in steering), names_of(vessel.actuators, "tunnel"),
         _called(_DRIVES, [each for each in vessel.actuators if each.drives], "thruster"),
-        _called(_STEERS, steering, "helm"), pace_of(vessel).time,
+        _called(_STEERS, steering, "helm"), pace_of(vessel).time, most, own_usual_rpm(vessel),
     )  # fmt: skip
 
 
@@ -133,7 +140,8 @@ def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
     by_angle, alike = len(shafts.steering) > 0, shafts.steers in _STEERS.values()
     needed: dict[Callable[[Shafts], Candidate], bool] = {
         _uneven: len(shafts.drives) == 2 and by_angle, _opposed: len(shafts.steering) == 2 and alike,
-        _one_drive: len(shafts.drives) > 1, _tunnel: len(shafts.tunnels) > 0,
+        _crash_stop: shafts.drive == _DRIVES["propeller"], _one_drive: len(shafts.drives) > 1,
+        _tunnel: len(shafts.tunnels) > 0,
     }  # fmt: skip
     return tuple(make(shafts) for make in _MAKERS if needed.get(make, True))
 
@@ -169,7 +177,7 @@ def _speed_runs(at: Shafts) -> Candidate:
 def _turns(helm_deg: float, turn_deg: float) -> Callable[[Shafts], Candidate]:
     def make(at: Shafts) -> Candidate:
         what = (
-            f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg)}, "
+            f"Turn through {turn_deg:g} degrees at {at.usual:g} rpm with {at.helm(helm_deg, at.usual)}, "
             "to one side and then to the other"
         )
         return at.candidate(f"turns_{helm_deg:g}", what, turning_circle(helm_deg, at.usual, turn_deg))
@@ -185,7 +193,7 @@ def _zigzag(name: str, helm_deg: float, switch_deg: float, share: float = 1.0) -
             for course in (0.0, 180.0)
             for leg in (settle(course, rpm), *zigzag(helm_deg, switch_deg, rpm, swings=10))
         ]
-        by = "" if at.steering else f" with {at.helm(helm_deg)}"
+        by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
         what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
         return at.candidate(name, what, legs)
 
@@ -218,6 +226,18 @@ def _coasting(at: Shafts) -> Candidate:
         "reciprocal"
     )
     return at.candidate("coasting", what, legs)
+
+
+def _crash_stop(at: Shafts) -> Candidate:
+    astern = Leg(rpm=-at.usual, slower_mps=0.0, at_most_s=120.0)
+    legs = [
+        leg for course in (0.0, 180.0) for leg in (settle(course, at.usual), steer(course, 90.0, at.usual), astern)
+    ]
+    what = (
+        f"Speed up to {at.usual:g} rpm and stop at {at.usual:g} rpm astern until she stands, on a heading and on "
+        "the reciprocal"
+    )
+    return at.candidate("crash_stops", what, legs)
 
 
 def _one_drive(at: Shafts) -> Candidate:
@@ -309,6 +329,7 @@ _MAKERS: tuple[Callable[[Shafts], Candidate], ...] = (
     _zigzag("zigzags_30_5", 30.0, 5.0),
     _speed_changes,
     _coasting,
+    _crash_stop,
     _one_drive,
     _uneven,
     _opposed,

@@ -31,14 +31,19 @@ from hybrid.vessel.plant import Plant
 SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
 
 
+LENGTH_M = 28.9
+"""The length of the ship that drift forces are stated for [m]."""
+
+
 @dataclass(frozen=True, slots=True)
 class SeaState:
     """Wind, waves and current from one direction.
 
     Significant wave height and peak period describe a JONSWAP spectrum. ``drift_n_per_m2`` is the mean
-    second-order force in beam sea over the square of the wave height; slow drift follows the wave groups with
-    ``group_s``. Gusts have a standard deviation of ``gust_intensity`` of the mean wind, along and across it,
-    and a length scale. Numbers that have a value here are assumptions: the paper's Table II states none of them.
+    second-order force in beam sea over the square of the wave height, on a ship of 28.9 m; slow drift follows the
+    wave groups with ``group_s``. Gusts have a standard deviation of ``gust_intensity`` of the mean wind, along and
+    across it, and a length scale. Numbers that have a value here are assumptions: the paper's Table II states none
+    of them.
     """
 
     wind_mps: float
@@ -59,13 +64,16 @@ class SeaState:
 
     @property
     def drift_n(self) -> float:
-        """Mean wave drift force in beam sea [N]."""
+        """Mean wave drift force in beam sea on a ship of 28.9 m [N]."""
         return self.drift_n_per_m2 * self.wave_height_m**2
 
-    def effects(self) -> dict[str, dict[str, float]]:
-        """The sea state's steady parts as effects of the catalogue."""
+    def effects(self, length_m: float = LENGTH_M) -> dict[str, dict[str, float]]:
+        """The sea state's steady parts as effects of the catalogue, for a ship of this length.
+
+        The drift goes with the length over which the waves meet the ship (Maruo 1960).
+        """
         current = {"speed_mps": self.current_mps, "direction_deg": self.direction_to_deg}
-        drift = {"force_n": self.drift_n, "direction_deg": self.direction_to_deg}
+        drift = {"force_n": self.drift_n * (length_m / LENGTH_M), "direction_deg": self.direction_to_deg}
         return {"ocean_current": current, "wave_drift": drift}
 
 

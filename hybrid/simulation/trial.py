@@ -137,7 +137,8 @@ def simulate_trial(
     legs = _legs(manoeuvre, ship)
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]
-    plant = apply_effects(vessel_plant(ship, catalogue), {**sea.effects()}, catalogue)
+    environment = sea.effects(ship.dimensions.length_between_perpendiculars_m)
+    plant = _in_sea(vessel_plant(ship, catalogue), sea, environment, catalogue)
     plant = apply_effects(plant, hidden or {}, catalogue)
     dt_s = 1.0 / (rate_hz * steps_per_row)
     voyage = sail_through(
@@ -162,7 +163,7 @@ def simulate_trial(
         "seed": seed,
         "hidden": {name: dict(values) for name, values in (hidden or {}).items()},
         "vessel_effects": {name: dict(values) for name, values in ship.effects.items()},
-        "environment": sea.effects(),
+        "environment": environment,
         "noise": asdict(noise or Noise()),
         "states": voyage.states[every],
         "controls": voyage.controls[every],
@@ -170,6 +171,18 @@ def simulate_trial(
         "plant": plant,
     }
     return table, truth
+
+
+def _in_sea(plant: Plant, sea: SeaState, environment: Hidden, catalogue: Catalogue | None) -> Plant:
+    """The plant in current and drift. Raises :class:`ConfigurationError` for a sea that is too rough for her."""
+    try:
+        return apply_effects(plant, environment, catalogue)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"sea state {sea.name or 'given'} is too rough for a ship of "
+            f"{plant.length_between_perpendiculars_m:g} m",
+            why=str(error), fix="choose calm, or write one of waves of her size",
+        ) from error  # fmt: skip
 
 
 def _legs(manoeuvre: Manoeuvre | str, vessel: Vessel) -> Manoeuvre:

@@ -1,0 +1,173 @@
+"""Every kind of ship makes every manoeuvre, turns to the side of the helm, and settles on a course."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.core.errors import ConfigurationError
+from hybrid.diagnosis.map import quantities
+from hybrid.effects import vessel_plant
+from hybrid.planning.repertoire import rehearse, repertoire, shafts_of
+from hybrid.simulation.handling import handling_of, pace_of, usual_rpm
+from hybrid.simulation.manoeuvres import MANOEUVRES, Leg, as_arrays, for_ship, helm, in_time, steer
+from hybrid.simulation.sea_state import sea_state_named
+from hybrid.simulation.trial import Noise, Voyage, sail_through, simulate_trial
+from hybrid.simulation.vessel_check import check_vessel
+from hybrid.vessel.actuators.propeller import ControllablePropeller
+from hybrid.vessel.estimate.new_vessel import new_vessel
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.parameters import Vessel
+
+CALM = sea_state_named("calm")
+
+
+def estimated(folder, **said) -> Vessel:  # type: ignore[no-untyped-def]
+    file = folder / f"{said['name']}.toml"
+    new_vessel(file, **said)
+    return load_vessel(file)
+
+
+def tanker(folder) -> Vessel:  # type: ignore[no-untyped-def]
+    return estimated(
+        folder, name="tanker", length_m=320.0, beam_m=58.0, draught_m=20.8, block=0.81, service_speed_mps=7.97,
+        propellers=["diameter=9.86"], rudders=["area=112.5, span=15.8"], tunnels=["bow, diameter=3, power=2000"],
+    )  # fmt: skip
+
+
+def twin_screw(folder) -> Vessel:  # type: ignore[no-untyped-def]
+    return estimated(
+        folder, name="twin", length_m=120.0, beam_m=20.0, draught_m=6.0, block=0.6, service_speed_mps=9.0,
+        propellers=["diameter=4"] * 2, rudders=[""] * 2,
+    )  # fmt: skip
+
+
+def four_azimuths(folder) -> Vessel:  # type: ignore[no-untyped-def]
+    """Two of them ahead."""
+    ship = estimated(
+        folder, name="four", length_m=60.0, beam_m=14.0, draught_m=4.0, block=0.55, service_speed_mps=6.0,
+        azimuths=["diameter=2"] * 4, hull="cross_flow",
+    )  # fmt: skip
+    ahead = [replace(each, x_m=abs(each.x_m)) for each in ship.actuator[:2]]  # type: ignore[type-var]
+    return replace(ship, actuator=(*ahead, *ship.actuator[2:]))
+
+
+def with_pitch(folder) -> Vessel:  # type: ignore[no-untyped-def]
+    """KVLCC2's model with a propeller of controllable pitch."""
+    ship = load_vessel("kvlcc2_7m")
+    screw, rudder = ship.actuator
+    own = {name: getattr(screw, name) for name in screw.__dataclass_fields__ if name != "kind"}  # type: ignore[attr-defined]
+    blades = ControllablePropeller(**own, kind="controllable_propeller", pitch_lag_s=0.5)
+    return replace(ship, name="with_pitch", actuator=(blades, rudder))
+
+
+SHIPS: dict[str, Callable[..., Vessel]] = {
+    "gunnerus": lambda folder: load_vessel("gunnerus_short"),
+    "kvlcc2": lambda folder: load_vessel("kvlcc2_7m"),
+    "esso_osaka": lambda folder: load_vessel("esso_osaka_3m"),
+    "otter": lambda folder: load_vessel("otter_2m"),
+    "tanker": tanker,
+    "twin_screw": twin_screw,
+    "four_azimuths": four_azimuths,
+    "with_pitch": with_pitch,
+}
+
+
+@pytest.fixture(scope="module", params=SHIPS)
+def ship(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Vessel:
+    return SHIPS[request.param](tmp_path_factory.mktemp("ships"))
+
+
+def sailed(vessel: Vessel, *legs: Leg, seconds: float) -> Voyage:
+    """A manoeuvre in R/V Gunnerus' time, in still water and air; a row a tenth of a second of that."""
+    time, still = pace_of(vessel).time, np.random.default_rng(0)
+    return sail_through(
+        vessel, vessel_plant(vessel), CALM, in_time(legs, time), round(10 * seconds), 0.1 * time, 0.0, still, still
+    )
+
+
+def test_every_manoeuvre_is_made(ship: Vessel) -> None:
+    """She is under way, and her shafts are what drives her."""
+    for name in MANOEUVRES:
+        table, truth = simulate_trial(
+            ship, "calm", name, 900.0 * pace_of(ship).time, 5.0, noise=Noise().scaled(0.0)
+        )
+        assert table.notna().all().all(), name
+        assert truth["states"][:, 3].max() > 0.2 * pace_of(ship).speed * 5.04, name
+        main = [column for column, drives in zip(range(100), handling_of(ship).main, strict=False) if drives]
+        assert np.abs(truth["controls"][:, main]).max() > 0.0, name
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_she_turns_to_the_side_of_the_helm(ship: Vessel, side: float) -> None:
+    """A positive helm to port, whatever has to move for it."""
+    states = sailed(ship, helm(side * 15.0, usual_rpm(ship)), seconds=60.0).states
+    assert -side * np.rad2deg(states[-1, 2]) > 30.0
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_she_settles_on_a_course_without_hunting(ship: Vessel, share: float) -> None:
+    """At the usual shaft speed and at half of it: after a change of 30 deg neither heading nor helm moves."""
+    rpm = share * usual_rpm(ship)
+    voyage = sailed(ship, steer(0.0, 60.0, rpm), steer(30.0, 1e4, rpm), seconds=900.0)
+    heading = np.rad2deg(voyage.states[:, 2])
+    assert heading.max() < 42.0
+    assert heading[-1000:] == pytest.approx(np.full(1000, 30.0), abs=0.2)
+    assert np.ptp(voyage.controls[-1000:, handling_of(ship).helm != 0.0], axis=0).max() < np.deg2rad(0.3)
+
+
+def test_a_shaft_of_controllable_pitch_never_reverses(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    orders, _ = as_arrays((Leg(rpm=400.0), Leg(rpm=-300.0)), with_pitch(tmp_path))
+    assert orders[:, :2] == pytest.approx(np.array([[400.0 / 60.0, 1.0], [300.0 / 60.0, -1.0]]))
+
+
+def test_a_ship_of_one_propeller_and_nothing_else_cannot_be_steered() -> None:
+    vessel = load_vessel("kvlcc2_7m")
+    alone = replace(vessel, name="log", actuator=vessel.actuator[:1])
+    with pytest.raises(ConfigurationError, match="log cannot be steered: she has propeller"):
+        simulate_trial(alone, "calm", "zigzag", 60.0)
+
+
+def test_the_check_is_whole_and_symmetric_ships_turn_alike(ship: Vessel) -> None:
+    check = check_vessel(ship)
+    assert not check.left_out
+    starboard, port = check.of_kind("turning_circle")
+    assert starboard.indices["transfer_m"].value > 0.0 < port.indices["transfer_m"].value
+    for test in check.of_kind("zigzag"):
+        assert test.indices["overshoot_1_deg"].value > 0.0
+    assert check.of_kind("stopping")[0].indices["track_reach_m"].lengths < 15.0  # type: ignore[operator]
+    assert check.limits_apply == (ship.name in ("tanker", "twin"))
+
+
+def test_kvlcc2_turns_as_published() -> None:
+    """Advance and tactical diameter about 3.1 to 3.3 L with 35 deg (Yasukawa and Yoshimura 2015)."""
+    indices = check_vessel(load_vessel("kvlcc2_7m")).of_kind("turning_circle")[0].indices
+    for name in ("advance_m", "tactical_diameter_m"):
+        assert indices[name].lengths == pytest.approx(3.2, rel=0.08), name
+
+
+def test_a_rough_sea_for_a_model_is_refused_in_words() -> None:
+    with pytest.raises(ConfigurationError, match="sea state moderate is too rough for a ship of 2 m"):
+        simulate_trial("otter_2m", "moderate", "zigzag", 60.0)
+
+
+@pytest.mark.parametrize("name", ["kvlcc2", "otter", "twin_screw"])
+def test_a_rehearsal_stays_in_her_range_and_its_map_names_her_settings(name: str, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    ship = SHIPS[name](tmp_path)
+    plant = vessel_plant(ship)
+    for candidate in repertoire(shafts_of(ship, usual_rpm(ship))):
+        log = rehearse(candidate.legs, ship, plant, CALM, 60 * candidate.minutes)
+        assert np.isfinite(log.measured).all(), candidate.name
+        found = quantities(log, log.nominal)
+        assert "rpm" in found
+        assert ("rudder_deg" in found) == (name != "otter")
+        assert ("port_less_starboard_rpm" in found) == (name == "otter")
+
+
+def test_a_named_manoeuvre_keeps_its_share_of_the_limit() -> None:
+    """171 of 203 rpm is 632 of 750, and a tunnel thruster's 300 of 400 the same of its own."""
+    (first, *_) = for_ship((Leg(),), load_vessel("kvlcc2_7m"))
+    assert first.rpm == pytest.approx(171.0 / 203.0 * 750.0)
