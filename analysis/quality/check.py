@@ -30,6 +30,7 @@ from analysis.quality.findings import (
     time_outlier_finding,
 )
 from analysis.quality.heading_wrap import check_heading_wrap
+from analysis.quality.helm import check_helm_sign
 from analysis.quality.motion.checks import check_motion
 from analysis.quality.repeated_values import expected_rates
 from analysis.quality.samples import ASSUMED, rows_of, series_of
@@ -47,14 +48,16 @@ from analysis.tables.table import (
     valid_values,
 )
 
-CHECKS: tuple[Check, ...] = (check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_wind)
+CHECKS: tuple[Check, ...] = (
+    check_motion, check_heading_wrap, check_orders, check_thruster_feedback, check_helm_sign, check_wind,
+)  # fmt: skip
 """The checks across channels. Each gets the joined table with impossible values taken out."""
 
 SEVERITY = ("time_outlier", "clock_jump", "time_backwards", "out_of_range", "feedback_frozen", "percent_scaled",
-           "motion_contradiction", "stuck", "position_jump", "heading_wrap_interpolated", "speed_scale",
-           "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter", "heading_offset",
-           "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset", "order_interpolated",
-           "spike", "gap", "quantised", "time_jitter", "duplicate")  # fmt: skip
+           "motion_contradiction", "helm_sign", "stuck", "position_jump", "heading_wrap_interpolated",
+           "speed_scale", "yaw_rate_scale", "channel_delay", "position_time_jitter", "heading_time_jitter",
+           "heading_offset", "yaw_rate_bias", "position_offset", "wind_apparent", "wind_direction_offset",
+           "order_interpolated", "spike", "gap", "quantised", "time_jitter", "duplicate")  # fmt: skip
 """Codes of findings, the gravest first; others come behind."""
 
 _PAIRS = {"north_m": "east_m", "east_m": "north_m", "surge_mps": "sway_mps", "sway_mps": "surge_mps"}

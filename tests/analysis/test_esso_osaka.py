@@ -69,3 +69,41 @@ def test_no_two_trials_of_a_day_overlap(esso_osaka: dict[str, tuple[Path, Path]]
         days[ends.date()].append((ends - pd.Timedelta(seconds=float(pd.read_csv(table)["t [s]"].max())), ends))
     for spans in days.values():
         assert all(one[1] <= other[0] for one, other in zip(sorted(spans), sorted(spans)[1:], strict=False))
+
+
+FINDINGS = {"channel_delay", "yaw_rate_scale", "yaw_rate_bias", "stuck", "spike", "quantised"}
+"""What is wrong with these recordings, as looked at by hand: positions stamped nearly a second before heading and
+speeds, a yaw rate 1.5 % low, positions that a receiver repeated once or for a second, orders of a byte."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TRIALS)
+def test_nothing_is_found_in_them_that_is_not_there(esso_osaka: dict[str, tuple[Path, Path]], name: str) -> None:
+    from acquisition.tables.import_table import read_table_file
+    from analysis.quality.check import check_table
+
+    path, _ = esso_osaka[name]
+    file = read_table_file(path, COLUMNS)
+    file.table.attrs["trial"] = file.trial.as_metadata()
+    quality = check_table(file.table)
+    assert {each.code for each in quality.findings} <= FINDINGS
+    assert all(channel.grade != "bad" for channel in quality.channels.values())
+    assert sum(channel.spikes for channel in quality.channels.values()) < 0.005 * len(file.table)
+    turned = file.table.assign(rudder_angle_deg=-file.table["rudder_angle_deg"])
+    if name.startswith(("turning", "zigzag")):
+        assert "helm_sign" in {each.code for each in check_table(turned).findings}
+    for each in quality.findings:
+        if each.code == "channel_delay" and each.channel == "north_m":
+            assert each.estimate["seconds"] == pytest.approx(-lead_of_positions_s(pd.read_csv(path)), abs=0.3)
+
+
+def lead_of_positions_s(source: pd.DataFrame) -> float:
+    """How much later heading and speeds are than the positions whose rate they give best: by trying."""
+    north, ahead, east, aside, psi = source.iloc[:, 1:6].to_numpy().T
+    box = np.ones(21) / 21.0
+    rate = np.convolve(np.gradient(north + 1j * east, 0.1), box, "same")
+    velocity = np.convolve((ahead + 1j * aside) * np.exp(1j * np.unwrap(psi)), box, "same")
+    middle = slice(40, -40)
+    shifts = np.arange(0, 30)
+    misfit = [np.abs(rate[middle] - np.roll(velocity, -shift)[middle]).std() for shift in shifts]
+    return 0.1 * float(shifts[int(np.argmin(misfit))])
