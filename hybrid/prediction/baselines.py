@@ -65,8 +65,10 @@ def reference(windows: PredictionWindows, plant: Plant) -> Floats:
 
 
 def simulate_tracks(plant: Plant, states: Floats, control: Floats, wind: Floats) -> Floats:
-    """The simulation model from states [N, 6] under controls [N, H, 5] and a wind [N, 2] that holds [N, H+1, 3]."""
-    blowing = np.repeat(wind[:, None, :], control.shape[1], axis=1)
+    """The simulation model from states [N, 6] under controls [N, H, controls]: [N, H+1, 3]; in a wind [N, 2] that
+    holds, or second by second [N, H, 2].
+    """
+    blowing = wind if wind.ndim == 3 else np.repeat(wind[:, None, :], control.shape[1], axis=1)
     return simulate_batch(plant, states, control, blowing, dt_s=1.0).states[:, :, :3]
 
 

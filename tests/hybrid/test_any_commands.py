@@ -18,6 +18,7 @@ from acquisition.core.channels import NAMES
 from acquisition.core.errors import InputError
 from analysis.windows.recordings import tables_of_recordings
 from hybrid.calibrators import METHODS, make_calibrator
+from hybrid.calibrators.adaptive.adaptation import expected_wind, gust_decay_s, observations_of
 from hybrid.calibrators.adaptive.fit import adapt
 from hybrid.calibrators.artefact import SIDECAR, load, save
 from hybrid.calibrators.calibrator import Calibrator
@@ -27,7 +28,7 @@ from hybrid.evaluation.splits import SPLITS, draws_of, shared_seconds
 from hybrid.evaluation.validate import validate
 from hybrid.prediction.baselines import Fallback, reference
 from hybrid.prediction.dataset import Dataset, load_dataset
-from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, unlike_groups
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, clear_of, unlike_groups
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
 from tests.conftest import Simulated
@@ -194,3 +195,41 @@ def _one_after_the_other(count: int, horizon_s: int, seed: int) -> PredictionWin
         past=np.zeros((count, 1, 13)),
         commands=np.zeros((count, horizon_s, 5)),
     )
+
+
+def gusty(gust_s: float, seed: int, *, count: int = 300, mean: complex = 3.0 + 4.0j) -> PredictionWindows:
+    """Windows whose minute before them has a wind that is a mean and a first-order process of 1 m/s about it."""
+    random, kept = np.random.default_rng(seed), np.exp(-1.0 / gust_s)
+    pushes = random.normal(size=(count, PAST_S + 1, 2)) @ np.array([1.0, 1.0j])
+    wind = np.empty((count, PAST_S + 1), dtype=complex)
+    wind[:, -1] = pushes[:, -1]
+    for second in range(PAST_S - 1, -1, -1):
+        wind[:, second] = kept * wind[:, second + 1] + np.sqrt(1.0 - kept**2) * pushes[:, second]
+    empty = _one_after_the_other(count, SECONDS, seed)
+    past = np.zeros((count, PAST_S + 1, 13))
+    past[..., 6], past[..., 7] = np.angle(wind + mean), np.abs(wind + mean)
+    return replace(empty, past=past, track=np.zeros((count, SECONDS + 1, 3)))
+
+
+@pytest.mark.parametrize("gust_s", [5.0, 15.0, 40.0])
+def test_the_time_in_which_gusts_die_away_is_found(gust_s: float) -> None:
+    assert gust_decay_s(gusty(gust_s, 0, count=2000)) == pytest.approx(gust_s, rel=0.15)
+
+
+def test_where_no_wind_blows_gusts_stay_as_they_are() -> None:
+    windows = gusty(15.0, 0)
+    calm = replace(windows, past=np.zeros_like(windows.past))
+    assert gust_decay_s(calm) == pytest.approx(300.0)
+    assert observations_of(calm, 300.0).wind == pytest.approx(0.0)
+
+
+def test_the_wind_that_is_expected_goes_from_the_last_to_the_mean() -> None:
+    past = np.zeros((1, PAST_S + 1, 13))
+    past[..., 7] = 2.0
+    past[:, :3, 6], past[:, :3, 7] = np.pi / 2.0, 6.0
+    direction, speed = expected_wind(past, 10.0, 200).T
+    vector = (speed * np.exp(1j * direction))[:, 0]
+    mean = (58.0 * 2.0 + 3.0 * 6.0j) / 61.0
+    assert vector[0] == pytest.approx(6.0j, abs=0.5)
+    assert vector[-1] == pytest.approx(mean, abs=1e-6)
+    assert np.abs(np.diff(vector - mean)).max() < np.abs(vector[0] - mean) / 10.0

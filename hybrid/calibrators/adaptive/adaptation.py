@@ -25,6 +25,7 @@ from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.hulls import HULLS
 from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 
+Complexes = NDArray[np.complex128]
 _DIFFUSE = 10.0
 WAVE_DAMPING = 0.1
 
@@ -65,13 +66,16 @@ def kalman_gains(
 
 
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd")
+_WIND_AREAS = ("frontal_area_m2", "lateral_area_m2")
+"""Force of the wind ahead and aside. R/V Gunnerus, whose hull is the polynomial, has hers from a wind tunnel."""
 
 
 def positive_names(form: Form) -> tuple[str, ...]:
     """Numbers that keep their sign, as masses and damping must: adapted by factors, the others by shares."""
     kinds = dict.fromkeys(each.kind for each in form.actuators)
     damping = HULLS[form.hull].keeps_sign
-    return (*_POSITIVE, *damping, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
+    areas = () if form.hull == "polynomial" else _WIND_AREAS
+    return (*_POSITIVE, *damping, *areas, *(name for kind in kinds for name in KINDS[kind].keeps_sign))
 
 
 def signed_names(form: Form) -> tuple[str, ...]:
@@ -113,6 +117,7 @@ _WAVE_WALK = -1.0  # a power of ten
 _OBSERVED_S = 30
 _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of yaw are
 _AVERAGED_S = 5
+_GUSTING_S, _GUSTS_APART_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
 _ONE_CORE = 64  # so many windows one core has followed before another is awake
 
@@ -122,7 +127,7 @@ class Observations:
     """What the observer is given of N windows.
 
     ``past`` [N, P+1, channels] in the order of :class:`~hybrid.prediction.prediction_windows.PredictionWindows`,
-    newest first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, 2] that
+    newest first, without gaps for ``known_s`` [N] seconds; ``control`` [N, H, controls] and ``wind`` [N, H, 2] that
     act from second 0.
     """
 
@@ -135,10 +140,12 @@ class Observations:
         return len(self.past)
 
 
-def observations_of(windows: PredictionWindows) -> Observations:
-    """The observations of windows, with their commands from second 0.
+def observations_of(windows: PredictionWindows, gust_s: float | None = None) -> Observations:
+    """The observations of windows, with their commands from second 0 and the wind that is to be expected.
 
-    Without commands the mean of the last seconds in which the thrusters stood still is held.
+    Without commands the mean of the last seconds in which the thrusters stood still is held. Without ``gust_s``
+    the mean wind of the last seconds is; with it what is left of gusts dies away in that time
+    (:func:`expected_wind`).
     """
     now = np.concatenate([windows.start, windows.wind, windows.control], axis=1)
     measured = windows.past.copy()
@@ -148,8 +155,11 @@ def observations_of(windows: PredictionWindows) -> Observations:
     control = windows.commands
     if control is None:
         control = np.repeat(_mean_control(past, windows.actuators)[:, None], windows.horizon_s, axis=1)
+    wind = np.repeat(_mean_wind(past)[:, None], windows.horizon_s, axis=1)
+    if gust_s is not None:
+        wind = expected_wind(measured, gust_s, windows.horizon_s)
     past, control = np.ascontiguousarray(past), np.ascontiguousarray(control)
-    return Observations(past, known_s.clip(0, _OBSERVED_S), control, _mean_wind(past))
+    return Observations(past, known_s.clip(0, _OBSERVED_S), control, wind)
 
 
 def _mean_control(past: Floats, actuators: Actuators) -> Floats:
@@ -164,11 +174,48 @@ def _mean_control(past: Floats, actuators: Actuators) -> Floats:
 
 def _mean_wind(past: Floats) -> Floats:
     """The mean wind vector of the last seconds' finite ones, as direction [rad] and speed [m/s]: [N, 2]."""
-    direction, speed = np.moveaxis(past[:, :_AVERAGED_S, WIND], -1, 0)
-    each = speed * np.exp(1j * direction)
-    known = np.isfinite(each)
-    vector = np.where(known, each, 0.0).sum(axis=1) / known.sum(axis=1).clip(min=1)
+    vector = _mean_vector(_wind_vectors(past)[:, :_AVERAGED_S])
     return np.column_stack([np.angle(vector), np.abs(vector)])
+
+
+def expected_wind(past: Floats, gust_s: float, horizon_s: int) -> Floats:
+    """The wind [N, H, 2] that follows what was measured: the mean of the ``past``, and what the last seconds differ
+    by from it, dying away as exp(-t / ``gust_s``): the best forecast of gusts that are a first-order process.
+    """
+    vectors = _wind_vectors(past)
+    mean, now = _mean_vector(vectors), _mean_vector(vectors[:, :_GUSTING_S])
+    left = np.exp(-(np.arange(horizon_s) + 0.5) / gust_s)
+    expected = mean[:, None] + (now - mean)[:, None] * left
+    return np.ascontiguousarray(np.stack([np.angle(expected), np.abs(expected)], axis=-1))
+
+
+def gust_decay_s(windows: PredictionWindows) -> float:
+    """The time in which gusts die away, by how much alike the winds :data:`_GUSTS_APART_S` apart are [s].
+
+    Winds are counted from the mean of their recording; the longest such time where it did not blow.
+    """
+    vectors = _wind_vectors(windows.past)
+    for trial in np.unique(windows.trial):
+        mine = windows.trial == trial
+        vectors[mine] -= np.nan_to_num(np.nanmean(vectors[mine, 0]))
+    now, then = vectors[:, 0], vectors[:, _GUSTS_APART_S]
+    both = np.isfinite(now) & np.isfinite(then)
+    power = 0.5 * (np.abs(now[both]) ** 2 + np.abs(then[both]) ** 2).sum()
+    alike = float((now[both] * then[both].conj()).real.sum() / power) if power > 0.0 else 1.0
+    bounds = np.exp(-_GUSTS_APART_S / np.array(_GUST_BOUNDS_S))
+    return float(-_GUSTS_APART_S / np.log(np.clip(alike, *bounds)))
+
+
+def _wind_vectors(past: Floats) -> Complexes:
+    """The winds of the past as complex numbers, north and east [N, P+1]; NaN where they are not known."""
+    direction, speed = np.moveaxis(past[..., WIND], -1, 0)
+    return np.asarray(speed * np.exp(1j * direction))
+
+
+def _mean_vector(vectors: Complexes) -> Complexes:
+    """The mean of the finite ones [N], none where there is none."""
+    known = np.isfinite(vectors)
+    return np.asarray(np.where(known, vectors, 0.0).sum(axis=1) / known.sum(axis=1).clip(min=1))
 
 
 def parameter(vector: Floats, name: str) -> float:
@@ -265,7 +312,7 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
     if parameter(vector, "wind_north") or parameter(vector, "wind_east"):
         past = past.copy()
         past[..., WIND] = np.stack(add_wind(vector, *np.moveaxis(past[..., WIND], -1, 0)), axis=-1)
-        wind = np.column_stack(add_wind(vector, wind[:, 0], wind[:, 1]))
+        wind = np.stack(add_wind(vector, wind[..., 0], wind[..., 1]), axis=-1)
     plants = np.repeat(adapt_plant(vector, plant), len(observations))
     extra, parameters = combine_forces(plant)
     shape = len(observations), observations.control.shape[1] + 1

@@ -13,7 +13,13 @@ from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import trial_names
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
-from hybrid.calibrators.adaptive.adaptation import Observations, observations_of, parameter_names, run_observer
+from hybrid.calibrators.adaptive.adaptation import (
+    Observations,
+    gust_decay_s,
+    observations_of,
+    parameter_names,
+    run_observer,
+)
 from hybrid.calibrators.adaptive.fit import adapt, covariance_at
 from hybrid.calibrators.calibrator import Calibrator, DomainOfApplicability, Examples
 from hybrid.prediction.baselines import (
@@ -91,6 +97,7 @@ class AdaptiveCalibrator(Calibrator):
     """
 
     method: ClassVar[str] = "adaptive"
+    gust_s_: float | None
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_names(actuators)
@@ -99,6 +106,7 @@ class AdaptiveCalibrator(Calibrator):
         """Fit to the windows of both parts; no legs are needed for stopping. Raises :class:`DataShortageError`."""
         windows = concatenate_windows([training[0], stopping[0]])
         self.any_commands = windows.commands is not None
+        self.gust_s_ = gust_decay_s(windows) if self.any_commands else None
         fold = _folds(unlike_groups(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
@@ -124,7 +132,11 @@ class AdaptiveCalibrator(Calibrator):
     def _fit_member(self, windows: PredictionWindows, chosen: Bools, member: int, progress: Progress) -> Floats:
         """The parameter vector of one member."""
         drawn = self._draw(windows, np.flatnonzero(chosen), member)
-        return adapt(self._model, observations_of(drawn), drawn.track, _own_share(drawn), progress)
+        return adapt(self._model, self._observed(drawn), drawn.track, _own_share(drawn), progress)
+
+    def _observed(self, windows: PredictionWindows) -> Observations:
+        """What the observer is given; how gusts go on was learned with any commands only."""
+        return observations_of(windows, self.gust_s_)
 
     def _draw(self, windows: PredictionWindows, rows: NDArray[np.int64], member: int) -> PredictionWindows:
         """The windows of some rows, no more than :data:`MOST_WINDOWS`."""
@@ -137,7 +149,7 @@ class AdaptiveCalibrator(Calibrator):
         """The covariance of the members' mean vector, [parameters, parameters]."""
         drawn = self._draw(windows, np.arange(len(windows)), len(self.vectors_))
         vector = self.vectors_.mean(axis=0)
-        return covariance_at(vector, self._model, observations_of(drawn), drawn.track, _own_share(drawn))
+        return covariance_at(vector, self._model, self._observed(drawn), drawn.track, _own_share(drawn))
 
     @property
     def _model(self) -> Plant:
@@ -168,8 +180,8 @@ class AdaptiveCalibrator(Calibrator):
     def _candidates(self, windows: PredictionWindows, vectors: Floats) -> _Candidates:
         """The candidates' tracks over the windows, and their errors over the seconds before."""
         before = hindcast_windows(windows, HINDCAST_S)
-        tracks = self._candidate_tracks(vectors, observations_of(windows))
-        hindcasts = self._candidate_tracks(vectors, observations_of(before))
+        tracks = self._candidate_tracks(vectors, self._observed(windows))
+        hindcasts = self._candidate_tracks(vectors, self._observed(before))
         return _Candidates(tracks, np.stack([mean_distances(each, before.track) for each in hindcasts]))
 
     def _candidate_tracks(self, vectors: Floats, observations: Observations) -> Floats:
@@ -228,6 +240,8 @@ class AdaptiveCalibrator(Calibrator):
             "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.radius_,
             "trust": np.array([power, self.median_hindcast_m_]),
         }  # fmt: skip
+        if self.gust_s_ is not None:
+            fitted["gusts"] = np.array([self.gust_s_])
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in fitted.items()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
@@ -239,6 +253,7 @@ class AdaptiveCalibrator(Calibrator):
         self.radius_ = fitted["region"]
         power, self.median_hindcast_m_ = map(float, fitted["trust"])
         self.weight_power_ = power or np.inf
+        self.gust_s_ = float(fitted["gusts"][0]) if "gusts" in fitted else None
         return self
 
 
@@ -256,7 +271,7 @@ def _starts(windows: PredictionWindows) -> Floats:
     control = control if windows.commands is not None else control[:, :1]
     shafts = [column for column in range(control.shape[2]) if column not in angles]
     turned = [f(control[..., column]) for column in angles for f in (np.cos, np.sin)]
-    motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 1]])
+    motion = np.column_stack([mean[:, SURGE : YAW_RATE + 1], observations.wind[:, 0, 1]])
     repeated = np.repeat(motion[:, None], control.shape[1], axis=1)
     return np.concatenate([repeated, control[..., shafts], np.stack(turned, axis=-1)], axis=-1)
 

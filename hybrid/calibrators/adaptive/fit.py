@@ -26,6 +26,7 @@ STEPS = 8
 _OUTLYING = 1.5
 _NUMBERS_A_WINDOW = 6.0  # what a track of three coordinates says: where it bends and how, in each
 _LEAST = np.array([0.01, 0.01, 0.0005])  # nothing is predicted better [m, m, rad]
+_USUAL_LENGTH_M = 30.0  # by a ship of that length, and a shorter one in proportion
 _DIFFERENCE = 1e-3
 _ENOUGH = 2e-3
 _GIVE_UP = 1e6
@@ -50,7 +51,7 @@ def adapt(
     now = off(vector)
     for step in range(steps):
         progress(step / steps)
-        weight = _whitening(now, known, overlap)
+        weight = _whitening(now, known, overlap, plant)
         slope = _slope(off, vector, now, weight)
         better = _step(off, vector, now, slope, weight, damping)
         if better is None:
@@ -67,7 +68,7 @@ def covariance_at(vector: Floats, plant: Plant, windows: Observations, track: Fl
     """
     off, known = _differences(plant, windows, track)
     now = off(vector)
-    slope = _slope(off, vector, now, _whitening(now, known, overlap))
+    slope = _slope(off, vector, now, _whitening(now, known, overlap, plant))
     slope = slope[(np.abs(slope) < _STEEPEST).all(axis=1)]  # a window at the edge of the model's range says nothing
     return np.asarray(np.linalg.inv(slope.T @ slope + np.eye(len(vector))))
 
@@ -84,9 +85,11 @@ def _differences(plant: Plant, windows: Observations, track: Floats) -> tuple[Ca
     return off, ~unknown
 
 
-def _whitening(now: Floats, known: Bools, overlap: float) -> Floats:
+def _whitening(now: Floats, known: Bools, overlap: float, plant: Plant) -> Floats:
     """What each difference is multiplied by [N, H, 3]: its second's scale, its window's weight."""
-    scale = 1.48 * np.sqrt(_median_where(known, now**2)) + _LEAST
+    scale = 1.48 * np.sqrt(_median_where(known, now**2)) + _LEAST * min(
+        1.0, plant.length_overall_m / _USUAL_LENGTH_M
+    )
     return np.asarray(_weights(now / scale, overlap) / scale)
 
 

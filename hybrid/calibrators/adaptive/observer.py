@@ -151,7 +151,7 @@ def _make_observer(stamp: int) -> Callable[..., None]:
 
         From ``past`` [N, P+1, channels], newest first, of which ``known_s`` [N] seconds are whole; ``control``
         [N, H, controls]
-        and ``wind`` [N, 2] act from second 0. ``plants`` [N] are changed.
+        and ``wind`` [N, H, 2] act from second 0. ``plants`` [N] are changed.
         """
         for i in prange(states.shape[0]):
             p = plants[i]
@@ -182,10 +182,10 @@ def _make_observer(stamp: int) -> Callable[..., None]:
                     swing = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
                     since = 0
                 second -= 1
-            air = (wind[i, 0], wind[i, 1])
             store(state, swing, states[i, 0], waves[i, 0])
             for k in range(control.shape[1]):
                 add_bias_force(p, own, bias)
+                air = (wind[i, k, 0], wind[i, k, 1])
                 state = advance(
                     p, mass, lag, control[i, k], acting, scratch, air, 0.0, 1.0, 1, state, extra, parameters[0]
                 )
