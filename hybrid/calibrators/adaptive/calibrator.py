@@ -98,6 +98,7 @@ class AdaptiveCalibrator(Calibrator):
 
     method: ClassVar[str] = "adaptive"
     gust_s_: float | None
+    median_spread_m_: float | None
 
     def labels(self, actuators: Actuators) -> tuple[str, ...]:
         return trial_names(actuators)
@@ -107,6 +108,7 @@ class AdaptiveCalibrator(Calibrator):
         windows = concatenate_windows([training[0], stopping[0]])
         self.any_commands = windows.commands is not None
         self.gust_s_ = gust_decay_s(windows) if self.any_commands else None
+        self.median_spread_m_ = None
         fold = _folds(unlike_groups(windows), self.seed)
         members = int(fold.max()) + 1
         if members < 2:
@@ -120,6 +122,8 @@ class AdaptiveCalibrator(Calibrator):
                 for member in range(members)
             ]
         )  # fmt: skip
+        if self.any_commands:
+            self.median_spread_m_ = float(np.nanmedian(self._spread_m(windows)))
         self.covariance_ = self._covariance(windows)
         starts = _starts(windows)
         self.range_ = np.stack([starts.min(axis=(0, 1)), starts.max(axis=(0, 1))])
@@ -173,7 +177,7 @@ class AdaptiveCalibrator(Calibrator):
         ]
         self.weight_power_ = WEIGHT_POWERS[int(np.argmin(errors))]
         tracks, hindcast_m = self._average(candidates, self.weight_power_)
-        uncertainty = self._uncertainty(hindcast_m, windows.horizon_s)
+        uncertainty = self._uncertainty(hindcast_m, windows)
         self.radius_ = conformal_radius(tracks, windows.track, uncertainty)
         return tracks
 
@@ -209,10 +213,22 @@ class AdaptiveCalibrator(Calibrator):
         hindcast_m = np.where(known, candidates.hindcast_m, _UNKNOWN_RATIO * self.median_hindcast_m_)
         return average_tracks(weight, candidates.tracks), np.einsum("wn,wn->n", weight, hindcast_m)
 
-    def _uncertainty(self, hindcast_m: Floats, horizon_s: int) -> Floats:
-        """The relative uncertainty [N, H], one for the median hindcast error; half of it grows with that error."""
-        share = 0.5 + 0.5 * hindcast_m / max(self.median_hindcast_m_, 1e-6)
-        return np.repeat(share[:, None], horizon_s, axis=1)
+    def _uncertainty(self, hindcast_m: Floats, windows: PredictionWindows) -> Floats:
+        """The relative uncertainty [N, H], one for the median hindcast error; half of it grows with that error.
+
+        With any commands a third does, and another third with how far the members' tracks lie apart.
+        """
+        by_hindcast = hindcast_m / max(self.median_hindcast_m_, 1e-6)
+        share = 0.5 + 0.5 * by_hindcast
+        if self.median_spread_m_ is not None:
+            share = (1.0 + by_hindcast + self._spread_m(windows) / max(self.median_spread_m_, 1e-6)) / 3.0
+        return np.repeat(share[:, None], windows.horizon_s, axis=1)
+
+    def _spread_m(self, windows: PredictionWindows) -> Floats:
+        """How far the members' tracks lie apart [N]: their standard deviation, mean over the horizon [m]."""
+        observed = self._observed(windows)
+        tracks = [run_observer(vector, self._model, observed)[0][:, 1:, :2] for vector in self.vectors_]
+        return np.asarray(np.linalg.norm(np.std(tracks, axis=0), axis=-1).mean(axis=1))
 
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
@@ -222,7 +238,7 @@ class AdaptiveCalibrator(Calibrator):
 
     def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
         tracks, hindcast_m = self._average(self._candidates(windows, self.vectors_), self.weight_power_)
-        return tracks, self._uncertainty(hindcast_m, windows.horizon_s)
+        return tracks, self._uncertainty(hindcast_m, windows)
 
     def conformal_radius(self, stopping: Examples) -> Floats:
         return self.radius_
@@ -240,8 +256,8 @@ class AdaptiveCalibrator(Calibrator):
             "vectors": self.vectors_, "covariance": self.covariance_, "range": self.range_, "region": self.radius_,
             "trust": np.array([power, self.median_hindcast_m_]),
         }  # fmt: skip
-        if self.gust_s_ is not None:
-            fitted["gusts"] = np.array([self.gust_s_])
+        if self.gust_s_ is not None and self.median_spread_m_ is not None:
+            fitted["any_commands"] = np.array([self.gust_s_, self.median_spread_m_])
         return {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in fitted.items()}
 
     def load_state_dict(self, tensors: dict[str, Tensor]) -> Self:
@@ -253,7 +269,9 @@ class AdaptiveCalibrator(Calibrator):
         self.radius_ = fitted["region"]
         power, self.median_hindcast_m_ = map(float, fitted["trust"])
         self.weight_power_ = power or np.inf
-        self.gust_s_ = float(fitted["gusts"][0]) if "gusts" in fitted else None
+        self.gust_s_ = self.median_spread_m_ = None
+        if "any_commands" in fitted:
+            self.gust_s_, self.median_spread_m_ = map(float, fitted["any_commands"])
         return self
 
 
