@@ -50,7 +50,7 @@ class ImportSummary:
 
     def __str__(self) -> str:
         parts = [f"{self.rows:,} rows, {self.samples:,} samples of {len(self.channels)} channels"]
-        parts += [f"{count:,} rows {reason} dropped" for reason, count in self.dropped.items()]
+        parts += [f"{count:,} row{'s' * (count != 1)} {reason} dropped" for reason, count in self.dropped.items()]
         parts += [
             f"{count} values of {name} out of range, flagged bad" for name, count in self.out_of_range.items()
         ]

@@ -354,7 +354,7 @@ def test_rows_that_cannot_be_read_are_dropped_with_a_count_where_a_map_says_so(t
     path = packed(tmp_path, faulty)
     summary = import_table(path, tmp_path / "out.mcap", column_map(tmp_path, RUDDER_MAP))
     assert (summary.rows, summary.dropped) == (7, {"without a time": 2, "with text for a number": 1})
-    assert "2 rows without a time dropped; 1 rows with text for a number dropped" in str(summary)
+    assert "2 rows without a time dropped; 1 row with text for a number dropped" in str(summary)
     series = read_recording(tmp_path / "out.mcap").series
     assert series["north_m"].value.tolist() == [0.0, 1.0, 5.0, 6.0, 7.0, 8.0, 9.0]
     assert series["surge_mps"].value.size == 6
@@ -368,7 +368,7 @@ def test_rows_that_cannot_be_read_are_dropped_with_a_count_where_a_map_says_so(t
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('kind = "rudder"', 'kind = "sail"', "no kind 'sail'"),
+        ('kind = "rudder"', 'kind = "sail"', r"map\.toml, line \d+: actuator rudder: no kind 'sail'"),
         ("%d-%b", "%d-%Q", "line 13.*no time such as"),
         ("main_rpm =", "port_rpm =", "port_rpm.*no channel of the ship whose actuators are main, rudder"),
         ('zone = "Asia/Tokyo"', "", "in_name is for seconds, with a zone"),
