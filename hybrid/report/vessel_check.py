@@ -77,7 +77,7 @@ def stability_text(check: VesselCheck) -> str:
 def index_rows(test: StandardTest) -> list[list[str]]:
     """One row an index: what it is, value, in lengths, limit, and whether it is kept."""
     return [
-        [plain_name(name), value_text(index), f"{index.lengths:.2f}" if index.lengths is not None else "",
+        [plain_name(name), value_text(index), lengths_text(index),
          _limit_text(index), _kept_text(index)]
         for name, index in test.indices.items()
     ]  # fmt: skip
@@ -88,6 +88,11 @@ def value_text(index: Index) -> str:
     value = 0.0 if abs(index.value) < 1e-6 else index.value
     digits = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
     return f"{digits} {index.unit}".rstrip()
+
+
+def lengths_text(index: Index) -> str:
+    """A distance in ship lengths; empty for what is none."""
+    return "" if index.lengths is None else f"{index.lengths:.2f}".replace("-0.00", "0.00")
 
 
 def _limit_text(index: Index) -> str:
@@ -155,7 +160,7 @@ def _write(axes: Axes, test: StandardTest, names: tuple[str, ...], corner: tuple
     for name in names:
         if name in test.indices:
             index = test.indices[name]
-            value = f"{index.lengths:.2f} L" if index.lengths is not None else value_text(index)
+            value = f"{lengths_text(index)} L" if index.lengths is not None else value_text(index)
             limit = f"  (IMO {_limit_text(index)}, {_kept_text(index)})" if index.limit is not None else ""
             lines.append(f"{plain_name(name)} {value}{limit}")
     box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
@@ -258,7 +263,8 @@ def _draw_pull_outs(axes: Axes, check: VesselCheck) -> None:
         axes.plot(shown.time_s - released, shown.yaw_rate_dps, color=colour, label=f"from {_side(test)}")
     tests = check.of_kind("pull_out")
     if tests:
-        _write(axes, tests[0], ("residual_yaw_rate_dps",), (0.98, 0.02))
+        left = [f"{value_text(each.indices['residual_yaw_rate_dps'])} left from {_side(each)}" for each in tests]
+        axes.text(0.98, 0.02, "\n".join(left), transform=axes.transAxes, fontsize=8, ha="right", va="bottom")
         axes.legend(loc="upper right", fontsize=8)
     words = {None: "", True: "course stable", False: "not course stable"}[check.course_stable]
     axes.set_xlabel(f"time since the order [s]{', ' * bool(words)}{words}")

@@ -18,6 +18,7 @@ from hybrid.simulation.sea_state import sea_state_named
 from hybrid.simulation.trial import Noise, Voyage, sail_through, simulate_trial
 from hybrid.simulation.vessel_check import check_vessel
 from hybrid.vessel.actuators.propeller import ControllablePropeller
+from hybrid.vessel.actuators.waterjet import Waterjet
 from hybrid.vessel.estimate.new_vessel import new_vessel
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
@@ -64,6 +65,16 @@ def with_pitch(folder) -> Vessel:  # type: ignore[no-untyped-def]
     return replace(ship, name="with_pitch", actuator=(blades, rudder))
 
 
+def two_jets(folder) -> Vessel:  # type: ignore[no-untyped-def]
+    """The Otter's hull with a waterjet to either side, whose nozzles steer."""
+    jet = Waterjet(
+        name="port_jet", kind="waterjet", x_m=-1.0, y_m=-0.395, thrust_nn=0.45, thrust_nu=0.5, limit_rpm=1000.0,
+        limit_deg=30.0, rate_limit_dps=60.0, shaft_lag_s=0.2, nozzle_lag_s=0.1,
+    )  # fmt: skip
+    both = (jet, replace(jet, name="starboard_jet", y_m=0.395))
+    return replace(load_vessel("otter_2m"), name="two_jets", actuator=both)
+
+
 SHIPS: dict[str, Callable[..., Vessel]] = {
     "gunnerus": lambda folder: load_vessel("gunnerus_short"),
     "kvlcc2": lambda folder: load_vessel("kvlcc2_7m"),
@@ -73,6 +84,7 @@ SHIPS: dict[str, Callable[..., Vessel]] = {
     "twin_screw": twin_screw,
     "four_azimuths": four_azimuths,
     "with_pitch": with_pitch,
+    "two_jets": two_jets,
 }
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import seatrial as st
 from acquisition.core.arrays import Series
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import DataShortageError
@@ -20,6 +21,7 @@ from analysis.tables.resample import resample
 from analysis.tables.table import read_table, table_of
 from hybrid.calibrators.predict import predict
 from hybrid.calibrators.train import TrainedCalibrator
+from hybrid.effects import vessel_plant
 from hybrid.twin.forecast import (
     RecentSamples,
     message_body,
@@ -30,6 +32,7 @@ from hybrid.twin.forecast import (
 )
 from hybrid.twin.running_error import MeanErrors
 from hybrid.twin.twin import recording_at_rest
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from tests.conftest import SMALL_HORIZON_S, Simulated
 from tests.hybrid.twin.steady_ship import ORIGIN, write_steady
@@ -193,3 +196,16 @@ def test_a_map_gets_the_track_longitude_first_and_a_ring_of_the_band(small: Trai
         assert away_m == pytest.approx(prediction.band_m[-1], abs=2e-3)
     latitude, longitude = positions(np.array([0.0]), np.array([0.0]), ORIGIN)
     assert (latitude[0], longitude[0]) == pytest.approx(ORIGIN)
+
+
+@pytest.mark.parametrize("vessel", ["kvlcc2_7m", "otter_2m"])
+def test_a_ship_of_other_actuators_is_foretold_alike(vessel: str, tmp_path: Path) -> None:
+    """Rudder and propellers; also of a ship at rest, for which all is compiled before."""
+    st.simulate(tmp_path / "trial.mcap", vessel=vessel, manoeuvre="zigzag", duration_s=90.0, rate_hz=5.0)
+    recording, plant = read_recording(tmp_path / "trial.mcap"), vessel_plant(load_vessel(vessel))
+    forecast = predict_now(recording, SMALL_HORIZON_S, plant, None)
+    table = resample(table_of(recording))
+    expected = predict(table, forecast.prediction.at, SMALL_HORIZON_S, plant, None)
+    np.testing.assert_allclose(forecast.prediction.track, expected.track, atol=1e-6)
+    still = predict_now(recording_at_rest(30.0, plant.layout), SMALL_HORIZON_S, plant, None)
+    assert not np.any(still.prediction.track)

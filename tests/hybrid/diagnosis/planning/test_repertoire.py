@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import re
 
-from hybrid.planning.repertoire import Candidate, Shafts, repertoire
+from hybrid.diagnosis.disturbance_model import Noise
+from hybrid.diagnosis.evidence import normal_equations
+from hybrid.diagnosis.linearise import Model, linearise
+from hybrid.effects import vessel_plant
+from hybrid.effects.catalogue import catalogue_for
+from hybrid.planning.next_manoeuvre import Pair, best_request, rank_candidates, rehearsal_of
+from hybrid.planning.repertoire import Candidate, Shafts, rehearse, repertoire
+from hybrid.simulation.handling import usual_rpm
+from hybrid.simulation.manoeuvres import steer
+from hybrid.simulation.sea_state import sea_state_named
+from hybrid.vessel.files import load_vessel
 
 TWIN_SCREW = Shafts(
     90.0, 45.0, 65.0, 105.0, 0.0, ("port_propeller", "starboard_propeller"), ("port_rudder", "starboard_rudder"),
@@ -47,3 +57,21 @@ def test_a_ship_steered_by_her_shafts_has_no_angle_to_hold() -> None:
     assert {"uneven_thrusters", "rudders_opposed", "azimuths_opposed"}.isdisjoint(asked)
     assert all(leg.course_deg != leg.course_deg for leg in asked["one_thruster_at_a_time"].legs)
     assert not re.search(r"degrees of helm|at -?\d+ degrees", asked["one_thruster_at_a_time"].what)
+
+
+def test_the_next_manoeuvre_of_a_rudder_ship() -> None:
+    """After a straight run nothing is known of the rudder: she is asked to use it, in words that fit her."""
+    ship = load_vessel("kvlcc2_7m")
+    plant, names = vessel_plant(ship), ("rudder_offset_rudder", "yaw_asymmetry", "thrust_loss_propeller")
+    catalogue = {name: each for name, each in catalogue_for(ship.actuators).items() if name in names}
+    straight = rehearse((steer(0.0, 1e4, usual_rpm(ship)),), ship, plant, sea_state_named("calm"), 600)
+    equations = normal_equations(linearise(straight, Model(plant, catalogue), 0.01), Noise())
+    pairs = [Pair("rudder_offset_rudder", "yaw_asymmetry", {"angle_deg": 2.0})]
+    ranking = rank_candidates(rehearsal_of(equations, ship, {}), pairs)
+    asked = best_request(ranking, pairs)
+    assert asked is not None
+    assert asked.minutes == 12.0
+    assert "rpm" in asked.what
+    assert not re.search("azimuth|thruster|pod", asked.what)
+    gained = {each.candidate.name: each.gains[0] for each in ranking}
+    assert max(gained, key=gained.__getitem__) not in ("reciprocal_headings", "four_headings", "drifting")
