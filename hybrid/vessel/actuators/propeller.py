@@ -91,8 +91,6 @@ TURN = SIDE + SIDE_TERMS
 SHAFT_RPS, PITCH = range(2)
 """The working numbers: the shaft's speed, the share of the full pitch."""
 
-_STANDS_RPS = 1e-9  # slower is standing: J of what a lag leaves of a shaft's speed would be no number
-
 _LOW, _HIGH = -0.35, -0.06
 """The J_s between which the force aside of a shaft turning astern changes over (Miyauchi et al. 2022)."""
 
@@ -146,10 +144,10 @@ def thrust(p: Record, row: Floats, work: Floats, u: float, v: float, r: float) -
     """The propeller's own thrust [N], without what it takes from the hull; none of a shaft that stands."""
     n, D = work[SHAFT_RPS], row[DIAMETER_M]
     scale = p.water_density_kgpm3 * D * D * (1.0 - row[THRUST_LOSS])
-    if n >= _STANDS_RPS:
+    if n > 0.0:
         nD, u_a = n * D, inflow(row, u, v, r)
         return float(scale * (row[K_0] * work[PITCH] * nD * nD + row[K_1] * nD * u_a + row[K_2] * u_a * u_a))
-    if n > -_STANDS_RPS:
+    if n == 0.0:
         return 0.0
     J_s = (u - row[Y_M] * r) / (n * D)
     C = row[ASTERN_1] + row[ASTERN_2] * J_s if J_s >= row[ASTERN_3] else row[ASTERN_0]
@@ -181,7 +179,7 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     if n > 0.0:
         X *= 1.0 - row[THRUST_DEDUCTION]
     Y, N = 0.0, -row[Y_M] * X
-    if n <= -_STANDS_RPS or (n >= _STANDS_RPS and u < 0.0):
+    if n < 0.0 or (n > 0.0 and u < 0.0):
         L = p.length_between_perpendiculars_m
         q = 0.5 * p.water_density_kgpm3 * L * p.draught_m
         Y += q * side_terms(row, SIDE, n, u)
