@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from mcap.reader import make_reader
 import seatrial
 from acquisition.core.channels import NAMES
 from acquisition.recording.reader import read_recording
-from tests.conftest import SMALL_HORIZON_S, Simulated, few_epochs
+from tests.conftest import SMALL_HORIZON_S, Command, Done, Simulated, few_epochs
 
 ROOT = Path(__file__).parents[1]
 COMMANDS = (
@@ -38,43 +37,6 @@ HEAVY = (
     "nmea2000",
     "safetensors",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """What a command left behind."""
-
-    code: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        """The one JSON object on stdout; NaN and Infinity are none."""
-
-        def refuse(constant: str) -> None:
-            raise ValueError(f"{constant} is no JSON")
-
-        return json.loads(self.out, parse_constant=refuse)
-
-
-Command = Callable[..., Done]
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """``seatrial`` in this process: imports are paid once."""
-
-    def run(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(sys, "argv", ["seatrial", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            seatrial.main()
-        out, err = capsys.readouterr()
-        code = ended.value.code
-        return Done(code if isinstance(code, int) else int(bool(code)), out, err)
-
-    return run
 
 
 def as_process(*arguments: str | Path) -> Done:
