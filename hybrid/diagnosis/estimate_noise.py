@@ -35,8 +35,9 @@ from hybrid.diagnosis.evidence import (
 )
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, linearise, sensor_readings
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
-from hybrid.diagnosis.nuisance_basis import WIND_MPS
+from hybrid.diagnosis.nuisance_basis import wind_error_mps
 from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
+from hybrid.effects.size import growth
 
 _SCORING = ScoringSettings(limit=16.0, longest_step=1.0, damping=(1.0, 4.0), enough=1.0)
 _DEVIATION = 1.5  # of the logarithm of each level about where the search begins
@@ -122,10 +123,10 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
     chosen = _spread_blocks(design.log, _NOISE_S)
     linear, part = subset_of(design.linear, chosen), design.log.subset(chosen)
     some = replace(design, log=part, linear=linear, columns=subset_of(design.columns, chosen))
-    noise = start or _first_guess(part)
+    noise = start or _first_guess(part, design.model.scale)
     for round_ in range(1 if start else _ROUNDS):
         rest, _ = _without_effects(some, noise, seed=round_)
-        starts = _both_ways(noise) if round_ == 0 and start is None else [noise]
+        starts = _both_ways(noise, design.model.scale) if round_ == 0 and start is None else [noise]
         tried = [fit_noise(linear, rest, part.edges, each, _STEPS[min(round_, 1)]) for each in starts]
         noise, cost = min(tried, key=lambda each: each[1] + _PRICE_OF_WAVES * each[0].has_waves)
     drifting = start_of_drift(linear, rest, part.edges, noise) if start is None else noise
@@ -135,10 +136,15 @@ def _likeliest_noise(design: DesignMatrix, start: Noise | None = None) -> Noise:
     return noise
 
 
-def _first_guess(log: Log) -> Noise:
-    """Where the search for the noise begins: what the smoother found, or usual levels."""
+def _first_guess(log: Log, scale: float) -> Noise:
+    """Where the search for the noise begins: what the smoother found, or levels usual for a ship of this scale."""
+    usual, units = Noise(), ("N", "N", "N m")
+    gust, slow = (
+        tuple(size * growth(unit, scale) for size, unit in zip(sizes, units, strict=True))
+        for sizes in (usual.gust, usual.slow)
+    )
     if not log.levels:
-        return Noise()
+        return replace(usual, gust=gust, slow=slow)  # type: ignore[arg-type]
     levels = log.levels[0]
     along, axis = levels.wave_speed / levels.wave_frequency_radps, levels.wave_direction_rad
     across = along * levels.wave_across
@@ -154,6 +160,8 @@ def _first_guess(log: Log) -> Noise:
         surge_mps=levels.speed_mps,
         sway_mps=levels.speed_mps,
         yaw_rate_radps=levels.yaw_rate_radps,
+        gust=gust,  # type: ignore[arg-type]
+        slow=slow,  # type: ignore[arg-type]
         waves=tuple(max(each, 1e-3 * any(waves)) for each in waves),  # type: ignore[arg-type]
         wave_frequency_radps=float(np.clip(levels.wave_frequency_radps, 0.6, 2.0)),
         wave_damping=float(np.clip(levels.wave_damping, 0.05, 0.5)),
@@ -161,10 +169,11 @@ def _first_guess(log: Log) -> Noise:
     )
 
 
-def _both_ways(noise: Noise) -> list[Noise]:
+def _both_ways(noise: Noise, scale: float) -> list[Noise]:
     """Waves along an axis may go either way; where the smoother saw none there may be small ones all the same."""
     if not noise.has_waves:
-        return [noise, replace(noise, waves=_SMALL_WAVES)]
+        north, east, yaw = _SMALL_WAVES
+        return [noise, replace(noise, waves=(north * growth("m", scale), east * growth("m", scale), yaw))]
     return [noise, replace(noise, wave_towards_rad=noise.wave_towards_rad + np.pi)]
 
 
@@ -186,7 +195,7 @@ def _without_effects(design: DesignMatrix, noise: Noise, seed: int | None) -> tu
     P, features = len(layout.effect), columns.features.shape[1]
     prior = np.full(columns.count, np.nan)
     prior[1 : 1 + P] = _LOOSE * layout.prior
-    prior[layout.first_wind : layout.first_varying] = _LOOSE * WIND_MPS
+    prior[layout.first_wind : layout.first_varying] = _LOOSE * wind_error_mps(design.model)
     prior[layout.first_varying : layout.first_feature] = layout.varying_prior
     for axis, force in enumerate(tolerated_forces(design)):
         prior[layout.axis(axis)] = force / np.sqrt(layout.features)

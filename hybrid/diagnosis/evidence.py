@@ -30,11 +30,11 @@ from hybrid.diagnosis.nuisance_basis import (
     FEATURES,
     INTERACTIONS,
     TOLERATED_SHARE,
-    WIND_MPS,
     features,
     force_range,
     nuisance_basis,
     tolerances,
+    wind_error_mps,
     wind_errors,
 )
 from hybrid.effects import Effect
@@ -256,7 +256,7 @@ def _nuisances(design: DesignMatrix) -> tuple[Ints, Floats]:
     layout = design.layout
     some = np.flatnonzero(layout.tolerated > 0.0)
     wind = np.arange(layout.wind) + layout.first_wind
-    columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, WIND_MPS)]
+    columns, scale = [1 + some, wind], [layout.tolerated[some], np.full(layout.wind, wind_error_mps(design.model))]
     for axis, force in enumerate(tolerated_forces(design)):
         columns.append(layout.axis(axis))
         scale.append(np.full(layout.features, force / np.sqrt(layout.features)))

@@ -23,7 +23,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
-from hybrid.vessel.actuators import angle_columns
+from hybrid.effects.size import growth, scale_of
+from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.channels import check_ship
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
@@ -33,7 +34,7 @@ from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
 _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
-_FORCE_STEPS = {"constant_X_n": 1e3, "constant_Y_n": 1e3, "constant_N_nm": 1e4}
+_FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
 _ROUNDS = 4
 
@@ -77,6 +78,11 @@ class Model:
     at: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     given: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     vessel: Vessel | None = None
+
+    @property
+    def scale(self) -> float:
+        """How many times as long the ship is as the usual one, in powers of two (:mod:`hybrid.effects.size`)."""
+        return scale_of(self.base.length_between_perpendiculars_m)
 
     def plant(self) -> Plant:
         """The plant with the effects."""
@@ -156,7 +162,8 @@ def linear_model(log: Log, plant: Plant) -> LinearModel:
         step[column] = _STATE_STEPS[column]
         ahead, behind = (next_states(log, plant, origin + side * step) for side in (1.0, -1.0))
         A[:, :, column] = (ahead - behind) / (2.0 * _STATE_STEPS[column])
-    for column, (name, size) in enumerate(_FORCE_STEPS.items()):
+    for column, (name, (usual, unit)) in enumerate(_FORCE_STEPS.items()):
+        size = usual * growth(unit, scale_of(plant.length_between_perpendiculars_m))
         ahead, behind = (next_states(log, plant.shifted(**{name: side * size}), origin) for side in (1.0, -1.0))
         B[:, :, column] = (ahead - behind) / (2.0 * size)
     defect = np.zeros_like(origin)
@@ -232,7 +239,8 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
 
     As reported but for the plant's lag and the delay of its feedback.
     """
-    if plant.command_delay_s == 0.0 and plant.thruster_lag_s == 0.0:
+    lags_s = lags_of(plant)
+    if plant.command_delay_s == 0.0 and not lags_s.any():
         return log.controls, log.controls[:, 0]
     controls, acting = np.empty_like(log.controls), np.empty((len(log), log.controls.shape[-1]))
     angles = angle_columns(log.actuators)
@@ -241,7 +249,7 @@ def acting_settings(log: Log, plant: Plant) -> tuple[Floats, Floats]:
         series = np.column_stack([np.unwrap(c) if i in angles else c for i, c in enumerate(series.T)])
         series = acting_controls(series, plant.command_delay_s, DT_S, angles)
         controls[first:last] = series.reshape(controls[first:last].shape)
-        acting[first:last] = _lagged(series, plant.thruster_lag_s)[::STEPS_PER_SECOND]
+        acting[first:last] = _lagged(series, lags_s)[::STEPS_PER_SECOND]
     return controls, acting
 
 
@@ -251,14 +259,25 @@ def _stretches(log: Log) -> Iterator[tuple[int, int]]:
     return itertools.pairwise([0, *breaks.tolist(), len(log)])
 
 
-def _lagged(series: Floats, lag_s: float) -> Floats:
-    """What acts at the start of each step of a series [K, controls] when it follows with a first-order lag."""
-    if lag_s <= 0.0:
-        return series
-    kept = np.exp(-DT_S / lag_s)
-    before = np.vstack([series[:1], series[:-1]])
-    start = kept * series[:1]
-    return np.asarray(lfilter([1.0 - kept], [1.0, -kept], before, axis=0, zi=start)[0])
+def lags_of(plant: Plant) -> Floats:
+    """The time constant [s] with which each control of a plant acts after it is reported [controls]."""
+    lags_s = []
+    for each in plant.actuators:
+        kind = KINDS[each.kind]
+        own = plant.number(f"{each.name}_{kind.lag}") if kind.lag else 0.0
+        lags_s += [plant.thruster_lag_s + own] * len(kind.units)
+    return np.array(lags_s)
+
+
+def _lagged(series: Floats, lags_s: Floats) -> Floats:
+    """What acts at the start of each step of a series [K, controls] when each follows with its first-order lag."""
+    result = series.copy()
+    for column in np.flatnonzero(lags_s > 0.0):
+        own = series[:, column]
+        kept = np.exp(-DT_S / lags_s[column])
+        before = np.append(own[:1], own[:-1])
+        result[:, column] = lfilter([1.0 - kept], [1.0, -kept], before, zi=kept * own[:1])[0]
+    return result
 
 
 def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:

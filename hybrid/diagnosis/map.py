@@ -24,7 +24,7 @@ from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, columns_of,
 from hybrid.diagnosis.evidence import NormalEquations, fit_columns, gram_matrices, marginalise
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.nuisance_basis import WIND_MPS, wind_errors
+from hybrid.diagnosis.nuisance_basis import wind_error_mps, wind_errors
 from hybrid.diagnosis.result import FORCES, Map, Place
 from hybrid.vessel.actuators import control_units
 
@@ -239,7 +239,7 @@ def _tolerated(equations: NormalEquations) -> tuple[list[Signature], Floats]:
     layout = equations.layout
     some = [int(number) for number in np.flatnonzero(layout.tolerated > 0.0)]
     winds = wind_errors(equations.log, equations.model, equations.linear.origin)
-    scale = np.append(layout.tolerated[some], np.full(len(winds), WIND_MPS))
+    scale = np.append(layout.tolerated[some], np.full(len(winds), wind_error_mps(equations.model)))
     return [*(equations.effects[number] for number in some), *winds], scale
 
 

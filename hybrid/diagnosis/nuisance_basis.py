@@ -26,6 +26,7 @@ from analysis.compiling import FAST, Record
 from hybrid.diagnosis.linearise import Model, Signature, next_states
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue
+from hybrid.effects.size import growth
 from hybrid.vessel.actuators import KINDS, angle_columns
 from hybrid.vessel.dynamics import actuators_force, hold, scratch_for
 from hybrid.vessel.plant import PHYSICS_STAMP, Plant, pack
@@ -242,10 +243,7 @@ def _make(stamp: int) -> Callable[[Record, Floats, Floats], Floats]:
 _actuator_forces = _make(PHYSICS_STAMP)
 
 
-WIND_MPS = 0.3
-"""What an anemometer is off by in each direction: its noise has a mean, and the ship disturbs the air."""
-
-_SETTING = ("command_delay", "thruster_lag")
+_WIND_MPS = 0.3
 
 
 def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) -> Floats:
@@ -254,17 +252,21 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     for each in signatures:
         effect = catalogue[each.effect]
         size = effect.parameters[each.coordinate].tolerance
-        if (
-            each.effect in _SETTING and log.input_hold == "line"
-        ):  # it may have changed at any time between two records
+        of_setting = effect.family == "clock" and effect.kind == "actuator"
+        if of_setting and log.input_hold == "line":  # it may have changed at any time between two records
             size = max(size, 0.5 * log.setting_step_s)
         result.append(size if effect.chart == "linear" else 0.0)
     return np.array(result)
 
 
+def wind_error_mps(model: Model) -> float:
+    """What an anemometer is off by in each direction: its noise has a mean, and the ship disturbs the air."""
+    return _WIND_MPS * growth("m/s", model.scale)
+
+
 def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
     """Signatures of 1 m/s more wind from the north, the east, ahead and starboard."""
-    plant, none = model.plant(), np.zeros_like(origin)
+    plant, none, step_mps = model.plant(), np.zeros_like(origin), wind_error_mps(model)
     north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])
     cosine, sine = np.cos(origin[:, 2]), np.sin(origin[:, 2])
     one, nil = np.ones(len(log)), np.zeros(len(log))
@@ -272,9 +274,9 @@ def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
     result = []
     for number, (to_north, to_east) in enumerate(ways):
         ends = []
-        for side in (WIND_MPS, -WIND_MPS):
+        for side in (step_mps, -step_mps):
             n, e = north + side * to_north, east + side * to_east
             air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
             ends.append(next_states(replace(log, wind=air), plant, origin))
-        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * WIND_MPS), none))
+        result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), none))
     return result

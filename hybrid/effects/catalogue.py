@@ -13,13 +13,13 @@ from dataclasses import replace
 from difflib import get_close_matches
 from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
-from math import log2
 from pathlib import Path
 from typing import Any
 
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects import environment, hull, sensors
+from hybrid.effects.size import USUAL_LENGTH_M, growth, scale_of
 from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.effect import FAMILIES, Effect, Parameter, Values
 from hybrid.vessel.parameters import Vessel
@@ -38,23 +38,11 @@ def _actuator_effects(actuators: Actuators) -> list[Effect]:
     return sorted(each, key=lambda effect: FAMILIES.index(effect.family))
 
 
-USUAL_LENGTH_M = 30.0
-"""The length of a ship for which the effects' ordinary sizes are written down."""
-
-_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5}
-"""How what is ordinary grows with the length of a ship, by its unit, at the same Froude number."""
-
-
-def _scale_of(length_m: float) -> float:
-    """How many times as long a ship is as the usual one, in powers of two: sizes are orders of magnitude."""
-    return float(2.0 ** round(log2(length_m / USUAL_LENGTH_M)))
-
-
 def _sized(effect: Effect, scale: float) -> Effect:
     """An effect whose sizes, bounds and tolerances are those of a ship so many times as long as the usual one."""
 
     def sized(parameter: Parameter) -> Parameter:
-        factor = scale ** _POWERS.get(parameter.unit, 0.0)
+        factor = growth(parameter.unit, scale)
         sizes = ("low", "high", "typical", "smallest", "tolerance")
         return replace(parameter, **{name: factor * getattr(parameter, name) for name in sizes})
 
@@ -71,9 +59,28 @@ def _catalogue_for(actuators: Actuators, scale: float) -> dict[str, Effect]:
         raise ConfigurationError(
             f"two effects of this ship are called {', '.join(twice)}", fix="rename an actuator in the vessel file"
         )
-    for effect in every:
+    for one, other in _alike_across_kinds(own):
+        names = {*catalogue[one].confused_with, other}
+        catalogue[one] = replace(catalogue[one], confused_with=tuple(sorted(names)))
+    for effect in tuple(catalogue.values()):
         _confuse_both_ways(catalogue, effect)
     return catalogue
+
+
+_ACROSS_KINDS = {"wake_": "rudder_loss_"}
+"""Effects of actuators of different kinds that look alike: with more wake a propeller's race is slower, and the
+rudder behind it weaker. In trials of turns and zigzags either explains 60 to 90 % of what the other does."""
+
+
+def _alike_across_kinds(own: list[Effect]) -> list[tuple[str, str]]:
+    names = [effect.name for effect in own]
+    return [
+        (one, other)
+        for stem, like in _ACROSS_KINDS.items()
+        for one in names
+        for other in names
+        if one.startswith(stem) and other.startswith(like)
+    ]
 
 
 def _confuse_both_ways(catalogue: dict[str, Effect], effect: Effect, in_order: bool = True) -> None:
@@ -90,7 +97,7 @@ def catalogue_for(actuators: Actuators, length_m: float = USUAL_LENGTH_M) -> dic
 
     What is an ordinary size of an effect goes with her length.
     """
-    return dict(_catalogue_for(actuators, _scale_of(length_m)))
+    return dict(_catalogue_for(actuators, scale_of(length_m)))
 
 
 def catalogue_of(vessel: Vessel) -> dict[str, Effect]:
@@ -115,7 +122,7 @@ CATALOGUE: dict[str, Effect] = catalogue_for(DEFAULT)
 def apply_effects(plant: Plant, effects: Mapping[str, Values], catalogue: Catalogue | None = None) -> Plant:
     """``plant`` with each named effect at its values, in the order given; by default those of its own catalogue."""
     if catalogue is None:
-        catalogue = _catalogue_for(plant.layout, _scale_of(plant.length_between_perpendiculars_m))
+        catalogue = _catalogue_for(plant.layout, scale_of(plant.length_between_perpendiculars_m))
     for name, values in effects.items():
         plant = effect_named(name, catalogue).apply(plant, values)
     return plant

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.serialisation import to_json
 from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
 from hybrid.diagnosis.evidence import Evidence
@@ -19,38 +20,25 @@ from hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
 from hybrid.effects import Effect
 from hybrid.effects.catalogue import VERSION
+from hybrid.report.actuator_sentences import actuator_texts
 from hybrid.report.diagnosis_words import DEPENDS, number, parameter_title
 from hybrid.report.words import join_words, plain
 
 Parameters = Mapping[str, Estimate]
 
 
-def sentence(effect: Effect, parameters: Parameters, share_of_gap: float) -> str:
-    """A named effect in one plain sentence, with its size, certainty and share of the gap."""
+def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
+    """A named effect in one plain sentence, with its size, certainty and share of the gap.
+
+    ``actuators`` are the ship's, by default R/V Gunnerus'.
+    """
     if effect.name in _TWO:
         what, ends = _of_two(_TWO[effect.name], parameters)
-    elif texts := _ONE.get(effect.name) or _actuator_texts(effect.name):
+    elif texts := _ONE.get(effect.name) or actuator_texts(effect.name, actuators):
         what, ends = _of_one(effect, texts, next(iter(parameters.values())))
     else:
         what, ends = _of_any(effect, parameters)
     return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
-
-
-def _actuator_texts(name: str) -> tuple[str, ...]:
-    """The texts for an effect of one actuator, of a pair, or of all of a kind; none for another effect."""
-    name = "thrust_loss_tunnel" if name == "tunnel_thrust_loss" else name
-    which = name.removeprefix("thrust_loss_").removeprefix("azimuth_offset_")
-    several = {"both": "Both", "all": "All"}.get(which, "")
-    words = which.replace("_", " ")
-    if name.startswith("thrust_loss_"):
-        lacking = f"{several} thrusters lack" if several else f"The {words} thruster lacks"
-        more = f"{several} thrusters have" if several else f"The {words} thruster has"
-        force, whose = "side force" if which == "tunnel" else "thrust", "their" if several else "its"
-        return f"{lacking} {{}} % of {whose} {force}", f"{more} {{}} % more {force} than the model's"
-    if name.startswith("azimuth_offset_"):
-        subject = f"{several} azimuths truly stand" if several else f"The {words} azimuth truly stands"
-        return (f"{subject} {{}} deg beyond what {'they report' if several else 'it reports'}",)
-    return ()
 
 
 def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple[str, str]:
@@ -219,7 +207,7 @@ def _named_effect(conclusion: Conclusion, name: str) -> NamedEffect:
     log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(
         [n for n in accepted.names if n != name]
     )
-    words = sentence(effect, parameters, share)
+    words = sentence(effect, parameters, share, accepted.evidence.equations.log.actuators)
     return NamedEffect(name, effect.family, effect.kind, share, test.p_value, words, parameters, log_odds)
 
 

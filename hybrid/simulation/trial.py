@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.trial import software_version
 from analysis.tables.files import atomic_file
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
+from hybrid.effects.size import growth, scale_of
 from hybrid.simulation.autopilot import drives_of, sail
 from hybrid.simulation.handling import handling_of, steady_speed_mps
 from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, manoeuvre_named, shafts_rpm
@@ -60,6 +61,17 @@ class Noise:
     def scaled(self, factor: float) -> Noise:
         """This noise times ``factor``; zero gives perfect sensors."""
         return Noise(*(factor * getattr(self, name) for name in self.__slots__))
+
+
+def usual_noise(length_m: float) -> Noise:
+    """The noise of the sensors of a ship of this length: a model, which moves less, has finer ones."""
+    usual, scale = Noise(), min(scale_of(length_m), 1.0)
+    return replace(
+        usual,
+        position_m=usual.position_m * growth("m", scale),
+        speed_mps=usual.speed_mps * growth("m/s", scale),
+        wind_speed_mps=usual.wind_speed_mps * growth("m/s", scale),
+    )
 
 
 def add_noise(
@@ -147,9 +159,8 @@ def simulate_trial(
     moving = with_waves(voyage.states, wave_motion(streams[2], sea, plant, voyage.states, dt_s))
     every = slice(None, None, steps_per_row)
     reported = measure(moving, plant, dt_s)[every]
-    recorded = add_noise(
-        streams[3], noise or Noise(), reported, voyage.controls[every], voyage.wind[every], ship.actuators
-    )
+    sensors = noise or usual_noise(ship.dimensions.length_between_perpendiculars_m)
+    recorded = add_noise(streams[3], sensors, reported, voyage.controls[every], voyage.wind[every], ship.actuators)
     index = start_time + pd.to_timedelta(np.round(np.arange(rows) / rate_hz * 1e9).astype("int64"), unit="ns")
     table = as_table(*recorded, index=pd.DatetimeIndex(index, name="time"), actuators=ship.actuators)
     if said := as_text(ship.actuators):
@@ -164,7 +175,7 @@ def simulate_trial(
         "hidden": {name: dict(values) for name, values in (hidden or {}).items()},
         "vessel_effects": {name: dict(values) for name, values in ship.effects.items()},
         "environment": environment,
-        "noise": asdict(noise or Noise()),
+        "noise": asdict(sensors),
         "states": voyage.states[every],
         "controls": voyage.controls[every],
         "wind": voyage.wind[every],

@@ -154,7 +154,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
             parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
-            like=("drift_moment", "hull_lengthening", "yaw_damping"),
+            like=("hull_lengthening", "yaw_damping"),
         ),
         *for_each_and_all(
             "rudder_offset", names, offset, "angle_offset_rad",

@@ -17,9 +17,11 @@ from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import catalogue_with
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
+from tests.benchmarks.diagnosis import rudder_ships
 from tests.benchmarks.diagnosis.cases import Case
 from tests.benchmarks.diagnosis.design import VESSEL, Design, Hidden, simulated
 from tests.benchmarks.diagnosis.outside_size import size_found
+from tests.benchmarks.diagnosis.rudder_ships import RudderCase
 from tests.benchmarks.diagnosis.second_trial import with_next_manoeuvre
 from tests.benchmarks.diagnosis.sound import sound
 
@@ -49,7 +51,7 @@ class SizeOutside:
         return f"size/{self.design.key}/{self.name}"
 
 
-Job = Planned | SizeOutside | Design
+Job = Planned | SizeOutside | Design | RudderCase
 
 
 def key_of(job: Job) -> str:
@@ -72,6 +74,8 @@ def done(job: Job) -> Plain:
 def _result(job: Job) -> Plain:
     if isinstance(job, Design):
         return sound(job)
+    if isinstance(job, RudderCase):
+        return rudder_ships.judged(job)
     if isinstance(job, SizeOutside):
         return {"size": size_found(job.name, job.design)}
     return judged(job)

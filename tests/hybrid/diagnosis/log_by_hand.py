@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.core.actuators import DEFAULT
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.vessel.plant import Plant
@@ -15,13 +14,26 @@ DT_S = 1.0 / STEPS_PER_SECOND
 START_S = 1_800_000_000
 
 
-def a_log(plant: Plant, seconds: int = 90, edges: tuple[int, ...] = (), breaks: tuple[int, ...] = ()) -> Log:
+START = (10.0, -20.0, 0.4, 4.5, 0.1, 0.0)
+
+
+def a_log(
+    plant: Plant,
+    seconds: int = 90,
+    edges: tuple[int, ...] = (),
+    breaks: tuple[int, ...] = (),
+    controls: Floats | None = None,
+    start: tuple[float, ...] = START,
+    wind_mps: float = 9.0,
+) -> Log:
     """What perfect sensors of the plant report of a run through ramps and swings of the thrusters, in some wind.
 
-    ``edges`` are seconds at which blocks begin, ``breaks`` those of them before which time jumps.
+    ``edges`` are seconds at which blocks begin, ``breaks`` those of them before which time jumps; ``controls``
+    [4 seconds, controls] are other orders than R/V Gunnerus'.
     """
-    controls, wind = orders(seconds), np.tile([0.8, 9.0], (seconds * STEPS_PER_SECOND, 1))
-    states = simulate(plant, [10.0, -20.0, 0.4, 4.5, 0.1, 0.0], controls, wind, DT_S)
+    controls = orders(seconds) if controls is None else controls
+    wind = np.tile([0.8, wind_mps], (seconds * STEPS_PER_SECOND, 1))
+    states = simulate(plant, start, controls, wind, DT_S)
     seen = measure(states, plant, DT_S)
     weight = np.random.default_rng(5).dirichlet(np.ones(5), (seconds, 6))
     padded = np.concatenate([np.repeat(seen[:1], 2, axis=0), seen, np.repeat(seen[-1:], 2, axis=0)])
@@ -32,13 +44,13 @@ def a_log(plant: Plant, seconds: int = 90, edges: tuple[int, ...] = (), breaks: 
         measured=np.einsum("tcq,tqc->tc", weight, around),
         weight=weight,
         nominal=seen[:-1:STEPS_PER_SECOND].copy(),
-        controls=controls.reshape(seconds, STEPS_PER_SECOND, 5),
+        controls=controls.reshape(seconds, STEPS_PER_SECOND, -1),
         wind=wind[::STEPS_PER_SECOND].copy(),
         time_s=(START_S + np.arange(seconds) + jumps).astype(np.int64),
         block=block.astype(np.int64),
         leg=block.astype(np.int64),
         recording=np.zeros(seconds, dtype=np.int64),
-        actuators=DEFAULT,
+        actuators=plant.layout,
     )
 
 

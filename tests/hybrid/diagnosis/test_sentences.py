@@ -9,8 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from acquisition.core.actuators import Actuator, Actuators
 from hybrid.diagnosis.result import Estimate
 from hybrid.effects import CATALOGUE
+from hybrid.effects.catalogue import catalogue_for
 from hybrid.report.diagnosis_sentences import sentence
 
 
@@ -44,6 +46,54 @@ def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) ->
 )  # fmt: skip
 def test_sizes_in_words(name: str, ranges: list[tuple[float, float, float]], words: str) -> None:
     assert said(name, *ranges).startswith(words)
+
+
+TWIN = (Actuator("port", "propeller"), Actuator("starboard", "propeller"), Actuator("port_rudder", "rudder"),
+        Actuator("starboard_rudder", "rudder"))  # fmt: skip
+SINGLE = (Actuator("main", "controllable_propeller"), Actuator("rudder", "rudder"), Actuator("bow", "tunnel"))
+JETS = (Actuator("port", "waterjet"), Actuator("starboard", "waterjet"))
+
+
+@pytest.mark.parametrize(
+    ("actuators", "name", "ends", "words"),
+    [
+        (
+            SINGLE,
+            "rudder_offset_rudder",
+            (2.0, 1.5, 2.5),
+            "The rudder stands 2 deg to starboard of what it",
+        ),
+        (SINGLE, "rudder_offset_rudder", (-2.0, -2.5, -1.5), "The rudder stands 2 deg to port of what it reports"),
+        (TWIN, "rudder_offset_both", (2.0, 1.5, 2.5), "Both rudders stand 2 deg to starboard of what they report"),
+        (TWIN, "rudder_loss_port_rudder", (0.1, 0.05, 0.15), "The port rudder lacks 10 % of its force (5-15)"),
+        (TWIN, "thrust_loss_port", (0.1, 0.05, 0.15), "The port propeller lacks 10 % of its thrust (5-15)"),
+        (TWIN, "thrust_loss_both", (0.1, 0.05, 0.15), "Both propellers lack 10 % of their thrust (5-15)"),
+        (SINGLE, "thrust_loss_bow", (0.1, 0.05, 0.15), "The bow thruster lacks 10 % of its side force (5-15)"),
+        (SINGLE, "wake_main", (-0.1, -0.15, -0.05), "The water at the main propeller is 10 % faster than the mod"),
+        (SINGLE, "astern_thrust_main", (0.8, 0.7, 0.9), "The main propeller gives 20 % less thrust astern than"),
+        (SINGLE, "lag_rudder", (1.2, 1.0, 1.4), "The rudder follows what is recorded with a lag of 1.2 s (1-1.4)"),
+        (TWIN, "lag_both_propellers", (1.2, 1.0, 1.4), "Both propellers follow what is recorded with a lag of 1.2"),
+        (JETS, "nozzle_offset_both", (2.0, 1.5, 2.5), "Both nozzles truly stand 2 deg beyond what they report"),
+        (JETS, "nozzle_offset_port", (2.0, 1.5, 2.5), "The port nozzle truly stands 2 deg beyond what it reports"),
+    ],
+)
+def test_actuators_of_other_ships_in_words(
+    actuators: Actuators, name: str, ends: tuple[float, float, float], words: str
+) -> None:
+    effect = catalogue_for(actuators)[name]
+    (parameter,) = effect.parameters
+    text = sentence(effect, {parameter.name: Estimate(*ends, parameter.unit)}, 0.5, actuators)
+    assert text.startswith(words)
+
+
+@pytest.mark.parametrize("actuators", [TWIN, SINGLE, JETS])
+def test_every_effect_of_another_ship_has_a_sentence(actuators: Actuators) -> None:
+    for effect in catalogue_for(actuators).values():
+        parameters = {each.name: Estimate(each.typical, each.typical, each.typical, each.unit)
+                      for each in effect.parameters}  # fmt: skip
+        text = sentence(effect, parameters, 0.5, actuators)
+        assert "The model lacks" not in text
+        assert "{" not in text
 
 
 @given(st.sampled_from(sorted(CATALOGUE)), st.floats(-1.0, 1.0))

@@ -1,0 +1,120 @@
+"""The effects of a ship's actuators in words: each kind by its own noun, one of them, a pair, or all of a kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from acquisition.core.actuators import Actuators, names_of
+
+_NOUNS = {"azimuth": "thruster", "tunnel": "thruster", "propeller": "propeller",
+          "controllable_propeller": "propeller", "rudder": "rudder", "waterjet": "jet"}  # fmt: skip
+_SEVERAL = {"both": "Both", "all": "All"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Subject:
+    """Whom a sentence is about: ``The rudder``, ``The port propeller``, ``Both jets``."""
+
+    which: str
+    noun: str
+    several: bool
+    kind: str
+
+    @property
+    def words(self) -> str:
+        """The subject; a name that says its kind already does not say it twice."""
+        return self.with_noun(self.noun)
+
+    def with_noun(self, noun: str) -> str:
+        """The subject by another noun, that of a part of it."""
+        return self.which if noun in self.which else f"{self.which} {noun}"
+
+    def does(self, one: str, many: str) -> str:
+        """The subject with its verb, as one or as several do it."""
+        return f"{self.words} {many if self.several else one}"
+
+
+def actuator_texts(name: str, actuators: Actuators) -> tuple[str, ...]:
+    """The texts for an effect of one actuator, of a pair, or of all of a kind; none for another effect.
+
+    The second text, where there is one, is for less than neutral.
+    """
+    name = "thrust_loss_tunnel" if name == "tunnel_thrust_loss" else name
+    for stem, (kinds, texts) in _TEXTS.items():
+        if name.startswith(f"{stem}_"):
+            return texts(_subject(name.removeprefix(f"{stem}_"), actuators, kinds))
+    return ()
+
+
+def _subject(which: str, actuators: Actuators, kinds: tuple[str, ...]) -> _Subject:
+    first, _, group = which.partition("_")
+    if first in _SEVERAL and which not in [each.name for each in actuators]:
+        kind = next((each for each in kinds if len(names_of(actuators, each)) > 1), kinds[0])
+        return _Subject(_SEVERAL[first], group or f"{_NOUNS[kind]}s", True, kind)
+    kind = next((each.kind for each in actuators if each.name == which), kinds[0])
+    return _Subject(f"The {which.replace('_', ' ')}", _NOUNS[kind], False, kind)
+
+
+def _loss(subject: _Subject) -> tuple[str, str]:
+    force, whose = "side force" if subject.kind == "tunnel" else "thrust", "their" if subject.several else "its"
+    return (
+        f"{subject.does('lacks', 'lack')} {{}} % of {whose} {force}",
+        f"{subject.does('has', 'have')} {{}} % more {force} than the model's",
+    )
+
+
+def _rudder_loss(subject: _Subject) -> tuple[str, str]:
+    whose = "their" if subject.several else "its"
+    return (
+        f"{subject.does('lacks', 'lack')} {{}} % of {whose} force",
+        f"{subject.does('has', 'have')} {{}} % more force than the model's",
+    )
+
+
+def _rudder_offset(subject: _Subject) -> tuple[str, str]:
+    of = "of what they report" if subject.several else "of what it reports"
+    stands = subject.does("stands", "stand")
+    return f"{stands} {{}} deg to starboard {of}", f"{stands} {{}} deg to port {of}"
+
+
+def _beyond(noun: str) -> Callable[[_Subject], tuple[str]]:
+    """An angle of thrust: positive is to starboard of what is reported, which astern turns the ship to port."""
+
+    def texts(subject: _Subject) -> tuple[str]:
+        if subject.several:
+            return (f"{subject.with_noun(noun)}s truly stand {{}} deg beyond what they report",)
+        return (f"{subject.with_noun(noun)} truly stands {{}} deg beyond what it reports",)
+
+    return texts
+
+
+def _wake(subject: _Subject) -> tuple[str, str]:
+    water = f"The water at {subject.words[0].lower()}{subject.words[1:]} is {{}} %"
+    return f"{water} slower than the model's: the hull's wake is larger", f"{water} faster than the model's"
+
+
+def _astern(subject: _Subject) -> tuple[str, str]:
+    gives = subject.does("gives", "give")
+    return (
+        f"{gives} {{}} % more thrust astern than the model's",
+        f"{gives} {{}} % less thrust astern than the model's",
+    )
+
+
+def _lag(subject: _Subject) -> tuple[str]:
+    return (f"{subject.does('follows', 'follow')} what is recorded with a lag of {{}} s",)
+
+
+_PROPELLERS = ("propeller", "controllable_propeller")
+_TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]] = {
+    "thrust_loss": (("azimuth", *_PROPELLERS, "waterjet"), _loss),
+    "azimuth_offset": (("azimuth",), _beyond("azimuth")),
+    "nozzle_offset": (("waterjet",), _beyond("nozzle")),
+    "rudder_loss": (("rudder",), _rudder_loss),
+    "rudder_offset": (("rudder",), _rudder_offset),
+    "wake": (_PROPELLERS, _wake),
+    "astern_thrust": (_PROPELLERS, _astern),
+    "lag": (("rudder", *_PROPELLERS, "waterjet"), _lag),
+}
+"""By the effect's stem: the kinds that have it, and its texts."""

@@ -1,0 +1,89 @@
+"""The diagnosis' equations of ships with a propeller and a rudder, of whatever size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.estimate_noise import _first_guess
+from hybrid.diagnosis.linearise import Model, acting_settings, lags_of, linear_model, signatures
+from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
+from hybrid.effects.catalogue import catalogue_of
+from hybrid.simulation.trial import Noise, usual_noise
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import Plant, bare_plant
+from tests.hybrid.diagnosis.log_by_hand import a_log
+from tests.hybrid.froude import froude_scaled
+
+ESSO = load_vessel("esso_osaka_3m")
+
+
+def orders(seconds: int) -> Floats:
+    """Shaft and rudder [4 seconds, 2], a little different in each quarter of a second."""
+    t = np.arange(seconds * STEPS_PER_SECOND) / STEPS_PER_SECOND
+    return np.column_stack([15.0 + 3.0 * np.sin(t / 9.0), 0.4 * np.sin(t / 4.0)])
+
+
+def run_of(plant: Plant, root: float = 1.0, seconds: int = 60) -> Log:
+    """A run of Esso Osaka, or of the same ship ``root`` squared times as large."""
+    start = (0.0, 0.0, 0.4, 0.7 * root, 0.01 * root, 0.0)
+    return a_log(plant, seconds, controls=orders(seconds) / [root, 1.0], start=start, wind_mps=1.0)
+
+
+@pytest.mark.parametrize("scale", [1.0, 40.0])
+def test_forces_move_the_ship_by_her_own_mass(scale: float) -> None:
+    """What a newton does in a second, by differences, is what it does to her mass, less what the water takes."""
+    plant = bare_plant(froude_scaled(ESSO, scale))
+    B = linear_model(run_of(plant, scale**0.5), plant).B
+    surge_kg, sway_kg = plant.mass_kg - plant.Xud, plant.mass_kg - plant.Yvd
+    assert np.median(B[:, 3, 0]) * surge_kg == pytest.approx(1.0, abs=0.1)
+    assert np.median(B[:, 4, 1]) * sway_kg == pytest.approx(0.9, abs=0.15)
+
+
+def test_a_lag_of_every_actuator_is_a_lag_of_all() -> None:
+    plant = bare_plant(ESSO)
+    log = run_of(plant)
+    own = plant.shifted(propeller_lag_s=0.8, rudder_response_lag_s=0.8)
+    every = plant.shifted(thruster_lag_s=0.8)
+    assert lags_of(own).tolist() == lags_of(every).tolist() == [0.8, 0.8]
+    for one, other in zip(acting_settings(log, own), acting_settings(log, every), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_an_actuator_that_lags_is_late_by_what_it_lags() -> None:
+    """A shaft that speeds up at an even rate acts as it was its time constant ago; the rudder is not touched."""
+    plant = bare_plant(ESSO)
+    ramp = np.column_stack([10.0 + 0.1 * np.arange(240) / STEPS_PER_SECOND, np.zeros(240)])
+    log = replace(run_of(plant), controls=ramp.reshape(60, STEPS_PER_SECOND, 2))
+    _, acting = acting_settings(log, plant.shifted(propeller_lag_s=2.0))
+    late_s = (log.controls[:, 0, 0] - acting[:, 0]) / 0.1
+    np.testing.assert_allclose(late_s[20:], 2.0, atol=0.3)
+    np.testing.assert_array_equal(acting[:, 1], log.controls[:, 0, 1])
+
+
+def test_a_lag_is_seen_beyond_the_second_in_which_an_order_changes() -> None:
+    """The signature of a rudder's lag moves the yaw rate as long as the lag lasts."""
+    plant, catalogue = bare_plant(ESSO), catalogue_of(ESSO)
+    log = run_of(plant)
+    step = np.where(np.arange(60) < 20, -0.3, 0.3)
+    controls = log.controls.copy()
+    controls[:, :, 1] = step[:, None]
+    model = Model(plant, catalogue, at={"lag_rudder": (2.0,)})
+    (lag,) = signatures(replace(log, controls=controls), model, log.nominal, ["lag_rudder"])
+    moved = np.abs(lag.D[:, 5])
+    assert moved[21:23].min() > 0.1 * moved.max()
+    assert moved[:19].max() < 1e-3 * moved.max()
+
+
+def test_noise_goes_with_the_ship() -> None:
+    """R/V Gunnerus' is what it was; that of a model is finer, and so are the gusts that a search begins with."""
+    assert usual_noise(28.9) == Noise()
+    model = usual_noise(3.0)
+    assert model.position_m == pytest.approx(Noise().position_m / 8.0)
+    assert model.heading_deg == Noise().heading_deg
+    log = run_of(bare_plant(ESSO))
+    assert _first_guess(log, 1.0).gust == (300.0, 300.0, 3000.0)
+    assert _first_guess(log, 0.5).gust == (300.0 / 8.0, 300.0 / 8.0, 3000.0 / 16.0)
