@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hybrid.effects.catalogue import Catalogue
     from hybrid.evaluation.summary import Evaluation
     from hybrid.evaluation.validate import Validation
+    from hybrid.identification.identify import Identification
     from hybrid.planning.plan import Plan
     from hybrid.simulation.vessel_check import VesselCheck
     from hybrid.vessel.parameters import Vessel
@@ -344,6 +345,42 @@ def diagnose(
             as_paths(recordings), ship, tolerance_percent / 100.0, catalogue, percent_of(part),
             repair=repair, rebuild_positions=rebuild_positions, progress=progress,
         )  # fmt: skip
+
+
+def identify(
+    recordings: Paths,
+    vessel: str | Path | Vessel | None = None,
+    output: str | Path | None = None,
+    horizon_s: int = 30,
+    *,
+    repair: bool = False,
+    validation: bool = True,
+) -> Identification:
+    """The coefficients of the model of ``vessel`` by recordings, with intervals, judged on what is left out.
+
+    The vessel with them goes to ``output`` if that is named. Predictions are judged over ``horizon_s``, under the
+    commands as they were recorded; without ``validation`` they are not.
+    """
+    from dataclasses import replace
+
+    from analysis.windows.recordings import trial_names
+    from hybrid.identification.identify import identify_tables
+    from hybrid.identification.judge import judge
+    from hybrid.identification.next_trial import repertoire_of
+    from hybrid.vessel.files import DEFAULT, load_vessel, save_vessel
+
+    ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    paths = as_paths(recordings)
+    names = trial_names(paths)
+    tables = {name: prepare(path, None, repair=repair) for name, path in zip(names, paths, strict=True)}
+    with bar("identifying") as progress:
+        found, fitted, model = identify_tables(tables, ship, candidates=repertoire_of(ship), progress=progress)
+    if validation:
+        with bar("validating") as progress:
+            found = replace(found, validation=judge(paths, tables, model, fitted, horizon_s, progress))
+    if output is not None:
+        save_vessel(found.vessel, output)
+    return replace(found, file=str(output or ""))
 
 
 def plan(

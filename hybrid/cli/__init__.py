@@ -64,6 +64,7 @@ def mount(app: typer.Typer) -> None:
         DIAGNOSIS: {
             trials.effects: "List the effects that a model may lack.",
             results.diagnose: "Name what the model lacks, add it, and show the gap shrink.",
+            results.identify: "Coefficients of a model from recordings, with intervals.",
         },
         ABOARD: {model.watch: "Predict beside the running recorder, and judge what it said."},
         RECORDINGS: {results.report: "Write one HTML page of a trial, a diagnosis or a batch."},

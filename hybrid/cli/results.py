@@ -1,4 +1,4 @@
-"""``seatrial diagnose``, ``reproduce`` and ``report``: they parse, call and print."""
+"""``seatrial diagnose``, ``identify``, ``reproduce`` and ``report``: they parse, call and print."""
 
 from __future__ import annotations
 
@@ -83,6 +83,30 @@ def diagnose(
 
     Console().print(summary(diagnosis, diagnosed.extras.ladder))
     typer.echo(str(page))
+
+
+def identify(
+    files: Recordings,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The vessel file to write.")],
+    vessel: Annotated[
+        str | None, typer.Option(help="The start: a vessel of trials/vessels, or a vessel file.")
+    ] = None,
+    horizon: Annotated[int, typer.Option(min=2, help="How far predictions are judged, in seconds.")] = 30,
+    repair: RepairOption = False,
+    validation: Annotated[bool, typer.Option(help="Judge on what is left out: takes as long again.")] = True,
+    picture: Annotated[Path | None, typer.Option(help="A picture of the fit: .png, .svg or .pdf.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Identify the coefficients of a model from recordings, and write the vessel file with them."""
+    from hybrid.scripting import identify as run
+
+    found = run(files, vessel, output, horizon, repair=repair, validation=validation)
+    if picture is not None:
+        from analysis.report.figures import write_figure
+
+        for path in write_figure(found.plot(), picture.parent, picture.stem, [picture.suffix.lstrip(".") or "png"]):
+            typer.echo(path, err=True)
+    print_result(found.as_dict(), found, as_json=as_json)
 
 
 def table3(

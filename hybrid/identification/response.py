@@ -1,0 +1,186 @@
+"""What the model says of every segment, and how that changes with each unknown.
+
+The unknowns of all segments are the coefficients; those of a recording its current, the errors of its wind sensor
+and of its motion sensors; those of a segment its start and the forces that the model lacks in it, one for the whole
+of it and one for each part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from acquisition.core.arrays import Floats
+from hybrid.effects.catalogue import vessel_plant
+from hybrid.identification.coefficients import Coefficient, values_at, with_values
+from hybrid.identification.segments import EVERY, Segments
+from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.sensors import measure
+from hybrid.vessel.simulate import simulate_batch
+
+PARTS = 5
+"""Parts of a segment, in each of which the model may lack another force."""
+
+FORCES = ("constant_X_n", "constant_Y_n", "constant_N_nm")
+CURRENT_SHARE, WIND_SHARE, WIND_RAD = 0.05, 0.15, 0.15
+HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_SHARE = 0.01, 0.01, 0.01, 0.02, 0.02
+"""Before any data: a current in shares of the ship's speed, the wind sensor's factor and direction, the heading's
+bias, the speeds' factor, the sway's bias in shares of the speed, the antenna's place in ship lengths, and how late
+controls and positions are recorded in shares of the time that a ship length takes."""
+
+Variant = tuple[Plant, Floats, Floats]
+"""A plant, the surroundings of each recording, the starts."""
+
+_DIFFERENCE = 1e-3
+_WIDER = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Surrounding:
+    """An unknown of a recording: the plant's number, its value at zero and its width."""
+
+    name: str
+    neutral: float
+    width: float
+
+
+def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
+    """The unknowns of every recording of a ship at her usual speed; those of the sensors last."""
+    length_m = plant.length_between_perpendiculars_m
+    late_s = DELAY_SHARE * length_m / speed_mps
+    widths = {
+        "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
+        "wind_speed_factor": WIND_SHARE, "wind_direction_bias_rad": WIND_RAD, "command_delay_s": late_s,
+        "heading_bias_rad": HEADING_RAD, "position_delay_s": late_s,
+        "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
+        "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
+    }  # fmt: skip
+    return tuple(Surrounding(name, float(getattr(plant, name)), width) for name, width in widths.items())
+
+
+SIMULATED = 5
+"""How many of the surroundings act in the simulation; the others on what is reported of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A vessel whose ``coefficients`` are unknown, on ``segments``.
+
+    The unknowns are a vector z [coefficients + recordings x surroundings], each in units of its prior's width.
+    """
+
+    vessel: Vessel
+    coefficients: tuple[Coefficient, ...]
+    segments: Segments
+    surroundings: tuple[Surrounding, ...]
+    sensors: Plant
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns in z."""
+        return len(self.coefficients) + len(self.segments.names) * len(self.surroundings)
+
+    def plant(self, z: Floats) -> Plant:
+        """The plant at the coefficients of ``z``; wider in its range, as a search needs."""
+        plant = vessel_plant(with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)])))
+        high = _WIDER * max(plant.surge_high_mps, -plant.surge_low_mps)
+        return plant.replaced(
+            surge_low_mps=-high, surge_high_mps=high, sway_limit_mps=high,
+            yaw_rate_limit_radps=_WIDER * 2.0 * plant.yaw_rate_limit_radps,
+        )  # fmt: skip
+
+    def around(self, z: Floats) -> Floats:
+        """The surroundings [recordings, surroundings] of ``z``."""
+        own = z[len(self.coefficients) :].reshape(len(self.segments.names), len(self.surroundings))
+        widths = np.array([each.width for each in self.surroundings])
+        return np.asarray([each.neutral for each in self.surroundings] + own * widths)
+
+    def reported(self, z: Floats, start: Floats) -> Floats:
+        """What the sensors report of the segments [S, T, 6], from ``start`` [S, 6]."""
+        around = self.around(z)
+        return self._seen(self._run([(self.plant(z), around, start)])[0], around)
+
+    def slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
+        """How what is reported changes with each coefficient, [S, T, 6, coefficients], and with each surrounding
+        of the segment's own recording, [S, T, 6, surroundings].
+        """
+        plant, around = self.plant(z), self.around(z)
+        moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
+        others = [around + _DIFFERENCE * row for row in np.diag([each.width for each in self.surroundings])]
+        variants = [(plant, around, start), *((self.plant(each), around, start) for each in moved)]
+        still, *states = self._run([*variants, *((plant, each, start) for each in others[:SIMULATED])])
+        states += [still] * (len(others) - SIMULATED)
+        seen = self._seen(still, around)
+        settings = [around] * len(moved) + others
+        columns = [(self._seen(each, own) - seen) / _DIFFERENCE for each, own in zip(states, settings, strict=True)]
+        return np.stack(columns[: len(moved)], axis=-1), np.stack(columns[len(moved) :], axis=-1)
+
+    def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
+        """What is reported [S, T, 6], and how it changes with what is a segment's own: [S, T, 6, 6 + 3 + 3 PARTS].
+
+        The start in units of :attr:`start_scale`, the forces of the whole segment and those of each part in units
+        of mass times speed squared over length, moments of that times the length.
+        """
+        plant, around = self.plant(z), self.around(z)
+        starts = [start + _DIFFERENCE * row for row in np.diag(self.start_scale)]
+        still, *moved = self._run([(plant, around, each) for each in (start, *starts)])
+        seen = self._seen(still, around)
+        by_start = [(self._seen(each, around) - seen) / _DIFFERENCE for each in moved]
+        pulses = self._pulses(plant, around, still)
+        parts = pulses.reshape(*pulses.shape[:3], -1)
+        return seen, np.concatenate([np.stack(by_start, axis=-1), pulses.sum(axis=-1), parts], axis=-1)
+
+    def _pulses(self, plant: Plant, around: Floats, still: Floats) -> Floats:
+        """How states change with a force that acts in one part: [S, T, 6, 3 axes, parts]."""
+        length_m, steps = plant.length_between_perpendiculars_m, self.segments.controls.shape[1]
+        sizes = np.array([1.0, 1.0, length_m]) * plant.mass_kg * self.segments.speed_mps**2 / length_m
+        pushed = [
+            plant.shifted(**{name: _DIFFERENCE * size}) for name, size in zip(FORCES, sizes.tolist(), strict=True)
+        ]
+        onset = np.zeros((*still.shape, 3, PARTS + 1))
+        for part in range(PARTS):
+            first = part * steps // PARTS
+            moved = self._run([(each, around, still[:, first]) for each in pushed], first)
+            onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - still[:, first:, :, None]) / _DIFFERENCE
+        return np.asarray((onset[..., :-1] - onset[..., 1:])[:, :-1:EVERY])
+
+    @property
+    def start_scale(self) -> Floats:
+        """The units of a start's departures [6]: a length, a radian, the speed, a turn."""
+        speed = self.segments.speed_mps
+        length_m = self.vessel.dimensions.length_between_perpendiculars_m
+        return np.array([length_m, length_m, 1.0, speed, speed, speed / length_m])
+
+    def _run(self, variants: Sequence[Variant], first: int = 0) -> Floats:
+        """True states [variants, S, K+1, 6] of all variants at once, from step ``first`` on."""
+        segments = self.segments
+        plants = np.concatenate([np.repeat(pack(plant), len(segments)) for plant, _, _ in variants])
+        own = np.concatenate([around[segments.recording] for _, around, _ in variants])
+        for number, each in enumerate(self.surroundings[:SIMULATED]):
+            plants[each.name] = own[:, number]
+        start = np.concatenate([each for _, _, each in variants])
+        again = (len(variants), 1, 1)
+        controls, wind = np.tile(segments.controls[:, first:], again), np.tile(segments.wind[:, first:], again)
+        # steps are a small share of a ship length: one step of the integration each
+        states = simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
+        return states.reshape(len(variants), len(segments), *states.shape[1:])
+
+    def _seen(self, states: Floats, around: Floats) -> Floats:
+        """What is reported of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
+        sparse = states[:, :-1:EVERY]
+        seen = np.empty_like(sparse)
+        names = [each.name for each in self.surroundings[SIMULATED:]]
+        for number, own in enumerate(around):
+            mine = self.segments.recording == number
+            sensors = self.sensors.replaced(**dict(zip(names, own[SIMULATED:].tolist(), strict=True)))
+            seen[mine] = measure(sparse[mine], sensors, EVERY * self.segments.dt_s)
+        return seen
+
+
+def model_of(vessel: Vessel, coefficients: Sequence[Coefficient], segments: Segments) -> Model:
+    """The model of a vessel on segments, its surroundings at their usual widths."""
+    plant = vessel_plant(vessel)
+    return Model(vessel, tuple(coefficients), segments, surroundings_of(plant, segments.speed_mps), plant)

@@ -1,0 +1,126 @@
+"""Recordings cut into segments, each of which is simulated from a start of its own.
+
+A segment lasts some three ship lengths: long enough to show what the coefficients do, short enough that what the
+model lacks has not carried the ship away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from acquisition.core.arrays import Bools, Floats, Ints
+from acquisition.core.channels import ENVIRONMENT
+from acquisition.core.errors import DataShortageError
+from analysis.estimation.local_polynomial import half_width_for, smooth_motion
+from analysis.tables.resample import rate_fraction, resample
+from analysis.tables.table import table_actuators
+from hybrid.prediction.prediction_windows import mean_controls
+from hybrid.vessel.channels import check_ship, controls_of, states_of, wind_of
+from hybrid.vessel.plant import Plant
+
+LENGTHS = 3.0
+"""A segment's duration, in ship lengths at her usual speed."""
+
+SHORTEST_S, LONGEST_S = 15.0, 240.0
+STEPS, EVERY = 120, 4
+"""Steps of a segment's controls, and every how many steps the motion is compared."""
+
+MOST = 400
+"""So many segments are enough: of longer recordings every second one, every third one ... is taken."""
+
+_MOVING_SHARE = 0.2
+_LEAST = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Segments:
+    """S segments of K steps of ``dt_s``, compared at T times.
+
+    ``measured`` [S, T, 6] as reported, NaN where nothing was; ``start`` [S, 6] a first guess of the state;
+    ``controls`` [S, K, controls] and ``wind`` [S, K, 2] in SI; ``recording`` [S] counts the recordings, called
+    ``names``; ``speed_mps`` is the ship's usual one. ``left_out`` counts candidates that lack data.
+    """
+
+    measured: Floats
+    start: Floats
+    controls: Floats
+    wind: Floats
+    recording: Ints
+    names: tuple[str, ...]
+    dt_s: float
+    speed_mps: float
+    left_out: int = 0
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    @property
+    def duration_s(self) -> float:
+        """How long a segment is [s]."""
+        return float(self.controls.shape[1] * self.dt_s)
+
+    def subset(self, chosen: Bools | NDArray[np.int64]) -> Segments:
+        """The segments that a mask or index chooses."""
+        rows = {name: getattr(self, name)[chosen] for name in _ROWS}
+        return replace(self, **rows)
+
+
+_ROWS = ("measured", "start", "controls", "wind", "recording")
+
+
+def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
+    """The segments of tables of raw samples, or of evenly spaced ones, by the recording's name.
+
+    Raises :class:`DataShortageError` where there are less than a handful, :class:`InputError` for recordings of
+    another ship.
+    """
+    speed = _usual_speed(tables)
+    length_m = plant.length_between_perpendiculars_m
+    lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
+    dt_s = float(1 / rate_fraction(STEPS / lasting))
+    parts = [_cut(resample(table, 1.0 / dt_s), plant, dt_s) for table in tables.values()]
+    number = [len(part[0]) for part in parts]
+    measured, start, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
+    whole = Segments(
+        measured, start, controls, wind,
+        recording=np.repeat(np.arange(len(parts)), number),
+        names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(int(part[4]) for part in parts),
+    )  # fmt: skip
+    if len(whole) < _LEAST:
+        raise DataShortageError(
+            f"only {len(whole)} segments of {lasting:.0f} s have motion and controls",
+            where=", ".join(tables), fix="give longer recordings, or see what `seatrial check` says of these",
+        )  # fmt: skip
+    every = -(-len(whole) // MOST)
+    return whole if every == 1 else whole.subset(np.arange(0, len(whole), every))
+
+
+def _usual_speed(tables: Mapping[str, pd.DataFrame]) -> float:
+    """The median speed ahead [m/s] while the ship moves."""
+    speed = np.abs(np.concatenate([table["surge_mps"].dropna().to_numpy() for table in tables.values()]))
+    if not speed.size or not speed.max() > 0.0:
+        raise DataShortageError("the ship does not move", where=", ".join(tables), fix="give recordings under way")
+    return float(np.median(speed[speed >= _MOVING_SHARE * np.percentile(speed, 99.0)]))
+
+
+def _cut(table: pd.DataFrame, plant: Plant, dt_s: float) -> tuple[Floats, Floats, Floats, Floats, int]:
+    """Measured, start, controls and wind of the whole segments of one table, and how many lack data."""
+    check_ship(table_actuators(table), plant)
+    calm = {name: 0.0 for name in ENVIRONMENT if name not in table}
+    measured, controls = states_of(table), controls_of(table, plant.layout)
+    wind = wind_of(table.assign(**calm))
+    start = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
+    start[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - start[:, 2]) / (2.0 * np.pi))
+    count = max(0, len(table) - 1) // STEPS
+    rows = np.arange(count * STEPS).reshape(count, STEPS)
+    ends = np.append(rows, rows[:, -1:] + 1, axis=1)
+    known = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
+    known &= np.isfinite(start[rows[:, 0]]).all(axis=1)
+    rows, ends = rows[known], ends[known]
+    acting = mean_controls(controls[ends], plant.layout)
+    return measured[rows[:, ::EVERY]], start[rows[:, 0]], acting, wind[rows], int((~known).sum())

@@ -1,0 +1,109 @@
+"""Coefficients from simulated trials: those the data tell of are found, the others stay and are said to."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import seatrial as st
+from acquisition.core.actuators import as_text
+from acquisition.core.errors import InputError
+from hybrid.identification.coefficients import coefficients_of, values_at, with_values
+from hybrid.identification.identify import Identification, identify_tables
+from hybrid.simulation.sea_state import SeaState
+from hybrid.simulation.trial import Noise, simulate_trial
+from hybrid.vessel.channels import as_table
+from hybrid.vessel.files import load_vessel, save_vessel
+from hybrid.vessel.parameters import Vessel
+
+ONLY = ("hull.Y_v", "hull.N_r", "hull.C_D", "rudder.lift_slope", "propeller.astern_0")
+TRUE = {"hull.Y_v": -0.45, "hull.N_r": -0.041, "hull.C_D": 0.8, "rudder.lift_slope": 2.9}
+WIND = SeaState(1.0, 0.0, 5.0, 0.0, direction_from_deg=70.0)
+
+
+@pytest.fixture(scope="module")
+def start() -> Vessel:
+    vessel = load_vessel("esso_osaka_3m")
+    # the slope that follows from the aspect ratio, as a number of its own
+    vessel = with_values(vessel, {"rudder.lift_slope": 2.4898})
+    save = {"propeller.astern_0": 0.2, **dict.fromkeys(TRUE, 0.2)}
+    object.__setattr__(vessel, "estimated", save)
+    return vessel
+
+
+@pytest.fixture(scope="module")
+def found(start: Vessel) -> Identification:
+    true = with_values(start, TRUE)
+    quiet = Noise().scaled(0.2)
+    tables = {
+        name: simulate_trial(true, WIND, name, 240.0, 5.0, seed=seed, noise=quiet)[0]
+        for seed, name in enumerate(("zigzag_20_20", "turning_circle_35"))
+    }
+    return identify_tables(tables, start, only=ONLY, candidates=("zigzag_10_10", "stopping"))[0]
+
+
+def test_what_the_data_tell_is_inside_its_interval_and_better_known(found: Identification) -> None:
+    by_name = {each.name: each for each in found.coefficients}
+    for name, value in TRUE.items():
+        each = by_name[name]
+        assert each.known, name
+        slack = 0.5 * (each.high - each.low)
+        assert each.low - slack <= value <= each.high + slack, name
+        assert abs(each.value - value) < abs(each.start - value), name
+
+
+def test_what_the_data_do_not_tell_stays_at_the_start(found: Identification) -> None:
+    astern = next(each for each in found.coefficients if each.name == "propeller.astern_0")
+    assert not astern.known
+    assert astern.value == pytest.approx(astern.start, rel=0.02)
+    assert (astern.low, astern.high) == pytest.approx((astern.start_low, astern.start_high), rel=0.05)
+    assert "not told" in str(found)
+
+
+def test_a_trial_that_uses_the_propeller_astern_is_worth_more_than_none(found: Identification) -> None:
+    assert {each.manoeuvre for each in found.candidates} == {"zigzag_10_10", "stopping"}
+    assert all(each.gain > 0.0 and 0.0 < each.left < 1.0 for each in found.candidates)
+
+
+def test_the_vessel_file_is_whole_and_says_where_it_is_from(found: Identification, tmp_path: Path) -> None:
+    save_vessel(found.vessel, tmp_path / "ship.toml")
+    again = load_vessel(tmp_path / "ship.toml")
+    assert again.hull == found.vessel.hull
+    assert "zigzag_20_20" in str(again.provenance["identified_from"])
+    assert again.estimated["hull.Y_v"] < 0.2
+    json.dumps(found.as_dict())
+    assert found.plot().axes
+
+
+def test_values_go_into_the_tables_they_are_named_after(start: Vessel) -> None:
+    every = coefficients_of(start)
+    neutral = with_values(start, values_at(every, [0.0] * len(every)))  # type: ignore[arg-type]
+    assert neutral == start
+    changed = with_values(start, {"rudder.a_H": 0.5, "hull.C_D": 1.0, "effects.wind_load.factor": 1.2})
+    assert changed.of_kind("rudder")[0].a_H == 0.5
+    assert changed.hull.C_D == 1.0  # type: ignore[attr-defined]
+    assert changed.effects["wind_load"] == {"factor": 1.2}
+
+
+def test_a_recording_of_another_ship_is_refused(start: Vessel) -> None:
+    index = pd.date_range("2026-06-01", periods=600, freq="200ms", tz="UTC", name="time")
+    states = np.tile([0.0, 0.0, 0.0, 4.0, 0.0, 0.0], (600, 1))
+    table = as_table(states, np.zeros((600, 5)), np.zeros((600, 2)), index)
+    with pytest.raises(InputError, match="a ship with"):
+        identify_tables({"other": table}, start)
+
+
+def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
+    table = simulate_trial(start, WIND, "zigzag_20_20", 300.0, 5.0, noise=Noise().scaled(0.2))[0]
+    st.write(table, tmp_path / "trial.mcap", actuators=as_text(start.actuators))
+    save_vessel(start, tmp_path / "start.toml")
+    result = st.identify(tmp_path / "trial.mcap", tmp_path / "start.toml", tmp_path / "new.toml", 10)
+    assert result.validation is not None
+    assert set(result.as_dict()["validation"]["methods"]) == {"constant_velocity", "reference", "identified"}
+    scores = result.validation.scores
+    assert scores["identified"].mean_distance_m < scores["constant_velocity"].mean_distance_m
+    assert st.load_vessel(tmp_path / "new.toml").hull == result.vessel.hull
