@@ -157,8 +157,9 @@ def windows(
     reasons = ", ".join(f"{count} {reason}" for reason, count in found.dropped.items()) or "none"
     recordings = "1 recording" if len(files) == 1 else f"{len(files)} recordings"
     kept = "kept" if keep_moving else "held"
+    legs = "1 leg" if found.legs == 1 else f"{found.legs} legs"
     typer.echo(
-        f"{found.kept} of {found.candidates} windows of {horizon} s {kept}, in {found.legs} legs of {recordings}; "
+        f"{found.kept} of {found.candidates} windows of {horizon} s {kept}, in {legs} of {recordings}; "
         f"dropped: {reasons}",
         err=True,
     )
