@@ -27,7 +27,9 @@ def main() -> None:
     hidden, none = singles(), sound()
     with bar(f"{len(hidden) + len(none)} trials") as progress:
         results = carried_out([*hidden, *none], given.output, given.workers, tell, progress)
-    one, nothing = ([results[case.key] for case in cases] for cases in (hidden, none))
+    every = [[results[case.key] for case in cases] for cases in (hidden, none)]
+    one, nothing = ([result for result in part if "said" in result] for part in every)
+    print(f"refused: {sum(map(len, every)) - len(one) - len(nothing)}")
     for title, value in (
         ("named, and nothing else", share(one, exact)),
         ("in the reported set", share(one, in_set)),

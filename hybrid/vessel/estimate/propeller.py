@@ -101,4 +101,4 @@ def astern(k_0: float) -> Estimates:
     source = "share of k_0 as of Esso Osaka, Miyauchi et al. 2022"
     shares = {"astern_0": -0.711, "astern_1": -0.766, "astern_2": -0.534}
     thrust = {name: Estimate(share * k_0, 0.3, source) for name, share in shares.items()}
-    return {**thrust, "astern_3": Estimate(-0.330, 0.3, "as of Esso Osaka, Miyauchi et al. 2022")}
+    return {**thrust, "astern_3": Estimate(0.330, 0.3, "as of Esso Osaka, Miyauchi et al. 2022")}
