@@ -8,7 +8,7 @@ Sci Technol 20 (2015), 37-52; four quadrants after Miyauchi et al. (2022), doi 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import asin, exp, hypot
 from typing import TYPE_CHECKING, Literal
 
@@ -258,24 +258,13 @@ PROPELLER = Kind(
     numbers_of=numbers_of,
     positive=("diameter_m", "limit_rpm"),
 )
-CONTROLLABLE_PROPELLER = Kind(
+CONTROLLABLE_PROPELLER = replace(
+    PROPELLER,
     entry=ControllablePropeller,
-    numbers=NUMBERS,
     labels=("rps", "pitch"),
     units=(1.0 / RPM_PER_RPS, 0.01),
     angles=(False, False),
-    work=2,
     hold=hold_with_pitch,
-    force=force,
     still=(0.05, 0.02),
     alike=(0.3, 0.05),
-    drives=drives,
-    effects=effects,
-    slots=SLOTS,
-    lag="lag_s",
-    shared=frozenset(SHARED),
-    keeps_sign=("k_0", "k_1", "astern_0"),
-    adapted=("wake_0",),
-    numbers_of=numbers_of,
-    positive=("diameter_m", "limit_rpm"),
 )
