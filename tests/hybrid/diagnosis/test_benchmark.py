@@ -140,10 +140,13 @@ def test_a_size_is_placed_on_the_side_that_the_bounds_allow() -> None:
     assert current["speed_mps"] == pytest.approx(0.3)
 
 
+PODS = ("port", "starboard")
+
+
 def test_manoeuvres_asked_for_are_orders_of_the_other_ship() -> None:
     made = {
         each.name: orders_of(each.legs)
-        for each in repertoire(Shafts(170.0, 85.0, 120.0, 195.0, 200.0, ("port", "starboard"), ("tunnel",)))
+        for each in repertoire(Shafts(170.0, 85.0, 120.0, 195.0, 200.0, PODS, PODS, ("tunnel",)))
     }
     zigzag = [order for order in made["zigzags_20_20"] if order.kind == ZIGZAG]
     assert [order.switches for order in zigzag] == [10.0, 10.0]

@@ -8,7 +8,7 @@ from hybrid.diagnosis.disturbance_model import Noise
 from hybrid.diagnosis.evidence import normal_equations
 from hybrid.diagnosis.linearise import Model, linearise
 from hybrid.effects import vessel_plant
-from hybrid.effects.catalogue import catalogue_for
+from hybrid.effects.catalogue import catalogue_of
 from hybrid.planning.next_manoeuvre import Pair, best_request, rank_candidates, rehearsal_of
 from hybrid.planning.repertoire import Candidate, Shafts, rehearse, repertoire
 from hybrid.simulation.handling import usual_rpm
@@ -63,9 +63,10 @@ def test_the_next_manoeuvre_of_a_rudder_ship() -> None:
     """After a straight run nothing is known of the rudder: she is asked to use it, in words that fit her."""
     ship = load_vessel("kvlcc2_7m")
     plant, names = vessel_plant(ship), ("rudder_offset_rudder", "yaw_asymmetry", "thrust_loss_propeller")
-    catalogue = {name: each for name, each in catalogue_for(ship.actuators).items() if name in names}
+    catalogue = {name: each for name, each in catalogue_of(ship).items() if name in names}
     straight = rehearse((steer(0.0, 1e4, usual_rpm(ship)),), ship, plant, sea_state_named("calm"), 600)
-    equations = normal_equations(linearise(straight, Model(plant, catalogue), 0.01), Noise())
+    calm = Noise(gust=(5.0, 5.0, 12.0), slow=(5.0, 5.0, 12.0))  # of a model, N and N m
+    equations = normal_equations(linearise(straight, Model(plant, catalogue), 0.01), calm)
     pairs = [Pair("rudder_offset_rudder", "yaw_asymmetry", {"angle_deg": 2.0})]
     ranking = rank_candidates(rehearsal_of(equations, ship, {}), pairs)
     asked = best_request(ranking, pairs)
