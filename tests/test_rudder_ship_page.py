@@ -12,7 +12,7 @@ from tests.test_tutorial import appears, environment, typed
 
 __all__ = ["environment"]
 
-pytestmark = [pytest.mark.pages, pytest.mark.slow, pytest.mark.shared, pytest.mark.xdist_group("rudder ship")]
+pytestmark = [pytest.mark.pages, pytest.mark.slow, pytest.mark.shared]
 
 _BLOCKS = page("howto/rudder_ship.md").blocks
 _STEPS = [each for each in _BLOCKS if each.language == "sh"]

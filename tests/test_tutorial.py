@@ -15,7 +15,7 @@ import pytest
 
 from tests.pages import ROOT, Block, page
 
-pytestmark = [pytest.mark.pages, pytest.mark.xdist_group("tutorial")]
+pytestmark = [pytest.mark.pages]
 
 _BLOCKS = page("tutorial.md").blocks
 _STEPS = [each for each in _BLOCKS if each.language == "sh"]
