@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -57,12 +59,17 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 def typed(text: str, folder: Path, environment: dict[str, str]) -> str:
     """Run a block as a shell does; what it prints."""
-    done = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", text], cwd=folder, env=environment, capture_output=True, text=True,
-        timeout=590, check=False,
+    shell = subprocess.Popen(
+        ["bash", "-euo", "pipefail", "-c", text], cwd=folder, env=environment, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr or done.stdout
-    return done.stdout + done.stderr
+    try:
+        printed, said = shell.communicate(timeout=590)
+    finally:
+        with suppress(ProcessLookupError):  # what a failed block leaves in the background holds the ports
+            os.killpg(shell.pid, signal.SIGKILL)
+    assert shell.returncode == 0, said or printed
+    return printed + said
 
 
 @pytest.mark.parametrize("step", _STEPS, ids=lambda step: step.heading)
