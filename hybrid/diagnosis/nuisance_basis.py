@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from acquisition.core.actuators import KINDS as CHANNEL_KINDS
 from acquisition.core.arrays import Floats, Ints
 from analysis.compiling import FAST, Record
 from hybrid.diagnosis.linearise import Model, Signature, next_states
@@ -161,11 +162,15 @@ def _interactions(log: Log, origin: Floats) -> dict[str, Floats]:
 
 
 def _hinges(log: Log) -> Floats:
-    """How far the azimuths are beyond certain angles to either side [T, 6], zero below; [T, 0] without any."""
+    """How far what steers is beyond certain angles to either side [T, 6], zero below; [T, 0] without any.
+
+    Angles count as a stern azimuth's, positive to port: a rudder's has the other sign.
+    """
     angles = angle_columns(log.actuators)
     if not angles:
         return np.zeros((len(log), 0))
-    angle = log.controls[:, :, angles].mean(axis=(1, 2))
+    to_port = [-CHANNEL_KINDS[each.kind].turns for each in log.actuators if any(KINDS[each.kind].angles)]
+    angle = (log.controls[:, :, angles] * to_port).mean(axis=(1, 2))
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
     largest = float(np.quantile(np.abs(angle), 0.99))
     return np.column_stack(

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from acquisition.core.actuators import Actuator
 from hybrid.diagnosis.linearise import Signature
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.nuisance_basis import INTERACTIONS, NuisanceBasis, nuisance_basis
@@ -78,3 +79,15 @@ def test_a_named_effect_may_change_with_each_form_and_with_nothing_that_stays(lo
     steady[:, 4] = 0.2
     rest = {each.effect for each in nuisance_basis(log, steady, [ones], ["hull_fouling"]).varying}
     assert set(found) - rest == {"hull_fouling*drift"}
+
+
+def test_a_rudder_and_an_azimuth_that_turn_the_ship_together_do_not_cancel(log: Log) -> None:
+    """A rudder turns her to starboard at the angle at which an azimuth turns her to port."""
+    ship = (Actuator("pod", "azimuth"), Actuator("rudder", "rudder"))
+    helm = np.deg2rad(25.0 * np.sin(np.arange(len(log)) / 20.0))[:, None, None] * np.ones((1, 4, 1))
+    both = np.concatenate([np.full_like(helm, 2.0), helm, -helm], axis=2)
+    one = replace(log, actuators=ship[:1], controls=both[:, :, :2])
+    together = [shapes(each) for each in (one, replace(log, actuators=ship, controls=both))]
+    of_one, of_both = (each.features[:, [on == "azimuth" for on in each.depends]] for each in together)
+    assert of_both.shape[1] == of_one.shape[1] >= 3
+    assert of_both == pytest.approx(of_one, abs=1e-9)
