@@ -335,10 +335,9 @@ def diagnose(
     """
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
-    from hybrid.vessel.files import DEFAULT, load_vessel
     from hybrid.workflows.diagnose import diagnose_files
 
-    ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    ship = _ship(vessel)
     catalogue = catalogue_with(effect_files, without, ship)
     with bar("diagnosing") as progress:
         return diagnose_files(
@@ -367,9 +366,9 @@ def identify(
     from hybrid.identification.identify import identify_tables
     from hybrid.identification.judge import judge
     from hybrid.identification.next_trial import repertoire_of
-    from hybrid.vessel.files import DEFAULT, load_vessel, save_vessel
+    from hybrid.vessel.files import save_vessel
 
-    ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    ship = _ship(vessel)
     paths = as_paths(recordings)
     names = trial_names(paths)
     tables = {name: prepare(path, None, repair=repair) for name, path in zip(names, paths, strict=True)}
@@ -416,9 +415,8 @@ def vessel_check(vessel: str | Path | Vessel | None = None, rpm: float | None = 
     default that of 85 % of the highest power.
     """
     from hybrid.simulation.vessel_check import check_vessel
-    from hybrid.vessel.files import DEFAULT, load_vessel
 
-    ship = load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    ship = _ship(vessel)
     return check_vessel(ship, rpm)
 
 
@@ -472,6 +470,13 @@ def _model(
     trained = load(Path(calibrator)) if isinstance(calibrator, str | Path) else calibrator
     name = None if vessel is None else str(vessel)
     return trained, plant_for(trained, name), horizon_s or trained.horizon_s
+
+
+def _ship(vessel: str | Path | Vessel | None) -> Vessel:
+    """A vessel as it is, or by its name or file; without one the default."""
+    from hybrid.vessel.files import DEFAULT, load_vessel
+
+    return load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
 
 
 def _dataset(

@@ -120,6 +120,10 @@ NEARLY_ONE = 0.95
 """Two estimates correlated by so much, either way, are one in all but name."""
 
 
+UNKNOWN = 0.8
+"""A standard error of so much of the prior's, and more, is none of the data's."""
+
+
 def correlated_pairs(names: Sequence[str], correlation: Floats) -> list[tuple[str, str, float]]:
     """Pairs of ``names`` [P] whose estimates hang together, and their correlation, from all of them [P, P].
 

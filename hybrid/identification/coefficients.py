@@ -3,8 +3,7 @@
 A coefficient is named as in ``[estimated]``: ``hull.Y_v``, ``rudder.a_H``. Before any data its departure is normal,
 of the relative width that ``[estimated]`` says, or else of one that is usual for such a number. Numbers that keep
 their sign, as damping, masses and all of an actuator's do, depart by a factor exp(width z), the others by a share
-1 + width z. Dimensions, places and limits are
-known, and so is whatever is zero: a term that the model does not have.
+1 + width z. Dimensions, places and limits are known, and so is whatever is zero: a term that the model lacks.
 """
 
 from __future__ import annotations

@@ -80,7 +80,7 @@ def fit(
         now, damping = _better(model, now, damping)
         if before - now.cost < _ENOUGH:
             break
-        now = _with_levels(model, now)
+        now = _with_levels(now)
     information, scores, _ = _normal(model, now)
     return Fit(now.z, covariance_of(information, scores), now.starts, now.levels, information, scores)
 
@@ -116,19 +116,21 @@ def _place(model: Model, z: Floats, starts: Floats, levels: Levels) -> _Place:
     left = model.segments.measured - seen
     if not np.isfinite(slopes).all():
         return _Place(z, starts, levels, left, slopes, slopes, np.inf)
+    return _valued(z, starts, levels, left, slopes)
+
+
+def _valued(z: Floats, starts: Floats, levels: Levels, left: Floats, slopes: Floats) -> _Place:
+    """The place with what it costs."""
     white, determinant = whiteners(left, slopes, levels)
     whitened = white @ np.nan_to_num(left).reshape(len(left), -1, 1)
     cost = float((whitened**2).sum()) + determinant + float(z @ z)
     return _Place(z, starts, levels, left, slopes, white, cost)
 
 
-def _with_levels(model: Model, place: _Place) -> _Place:
+def _with_levels(place: _Place) -> _Place:
     """The same place at the most likely levels."""
     levels = estimate_levels(place.left, place.slopes, place.levels)
-    white, determinant = whiteners(place.left, place.slopes, levels)
-    whitened = white @ np.nan_to_num(place.left).reshape(len(place.left), -1, 1)
-    cost = float((whitened**2).sum()) + determinant + float(place.z @ place.z)
-    return _Place(place.z, place.starts, levels, place.left, place.slopes, white, cost)
+    return _valued(place.z, place.starts, levels, place.left, place.slopes)
 
 
 def _settled(model: Model, place: _Place, times: int = 2) -> _Place:
@@ -138,9 +140,9 @@ def _settled(model: Model, place: _Place, times: int = 2) -> _Place:
             "the model does not follow the recordings", why="it leaves its range", fix="check --vessel and units"
         )
     for _ in range(times):
-        place = _with_levels(model, place)
+        place = _with_levels(place)
         place = _moved(model, place, np.zeros(model.size), np.zeros((1, 1, model.size)))
-    return _with_levels(model, place)
+    return _with_levels(place)
 
 
 def _moved(model: Model, place: _Place, step: Floats, columns: Floats) -> _Place:

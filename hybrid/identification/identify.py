@@ -16,7 +16,7 @@ from acquisition.core.progress import Progress, part_of
 from acquisition.core.result import Result
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
-from analysis.estimation.likelihood import correlated_pairs
+from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import Coefficient, coefficients_of, values_at, with_values
 from hybrid.identification.fit import Fit, fit
@@ -25,9 +25,6 @@ from hybrid.identification.response import Model, model_of
 from hybrid.identification.segments import segments_of
 from hybrid.prediction.scores import Score
 from hybrid.vessel.parameters import Vessel
-
-UNKNOWN = 0.8
-"""A standard error of so much of the prior's, and more, is none of the data's."""
 
 _NORMAL_95 = 1.959964
 

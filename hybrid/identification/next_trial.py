@@ -14,6 +14,7 @@ import numpy as np
 from acquisition.core.actuators import names_of, shafts
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ModelRangeError, SeatrialError
+from analysis.estimation.likelihood import UNKNOWN
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import values_at, with_values
 from hybrid.identification.fit import Fit, information_at
@@ -27,8 +28,6 @@ REPERTOIRE = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circ
               "reciprocal", "one_thruster", "tunnel_test")  # fmt: skip
 SEGMENTS = 20
 """How long each is rehearsed, in segments."""
-
-_NEWLY = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +89,6 @@ def _candidate(model: Model, found: Fit, name: str, told: Floats) -> Candidate:
     after = np.linalg.inv(np.linalg.inv(before) + told)
     was, then = np.sqrt(np.diag(before)), np.sqrt(np.diag(after))
     gain = 0.5 * float(np.linalg.slogdet(before)[1] - np.linalg.slogdet(after)[1])
-    newly = [each.name for each, a, b in zip(model.coefficients, was, then, strict=True) if a >= _NEWLY > b]
+    newly = [each.name for each, a, b in zip(model.coefficients, was, then, strict=True) if a >= UNKNOWN > b]
     minutes = SEGMENTS * model.segments.duration_s / 60.0
     return Candidate(name, minutes, gain, float(np.mean((then / was) ** 2)), tuple(newly))

@@ -34,7 +34,7 @@ from hybrid.planning.repertoire import (
     shafts_of,
 )
 from hybrid.simulation.sea_state import SeaState
-from hybrid.vessel.channels import RPM_PER_RPS
+from hybrid.vessel.actuators.kind import RPM_PER_RPS
 from hybrid.vessel.effect import Values
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant

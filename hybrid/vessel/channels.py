@@ -15,7 +15,6 @@ from analysis.tables.table import table_actuators
 from hybrid.vessel.actuators import angle_columns, control_units
 from hybrid.vessel.plant import Plant
 
-RPM_PER_RPS = 60.0
 STATE_UNITS = np.array([1.0, 1.0, np.pi / 180.0, 1.0, 1.0, np.pi / 180.0])
 WIND_UNITS = np.array([np.pi / 180.0, 1.0])
 

@@ -17,7 +17,7 @@ from acquisition.core.actuators import Actuators
 from hybrid.vessel.actuators import KINDS, Entry, list_of
 from hybrid.vessel.fujiwara import Outline, fujiwara
 from hybrid.vessel.hulls import HULLS, HullEntry
-from hybrid.vessel.wind import TABLE_SIZE
+from hybrid.vessel.wind import HARMONICS, TABLE_SIZE
 
 if TYPE_CHECKING:
     AnyActuator = Entry
@@ -154,7 +154,7 @@ class FujiwaraWind:
         CX, CY, CN = map(_padded, fujiwara(outline))
         return {
             "frontal_area_m2": self.frontal_area_m2, "lateral_area_m2": self.lateral_area_m2,
-            "air_density_kgpm3": self.air_density_kgpm3, "CX": CX, "CY": CY, "CN": CN, "wind_model": 1.0,
+            "air_density_kgpm3": self.air_density_kgpm3, "CX": CX, "CY": CY, "CN": CN, "wind_model": HARMONICS,
         }  # fmt: skip
 
 

@@ -7,8 +7,8 @@ from math import atan2, cos, pi, sin
 from analysis.compiling import Record, compiled
 
 TABLE_SIZE = 19
-WIND_CODES = {"coefficients": 0.0, "fujiwara": 1.0, "none": 2.0}
-TABLE = WIND_CODES["coefficients"]
+TABLE, HARMONICS = 0.0, 1.0
+"""How a plant's ``wind_model`` says what CX, CY and CN hold."""
 _PER_STEP = (TABLE_SIZE - 1) / pi
 
 

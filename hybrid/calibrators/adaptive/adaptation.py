@@ -15,7 +15,7 @@ from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Complexes, Floats
 from analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from analysis.estimation.process_models import decay, oscillator
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_predict
@@ -25,7 +25,6 @@ from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.hulls import HULLS
 from hybrid.vessel.plant import Form, Plant, flat, pack, places_of
 
-Complexes = NDArray[np.complex128]
 _DIFFUSE = 10.0
 WAVE_DAMPING = 0.1
 

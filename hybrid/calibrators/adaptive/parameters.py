@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from analysis.estimation.likelihood import correlated_pairs
+from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
 from hybrid.calibrators.adaptive.adaptation import (
     CURRENT_MPS,
     DRIFT_N,
@@ -31,8 +31,6 @@ from hybrid.calibrators.adaptive.adaptation import (
 from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.vessel.plant import Plant
 
-UNKNOWN = 0.8
-"""A standard error of so much of the prior's, and more, is none of the data's."""
 _NEARLY = 0.95  # of a bound: members that differ have a mean that does not quite reach it
 _TITLES = {
     "constant_X_n": "steady force ahead", "constant_Y_n": "steady force aside", "constant_N_nm": "steady moment",

@@ -15,12 +15,10 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect
-
-RPM_PER_RPS = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +103,7 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust and offset angle of each thruster and of all alike; inflow, side force and angle of all."""
-    from hybrid.vessel.actuators.effects import for_each_and_all, loss, offset
+    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, loss, offset
     from hybrid.vessel.effect import Effect, Parameter, scaling
 
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
@@ -116,7 +114,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             family="propulsion",
             what="Lost thrust: both force components of the {names} pod times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
-            parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
+            parameter=FRACTION,
             like=("hull_lengthening", "pod_side_force"),
             one_is_like=("yaw_asymmetry",),
             all_are_like=("hull_fouling", "towed_load", "wake_fraction"),

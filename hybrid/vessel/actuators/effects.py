@@ -8,6 +8,9 @@ from math import radians
 from hybrid.vessel.effect import Effect, Parameter, Values
 from hybrid.vessel.plant import Plant
 
+FRACTION = Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03)
+"""The share of a force that is lost."""
+
 Change = Callable[[Plant, str, float], Plant]
 """The plant with its number of that name changed by a parameter's value."""
 

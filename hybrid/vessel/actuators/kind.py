@@ -18,6 +18,9 @@ KIND, CONTROL, FIRST_NUMBER = range(3)
 """Where the kind's code, the first control's place and the first number stand in an actuator's row."""
 
 
+RPM_PER_RPS = 60.0
+
+
 @dataclass(frozen=True, slots=True)
 class Drive:
     """How one control follows its order: a first-order lag [s], and limits of the order and of its rate [SI]."""

@@ -16,12 +16,10 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect
-
-RPM_PER_RPS = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,7 +199,7 @@ def drives(entry: _Blades) -> tuple[Drive, ...]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
-    from hybrid.vessel.actuators.effects import for_each_and_all, lag, loss, times
+    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, times
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -210,7 +208,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             family="propulsion",
             what="Lost thrust of the {names} propeller, and with it of its race: times (1 - fraction)",
             source="Wear, roughness and ventilation as one share; cf. Carlton, Marine Propellers and Propulsion",
-            parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
+            parameter=FRACTION,
             one_is_like=("yaw_asymmetry",) if len(names) > 1 else (),
             all_are_like=("hull_fouling", "towed_load"),
         ),

@@ -144,7 +144,7 @@ def drives(entry: Rudder) -> tuple[Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Offset angle, lost force and a lag of each rudder and of all alike."""
-    from hybrid.vessel.actuators.effects import for_each_and_all, lag, loss, offset
+    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, offset
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -153,7 +153,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             family="propulsion",
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
-            parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
+            parameter=FRACTION,
             like=("hull_lengthening", "yaw_damping"),
         ),
         *for_each_and_all(

@@ -58,7 +58,8 @@ def drives(entry: Tunnel) -> tuple[Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost side force of each thruster."""
-    from hybrid.vessel.effect import Effect, Parameter
+    from hybrid.vessel.actuators.effects import FRACTION
+    from hybrid.vessel.effect import Effect
 
     def loss(name: str) -> Effect:
         return Effect(
@@ -67,7 +68,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             kind="actuator",
             what=f"Lost side force of the {name.replace('_', ' ')} thruster: times (1 - fraction)",
             source="Brix, Manoeuvring Technical Manual (1993): speed, grids and fouling as one share",
-            parameters=(Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),),
+            parameters=(FRACTION,),
             change=lambda plant, values: plant.scaled(
                 1.0 - values["fraction"], *(f"{name}_{number}" for number in ("cubic_n", "quadratic_n", "linear_n"))
             ),

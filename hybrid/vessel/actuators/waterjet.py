@@ -15,12 +15,10 @@ from pydantic import StrictFloat as Number
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import Record, compiled
-from hybrid.vessel.actuators.kind import Drive, Kind, columns
+from hybrid.vessel.actuators.kind import RPM_PER_RPS, Drive, Kind, columns
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect
-
-RPM_PER_RPS = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +72,7 @@ def drives(entry: Waterjet) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, offset angle and a lag of each jet and of all alike."""
-    from hybrid.vessel.actuators.effects import for_each_and_all, lag, loss, offset
+    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, offset
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -83,7 +81,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             family="propulsion",
             what="Lost thrust of the {names} jet: times (1 - fraction)",
             source="Wear and air drawn in as one share",
-            parameter=Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03),
+            parameter=FRACTION,
             all_are_like=("hull_fouling", "towed_load"),
         ),
         *for_each_and_all(

@@ -11,8 +11,8 @@ from acquisition.core.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Propeller:
-    """A propeller on a shaft: diameter, place from midship [m], blades; ``rpm`` at service speed if known."""
+class _Screw:
+    """A screw: diameter, blades, place from midship [m]; ``rpm`` at service speed if known."""
 
     diameter: float
     name: str = ""
@@ -22,21 +22,19 @@ class Propeller:
     rpm: float | None = None
     x: float | None = None
     y: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Propeller(_Screw):
+    """A propeller on a shaft."""
+
     controllable: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Azimuth:
+class Azimuth(_Screw):
     """A pod or a steerable thruster, like a propeller; ``rate`` is its rate of turn [deg/s]."""
 
-    diameter: float
-    name: str = ""
-    pitch_ratio: float | None = None
-    blades: int = 4
-    area_ratio: float = 0.55
-    rpm: float | None = None
-    x: float | None = None
-    y: float | None = None
     rate: float | None = None
 
 
