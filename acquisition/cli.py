@@ -192,7 +192,7 @@ def import_(
     ] = False,
     ignore_unknown: Annotated[bool, typer.Option(help="Pass over columns that are no channels.")] = False,
     vessel: Annotated[
-        str | None, typer.Option(help="Whose actuators the table tells of: a vessel's name, or its file.")
+        str | None, typer.Option(help="Which ship the table tells of: a vessel's name, or its file.")
     ] = None,
 ) -> None:
     """Turn a table into a recording."""

@@ -9,6 +9,7 @@ share of each recording's time in percent, as ``"0..70"``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from analysis.quality.check import DataQuality
     from analysis.windows.held import HeldWindows
     from hybrid.calibrators.predict import Prediction
+    from hybrid.calibrators.predictor import Predictor
     from hybrid.calibrators.train import TrainedCalibrator
     from hybrid.effects.catalogue import Catalogue
     from hybrid.evaluation.summary import Evaluation
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from hybrid.simulation.vessel_check import VesselCheck
     from hybrid.vessel.parameters import Vessel
     from hybrid.vessel.plant import Plant
+    from hybrid.vessel.reference import ReferenceModel
     from hybrid.workflows.diagnose import DiagnosisRun
 
 Paths = str | Path | Sequence[str | Path]
@@ -134,7 +137,7 @@ def manoeuvres(recording: str | Path, length_m: float | None = None) -> pd.DataF
 
 def simulate(
     path: str | Path,
-    vessel: str | Path = "gunnerus_short",
+    vessel: str | Path | Vessel | None = None,
     sea_state: str = "calm",
     manoeuvre: str = "voyage",
     duration_s: float = 1200.0,
@@ -162,7 +165,7 @@ def simulate(
     latitude_deg, longitude_deg = ORIGIN_DEG
     trial = Trial(
         name=target.stem,
-        vessel=str(vessel),
+        vessel=ship.name,
         actuators=as_text(ship.actuators),
         place="Trondheimsfjord, simulated",
         origin_latitude_deg=latitude_deg,
@@ -211,16 +214,16 @@ def train(
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.train import train as train_calibrator
     from hybrid.effects.catalogue import vessel_plant
-    from hybrid.vessel.files import DEFAULT, load_vessel, locate_vessel
 
     refuse_unknown(method)
-    name = locate_vessel(str(vessel or DEFAULT))
-    plant = vessel_plant(load_vessel(name))
+    model = _model(recordings, vessel)
+    plant = vessel_plant(model.vessel)
     dataset = _dataset(
         recordings, horizon_s, stride_s, part, any_commands, repair, rebuild_positions, plant, shorter=True
     )
     with bar("training") as progress:
-        return train_calibrator(dataset, name, plant, method, seed, progress)
+        trained = train_calibrator(dataset, model.file, plant, method, seed, progress)
+    return replace(trained, model=model.said)
 
 
 def validate(
@@ -244,11 +247,11 @@ def validate(
     from hybrid.evaluation.validate import refuse_training_data
     from hybrid.evaluation.validate import validate as validate_dataset
 
-    trained, plant, seconds = _model(calibrator, vessel, horizon_s)
-    dataset = _dataset(recordings, seconds, stride_s, part, any_commands, repair, rebuild_positions, plant)
-    if trained is not None and not allow_seen:
-        refuse_training_data(dataset.sources, trained)
-    return validate_dataset(dataset, plant, trained)
+    by = _predictor(recordings, calibrator, vessel, horizon_s)
+    dataset = _dataset(recordings, by.horizon_s, stride_s, part, any_commands, repair, rebuild_positions, by.plant)
+    if by.trained is not None and not allow_seen:
+        refuse_training_data(dataset.sources, by.trained)
+    return replace(validate_dataset(dataset, by.plant, by.trained), model=by.said)
 
 
 def evaluate(
@@ -276,7 +279,6 @@ def evaluate(
     from hybrid.evaluation import splits as split_kinds
     from hybrid.evaluation.study import study
     from hybrid.evaluation.summary import evaluation_of
-    from hybrid.vessel.files import DEFAULT, load_vessel
 
     kinds = (
         list(dict.fromkeys(splits)) or ["leg", "time", "recording"][: 2 if len(as_paths(recordings)) == 1 else 3]
@@ -285,13 +287,14 @@ def evaluate(
     split_kinds.refuse_unknown(kinds)
     for each in names:
         refuse_unknown(each)
-    plant = vessel_plant(load_vessel(vessel or DEFAULT))
+    model = _model(recordings, vessel)
+    plant = vessel_plant(model.vessel)
     dataset = _dataset(
         recordings, horizon_s, stride_s, "0..100", any_commands, repair, rebuild_positions, plant, shorter=True
     )
     with bar("fitting") as progress:
         judged = study(dataset.windows, plant, names, kinds, draws, seed, progress)
-    return evaluation_of(judged, plant.length_overall_m, seed)
+    return replace(evaluation_of(judged, plant.length_overall_m, seed), model=model.said)
 
 
 def predict(
@@ -310,11 +313,11 @@ def predict(
     from hybrid.calibrators.predict import parse_time
     from hybrid.calibrators.predict import predict as predict_at
 
-    trained, plant, seconds = _model(calibrator, vessel, horizon_s)
+    by = _predictor(recording, calibrator, vessel, horizon_s)
     table = read_table(recording)
     require(table)
     table = resample(table)
-    return predict_at(table, parse_time(at, table), seconds, plant, trained)
+    return replace(predict_at(table, parse_time(at, table), by.horizon_s, by.plant, by.trained), model=by.said)
 
 
 def diagnose(
@@ -337,7 +340,7 @@ def diagnose(
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.workflows.diagnose import diagnose_files
 
-    ship = _ship(vessel)
+    ship = _model(recordings, vessel).vessel
     catalogue = catalogue_with(effect_files, without, ship)
     with bar("diagnosing") as progress:
         return diagnose_files(
@@ -360,16 +363,14 @@ def identify(
     The vessel with them goes to ``output`` if that is named. Predictions are judged over ``horizon_s``, under the
     commands as they were recorded; without ``validation`` they are not.
     """
-    from dataclasses import replace
-
     from analysis.windows.recordings import trial_names
     from hybrid.identification.identify import identify_tables
     from hybrid.identification.judge import judge
     from hybrid.identification.next_trial import repertoire_of
     from hybrid.vessel.files import save_vessel
 
-    ship = _ship(vessel)
-    paths = as_paths(recordings)
+    chosen = _model(recordings, vessel)
+    ship, paths = chosen.vessel, as_paths(recordings)
     names = trial_names(paths)
     tables = {name: prepare(path, None, repair=repair) for name, path in zip(names, paths, strict=True)}
     with bar("identifying") as progress:
@@ -379,7 +380,7 @@ def identify(
             found = replace(found, validation=judge(paths, tables, model, fitted, horizon_s, progress))
     if output is not None:
         save_vessel(found.vessel, output)
-    return replace(found, file=str(output or ""))
+    return replace(found, file=str(output or ""), model=chosen.said)
 
 
 def plan(
@@ -397,9 +398,9 @@ def plan(
     from hybrid.planning.plan import noise_in, programme_of
     from hybrid.planning.plan import plan as plan_programme
     from hybrid.simulation.sea_state import sea_state_named
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.vessel.files import load_vessel
 
-    ship, sea = load_vessel(vessel or DEFAULT), sea_state_named(sea_state)
+    ship, sea = load_vessel(vessel), sea_state_named(sea_state)
     catalogue, share = catalogue_with(effect_files, without, ship), tolerance_percent / 100.0
     parts = programme_of(manoeuvres, ship, duration_min)
     with bar("noise") as progress:
@@ -415,9 +416,9 @@ def vessel_check(vessel: str | Path | Vessel | None = None, rpm: float | None = 
     default that of 85 % of the highest power.
     """
     from hybrid.simulation.vessel_check import check_vessel
+    from hybrid.vessel.files import load_vessel
 
-    ship = _ship(vessel)
-    return check_vessel(ship, rpm)
+    return check_vessel(load_vessel(vessel), rpm)
 
 
 def report(folder: str | Path, **choices: Any) -> list[Path]:
@@ -456,27 +457,22 @@ def as_paths(recordings: Paths) -> list[Path]:
     return [Path(recordings)] if isinstance(recordings, str | Path) else [Path(each) for each in recordings]
 
 
-def _model(
-    calibrator: TrainedCalibrator | str | Path | None, vessel: str | Path | None, horizon_s: int | None
-) -> tuple[TrainedCalibrator | None, Plant, int]:
-    """The calibrator, the plant it corrects (or that of ``vessel``), and how far is predicted [s]."""
-    from hybrid.calibrators.artefact import load
-    from hybrid.calibrators.train import plant_for
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.vessel.files import DEFAULT, load_vessel
+def _model(recordings: Paths, vessel: str | Path | Vessel | None) -> ReferenceModel:
+    from hybrid.vessel.reference import reference_model, trials_of
 
-    if calibrator is None:
-        return None, vessel_plant(load_vessel(vessel or DEFAULT)), horizon_s or HORIZON_S
-    trained = load(Path(calibrator)) if isinstance(calibrator, str | Path) else calibrator
-    name = None if vessel is None else str(vessel)
-    return trained, plant_for(trained, name), horizon_s or trained.horizon_s
+    return reference_model(trials_of(as_paths(recordings)), vessel)
 
 
-def _ship(vessel: str | Path | Vessel | None) -> Vessel:
-    """A vessel as it is, or by its name or file; without one the default."""
-    from hybrid.vessel.files import DEFAULT, load_vessel
+def _predictor(
+    recordings: Paths,
+    calibrator: TrainedCalibrator | str | Path | None,
+    vessel: str | Path | None,
+    horizon_s: int | None,
+) -> Predictor:
+    from hybrid.calibrators.predictor import predictor_of
+    from hybrid.vessel.reference import trials_of
 
-    return load_vessel(vessel or DEFAULT) if vessel is None or isinstance(vessel, str | Path) else vessel
+    return predictor_of(trials_of(as_paths(recordings)), calibrator, vessel, horizon_s)
 
 
 def _dataset(

@@ -29,6 +29,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 
 from acquisition.config.toml_file import line_of, parse_toml, validate
+from acquisition.config.vessel_file import load_actuators, vessel_names
 from acquisition.core.actuators import (
     DEFAULT,
     Actuator,
@@ -105,8 +106,14 @@ class ActuatorSection:
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="ignore"))
+class _Named:
+    vessel: object = ""
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="ignore"))
 class _Ship:
     actuator: tuple[ActuatorSection, ...] = ()
+    trial: _Named = field(default_factory=_Named)
 
 
 def parse_for_ship(
@@ -114,13 +121,16 @@ def parse_for_ship(
 ) -> tuple[Model, Actuators]:
     """A TOML text as ``model``, its channels those of the ship whose actuators it lists as ``[[actuator]]``.
 
-    Without such a list she is R/V Gunnerus. Paths in it are relative to the file's folder; ``dbc_files`` by source
-    stand in for those it names. Raises :class:`ConfigurationError` naming the line.
+    Without such a list they are those of the vessel of Seatrial's that ``[trial]`` names, else R/V Gunnerus'. Paths
+    in it are relative to the file's folder; ``dbc_files`` by source stand in for those it names. Raises
+    :class:`ConfigurationError` naming the line.
     """
     raw = parse_toml(text, path)
-    listed = validate({"actuator": raw.get("actuator", ())}, text, path, _Ship).actuator
+    ship = validate({key: raw[key] for key in ("actuator", "trial") if key in raw}, text, path, _Ship)
+    named = load_actuators(str(ship.trial.vessel)) if ship.trial.vessel in vessel_names() else DEFAULT
     try:
-        actuators = check_actuators(Actuator(each.name, each.kind) for each in listed) if listed else DEFAULT
+        listed = (Actuator(each.name, each.kind) for each in ship.actuator)
+        actuators = check_actuators(listed) if ship.actuator else named
     except ConfigurationError as error:
         where = f"{path}, line {line_of(text, ['actuator'])}"
         raise ConfigurationError(error.what, where=where, why=error.why, fix=error.fix) from error

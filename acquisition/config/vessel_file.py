@@ -40,13 +40,49 @@ def find_vessel(name_or_file: str | Path, folder: Path | None = None) -> Path:
     )
 
 
+def vessel_of_ship(ship: str, folder: Path) -> Path | None:
+    """The vessel file of the ship that a recording, a configuration or a column map in ``folder`` names.
+
+    One of Seatrial's own, else one in ``folder`` or in the working directory: of that file name, or that says
+    ``name = "SHIP"``. None where there is none. Raises :class:`ConfigurationError` where several say so.
+    """
+    ship = Path(ship).stem if ship.endswith(".toml") else ship
+    for place in (VESSELS, folder, Path.cwd()) if ship else ():
+        told = {path: _ships_told(path) for path in sorted(place.glob("*.toml"))}
+        named = [path for path, names in told.items() if ship in names]
+        found = [path for path in named if path.stem == ship] or named
+        if len(found) > 1:
+            raise ConfigurationError(
+                f"{' and '.join(path.name for path in found)} are both of the ship {ship!r}", where=str(place),
+                fix="give the one that is meant with --vessel, or each a name of its own",
+            )  # fmt: skip
+        if found:
+            return found[0]
+    return None
+
+
+def name_of_ship(vessel: str | Path) -> str:
+    """What a vessel is called, by her name in ``trials/vessels`` or from her file."""
+    return str(vessel_tree(find_vessel(vessel))["name"])
+
+
+def _ships_told(path: Path) -> tuple[str, ...]:
+    """The names that a vessel file goes by: the file's own, and the one in it; none for another TOML file."""
+    try:
+        tree = parse_toml(read_text(path), path)
+    except ConfigurationError:
+        return (path.stem,)  # what is wrong with it is said when it is loaded
+    return (path.stem, str(tree.get("name", ""))) if tree.keys() & {"base", "dimensions"} else ()
+
+
 def vessel_tree(path: Path) -> Tree:
     """The tables of a vessel file with everything its base, and the base of that, states and it does not.
 
-    A base is the name of one of Seatrial's own or a path, from the folder of the file that names it. Raises
-    :class:`ConfigurationError` for what cannot be read, a base that is not there, and bases in a circle.
+    A base is the name of one of Seatrial's own or a path, from the folder of the file that names it. A file that
+    gives no name is called as it is itself, not as its base. Raises :class:`ConfigurationError` for what cannot be
+    read, a base that is not there, and bases in a circle.
     """
-    return _with_base(path, seen=())
+    return {"name": path.stem, **_with_base(path, seen=())}
 
 
 def load_actuators(vessel: str | Path) -> Actuators:
@@ -77,7 +113,7 @@ def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
     if below.resolve() in seen:
         fix = "let it build on another vessel, or on none"
         raise ConfigurationError(f"base {base!r} leads back to a file that builds on it", where=str(path), fix=fix)
-    return _merged(_with_base(below, seen), tree)
+    return _merged({key: value for key, value in _with_base(below, seen).items() if key != "name"}, tree)
 
 
 def _merged(below: Tree, above: Tree) -> Tree:

@@ -6,6 +6,7 @@ no result imports a page, and none costs more than its numbers until somebody lo
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from importlib import import_module
 from io import StringIO
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -51,6 +52,37 @@ class Result:
             lambda figure: draw(figure, self), self.size_inch
         )
         return filled
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenModel:
+    """Which model a result was asked of: its name, and what to say of it first where it is not the recordings'."""
+
+    name: str
+    doubt: str = ""
+
+    def __str__(self) -> str:
+        return f"model: {self.name}{self.doubt}"
+
+    @property
+    def remarks(self) -> dict[str, list[str]]:
+        """What a JSON object says first: nothing where the model is that of the recordings."""
+        return {"remarks": [str(self)]} if self.doubt else {}
+
+
+@dataclass(frozen=True, slots=True)
+class ModelResult(Result):
+    """A result that a model was asked for; which one is the first line of what it prints."""
+
+    model: ChosenModel | None = field(default=None, kw_only=True)
+
+    def __str__(self) -> str:
+        return Result.__str__(self) if self.model is None else f"{self.model}\n{Result.__str__(self)}"
+
+    @property
+    def remarks(self) -> dict[str, list[str]]:
+        """What a JSON object of it says first."""
+        return {} if self.model is None else self.model.remarks
 
 
 def _function(place: str) -> Any:

@@ -258,10 +258,12 @@ def read_recording(path: Path | str) -> Recording:
 
 
 def read_trial(path: Path | str) -> Trial:
-    """The run sheet of a recording, its last word; errors as :func:`read_recording`."""
+    """The run sheet that a recording begins with; errors as :func:`read_recording`.
+
+    What a later one changes is the origin.
+    """
     stream = MessageStream(Path(path))
-    for _ in stream.batches():
-        pass
+    next(stream.batches(), None)
     return stream.trial
 
 

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.config.toml_file import line_of, read_text
-from acquisition.config.vessel_file import load_actuators, vessel_names
+from acquisition.config.vessel_file import load_actuators, name_of_ship, vessel_of_ship
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError, InputError
@@ -110,11 +110,11 @@ def read_table_file(
 ) -> TableFile:
     """A CSV, Parquet or .mat file in the contract's columns and units.
 
-    Without a map the columns are named as the channels and ``time``. The ship's actuators are those of the file
-    ``vessel``, or as the map or the table says, or as the columns are named (:func:`actuators_in_columns`). Raises
-    :class:`InputError` for what cannot be read, for columns that are no channels unless ``ignore_unknown``, and
-    for a table that lacks one of the ship's channels unless ``allow_missing``; :class:`ConfigurationError` for a
-    wrong map or vessel file.
+    Without a map the columns are named as the channels and ``time``. The ship is that of the file ``vessel``, whose
+    name the recording then carries; without it her actuators are as the map or the table says, or as the columns
+    are named (:func:`actuators_in_columns`). Raises :class:`InputError` for what cannot be read, for columns that
+    are no channels unless ``ignore_unknown``, and for a table that lacks one of the ship's channels unless
+    ``allow_missing``; :class:`ConfigurationError` for a wrong map or vessel file.
     """
     raw = read_raw(path)
     ship = None if vessel is None else load_actuators(vessel)
@@ -124,11 +124,17 @@ def read_table_file(
     else:
         columns = load_column_map(map_path)
         file = apply_column_map(raw, columns, map_path)
-        ship = ship or said_by_map(columns) or actuators_in_columns([*file.table, *columns.absent])
+        ship = (
+            ship
+            or said_by_map(columns, Path(map_path).parent)
+            or actuators_in_columns([*file.table, *columns.absent])
+        )
         _check_mapped(columns.channels, ship, map_path)
         file = _for_ship(file, ship, raw)
         allow_missing = allow_missing or set(trial_names(ship)) - set(file.table.columns) <= set(columns.absent)
         fix = f"give it a column or a constant in {map_path}, or list it under `absent` there"
+    if vessel is not None:
+        file.trial = replace(file.trial, vessel=name_of_ship(vessel))
     missing = [name for name in trial_names(from_text(file.trial.actuators)) if name not in file.table]
     if missing and not allow_missing:
         raise InputError(f"has no {', '.join(missing)}", where=str(path), fix=fix)
@@ -137,10 +143,10 @@ def read_table_file(
     return file
 
 
-def said_by_map(columns: ColumnMap) -> Actuators:
-    """The actuators that a map lists, or those of the vessel of Seatrial's that it names; else none."""
-    name = columns.trial.vessel
-    return columns.actuators or (load_actuators(name) if name in vessel_names() else ())
+def said_by_map(columns: ColumnMap, folder: Path) -> Actuators:
+    """The actuators that a map in ``folder`` lists, or those of the ship that it names, as her vessel file says."""
+    file = None if columns.actuators else vessel_of_ship(columns.trial.vessel, folder)
+    return columns.actuators if file is None else load_actuators(file)
 
 
 def actuators_in_columns(names: Iterable[str]) -> Actuators:

@@ -11,7 +11,7 @@ import pandas as pd
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
-from acquisition.core.result import Result
+from acquisition.core.result import ModelResult
 from analysis.estimation.local_polynomial import (
     USUAL_LENGTH_M,
     half_width_for,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction(Result):
+class Prediction(ModelResult):
     """One predicted track.
 
     ``track`` [H+1, 3]: north, east [m], heading [rad]; ``band_m`` [H+1]: the radius of its 95 % region, if the
@@ -58,6 +58,7 @@ class Prediction(Result):
                 row["measured_north_m"], row["measured_east_m"] = map(float, self.measured[second, :2])
             rows.append(row)
         return {
+            **self.remarks,
             "at": self.at.isoformat(),
             "horizon_s": len(self.track) - 1,
             "method": self.method,

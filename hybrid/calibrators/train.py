@@ -13,7 +13,7 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.progress import Progress, part_of
-from acquisition.core.result import Result
+from acquisition.core.result import ModelResult
 from acquisition.core.trial import software_version
 from hybrid.calibrators import make_calibrator
 from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_with_fallback
@@ -41,7 +41,7 @@ def versions() -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class TrainedCalibrator(Result):
+class TrainedCalibrator(ModelResult):
     """A calibrator as it is trained, saved and used for predictions.
 
     ``calibrator`` corrects the reference model, which is called ``vessel`` and is ``plant``; ``data_driven`` was

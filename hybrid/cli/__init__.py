@@ -41,6 +41,10 @@ def print_result(values: Any, result: Result, *, as_json: bool) -> None:
         return
     from rich.console import Console
 
+    from acquisition.core.result import ModelResult
+
+    if isinstance(result, ModelResult) and result.model is not None:
+        typer.echo(result.model)
     Console().print(result)
 
 

@@ -6,7 +6,7 @@ import json
 import os
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -23,9 +23,6 @@ from hybrid.cli import (
     VesselOption,
     print_result,
 )
-
-if TYPE_CHECKING:
-    from hybrid.twin.twin import Predictor
 
 WATCH_HORIZON_S = 30
 _NICENESS = 5  # the logger goes first
@@ -50,10 +47,10 @@ def train(
     from hybrid.calibrators import refuse_unknown
     from hybrid.calibrators.artefact import save
     from hybrid.scripting import train as run
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.vessel.reference import reference_model, trials_of
 
     refuse_unknown(method)
-    load_vessel(vessel or DEFAULT)
+    reference_model(trials_of(files), vessel)
     make_folder(output)  # before hours of work
     trained = run(
         files, vessel, method, horizon, stride_s=stride, part=part, any_commands=any_commands,
@@ -61,7 +58,7 @@ def train(
     )  # fmt: skip
     path = save(trained, output)
     if as_json:
-        typer.echo(json.dumps({"calibrator": str(path.parent), **trained.metrics}))
+        typer.echo(json.dumps({**trained.remarks, "calibrator": str(path.parent), **trained.metrics}))
         return
     typer.echo(str(trained), err=True)
     metrics = trained.metrics
@@ -86,16 +83,12 @@ def validate(
     as_json: AsJson = False,
 ) -> None:
     """Score every baseline, and the calibrator if one is given."""
-    from hybrid.calibrators.artefact import load
     from hybrid.scripting import validate as run
-    from hybrid.vessel.files import DEFAULT
 
-    trained = load(calibrator) if calibrator else None
     validation = run(
-        files, trained, vessel, horizon, stride_s=stride, part=part, any_commands=any_commands,
+        files, calibrator, vessel, horizon, stride_s=stride, part=part, any_commands=any_commands,
         repair=repair, rebuild_positions=rebuild_positions, allow_seen=allow_seen,
     )  # fmt: skip
-    typer.echo(f"reference: the model {trained.vessel if trained else vessel or DEFAULT}", err=True)
     print_result(validation.as_dict(), validation, as_json=as_json)
 
 
@@ -127,7 +120,6 @@ def evaluate(
     """Fit every method on one part of recordings and judge it on the other."""
     from analysis.tables.files import make_folder
     from hybrid.scripting import evaluate as run
-    from hybrid.vessel.files import DEFAULT
 
     if output is not None:
         make_folder(output)
@@ -137,7 +129,7 @@ def evaluate(
     )  # fmt: skip
     about = {
         "files": [str(each) for each in files],
-        "vessel": vessel or DEFAULT,
+        "vessel": evaluation.model.name if evaluation.model else "",
         "stride_s": stride,
         **({"any_commands": True} if any_commands else {}),
         "repair": repair or rebuild_positions,
@@ -189,28 +181,14 @@ def watch(
         with suppress(OSError):
             os.nice(_NICENESS)
         from acquisition.config.configuration import load_config
+        from hybrid.calibrators.predictor import predictor_of
         from hybrid.twin.watch import as_json as described
         from hybrid.twin.watch import watch as run
 
-        trial, predictor = load_config(config), _predictor(calibrator, vessel, horizon)
+        trial = load_config(config)
+        predictor = predictor_of({config: trial.trial}, calibrator, vessel, horizon, WATCH_HORIZON_S)
+        typer.echo(str(predictor.said), err=True)
         summary = run(trial, predictor, stop, duration, log_format=log)  # type: ignore[arg-type]
     typer.echo(str(summary), err=True)
     if as_json:
         typer.echo(json.dumps(described(summary, predictor)))
-
-
-def _predictor(calibrator: Path | None, vessel: str | None, horizon: int | None) -> Predictor:
-    from hybrid.effects.catalogue import vessel_plant
-    from hybrid.twin.twin import Predictor
-    from hybrid.vessel.files import DEFAULT, load_vessel
-
-    if calibrator is None:
-        name = vessel or DEFAULT
-        return Predictor(name, vessel_plant(load_vessel(name)), horizon or WATCH_HORIZON_S)
-    from hybrid.calibrators.artefact import load
-    from hybrid.calibrators.train import plant_for
-
-    trained = load(calibrator)
-    if horizon is not None:
-        trained.refuse_horizon(horizon)
-    return Predictor(trained.vessel, plant_for(trained, vessel), trained.horizon_s, trained, str(calibrator))

@@ -50,10 +50,10 @@ def diagnose(
     from analysis.tables.files import make_folder
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.vessel.reference import reference_model, trials_of
     from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
-    ship = load_vessel(vessel or DEFAULT)
+    ship = reference_model(trials_of(files), vessel).vessel
     catalogue = catalogue_with(effects or (), without or (), ship)
     make_folder(output)  # before minutes of work
     with bar("diagnosing") as progress:
@@ -81,6 +81,7 @@ def diagnose(
 
     from hybrid.report.diagnosis_words import summary
 
+    typer.echo(diagnosis.provenance.get("model", f"model: {ship.name}"))
     Console().print(summary(diagnosis, diagnosed.extras.ladder))
     typer.echo(str(page))
 

@@ -53,7 +53,7 @@ def demo(
 
 def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", help="The recording to write, OUT.mcap.")],
-    vessel: Annotated[str, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = "gunnerus_short",
+    vessel: VesselOption = None,
     sea_state: SeaStateOption = "calm",
     manoeuvre: Annotated[
         str, typer.Option(help="voyage, programme, paper, zigzag_20_20, turning_circle_30, ...")
@@ -112,9 +112,9 @@ def campaign(
 def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_json: AsJson = False) -> None:
     """List the catalogue of effects."""
     from hybrid.effects.catalogue import VERSION, catalogue_with
-    from hybrid.vessel.files import DEFAULT, load_vessel
+    from hybrid.vessel.files import load_vessel
 
-    catalogue = catalogue_with(effects_file or (), vessel=load_vessel(vessel or DEFAULT))
+    catalogue = catalogue_with(effects_file or (), vessel=load_vessel(vessel))
     if as_json:
         listed = [effect.as_dict() for effect in catalogue.values()]
         typer.echo(json.dumps({"version": VERSION, "effects": listed}))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.core.arrays import Floats
-from acquisition.core.result import Result
+from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from hybrid.evaluation.splits import classes_of
 from hybrid.evaluation.study import BASELINES, Errors, SplitResult, Study
@@ -87,7 +87,7 @@ class SplitSummary:
 
 
 @dataclass(frozen=True, slots=True)
-class Evaluation(Result):
+class Evaluation(ModelResult):
     """The figures of a study by split, and the leak of the random one (:func:`leak_of`)."""
 
     horizon_s: int
@@ -102,6 +102,7 @@ class Evaluation(Result):
     def as_dict(self) -> dict[str, Any]:
         """The JSON object."""
         return {
+            **self.remarks,
             "horizon_s": self.horizon_s,
             "windows": self.windows,
             "legs": self.legs,

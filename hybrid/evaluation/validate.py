@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError
-from acquisition.core.result import Result
+from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from hybrid.calibrators.calibrator import PredictedTracks
 from hybrid.calibrators.train import TrainedCalibrator
@@ -22,7 +22,7 @@ from hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)
-class Validation(Result):
+class Validation(ModelResult):
     """Scores and tracks by method, on the same windows for all.
 
     ``outside`` counts the windows left out because the reference model left its range in them. With a calibrator,
@@ -61,6 +61,7 @@ class Validation(Result):
     def as_dict(self) -> dict[str, Any]:
         """The JSON object of ``seatrial validate --json``."""
         return {
+            **self.remarks,
             "horizon_s": self.windows.horizon_s,
             "windows": len(self.windows),
             "outside_model_range": self.outside,

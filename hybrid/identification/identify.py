@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
-from acquisition.core.result import Result
+from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
@@ -63,7 +63,7 @@ class Judgement:
 
 
 @dataclass(frozen=True, slots=True)
-class Identification(Result):
+class Identification(ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and sensor
@@ -98,6 +98,7 @@ class Identification(Result):
         names = ("value", "low", "high", "start", "known")
         judged = self.validation
         return {
+            **self.remarks,
             "vessel": self.file,
             "segments": self.segments,
             "segment_s": self.duration_s,

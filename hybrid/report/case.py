@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from acquisition.config.vessel_file import vessel_names
+from acquisition.config.vessel_file import vessel_of_ship
 from acquisition.core.channels import NAMES
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError, SeatrialError
+from acquisition.core.result import ChosenModel
 from acquisition.recording.reader import read_trial
 from analysis.estimation.smoother import smooth
 from analysis.products import Options, Products, analyse
@@ -26,8 +27,8 @@ from hybrid.calibrators.adaptive.calibrator import AdaptiveCalibrator
 from hybrid.calibrators.adaptive.parameters import Parameters, parameters_of
 from hybrid.calibrators.artefact import load
 from hybrid.calibrators.calibrator import DomainOfApplicability
-from hybrid.calibrators.train import TrainedCalibrator, plant_for
-from hybrid.effects.catalogue import vessel_plant
+from hybrid.calibrators.predictor import HORIZON_S, Predictor, predictor_of
+from hybrid.calibrators.train import TrainedCalibrator
 from hybrid.evaluation.validate import Validation, refuse_training_data, validate
 from hybrid.prediction.dataset import Dataset, load_dataset
 from hybrid.report.errors import (
@@ -40,13 +41,11 @@ from hybrid.report.errors import (
     predicted_motion,
     residuals_of,
 )
-from hybrid.vessel.files import DEFAULT, load_vessel
-from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 
 SHOWN = ("reference", "hybrid")
 """The methods that are drawn beside what was measured; tables have all."""
-HORIZON_S = 15
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class Case:
     """Recordings and the model, and perhaps calibrator, that they are held against."""
 
     paths: tuple[Path, ...]
-    vessel: Vessel | None
+    vessel: str | None
     trained: TrainedCalibrator | None = None
     horizon_s: int = HORIZON_S
     part_percent: tuple[float, float] = (0.0, 100.0)
@@ -82,7 +81,7 @@ class Case:
 
     def _products_of(self, path: Path, name: str) -> Products:
         """The analysis of one recording; channels that it lacks are there, and empty."""
-        ship = ship_of(read_trial(path).vessel)
+        ship = ship_of(read_trial(path).vessel, path)
         length_m = None if ship is None else ship.between_perpendiculars_m
         options = Options(repair=self.repair, smooth=False, horizon_s=self.horizon_s, stride_s=self.stride_s,
                           length_m=length_m)  # fmt: skip
@@ -102,17 +101,22 @@ class Case:
 
     def ship(self, name: str) -> Ship | None:
         """The main dimensions of the ship that a recording names, None where it names none that is known."""
-        return ship_of(self.products[name].recording.trial.vessel)
-
-    @property
-    def model_name(self) -> str:
-        """What the reference model is called."""
-        return self.vessel.name if self.vessel is not None else self.trained.vessel if self.trained else DEFAULT
+        return ship_of(self.products[name].recording.trial.vessel, self.named_paths[name])
 
     @cached_property
+    def _predictor(self) -> Predictor:
+        trials = {self.named_paths[name]: each.recording.trial for name, each in self.products.items()}
+        return predictor_of(trials, self.trained, self.vessel)
+
+    @property
+    def model(self) -> ChosenModel:
+        """The reference model by name, and what is to be said of it: the calibrator's where there is one."""
+        return self._predictor.said
+
+    @property
     def plant(self) -> Plant:
-        """The reference model: the calibrator's where there is one."""
-        return self.trained.plant if self.trained is not None else vessel_plant(self.vessel or load_vessel())
+        """The numbers of the reference model. Raises as :func:`.reference_model`."""
+        return self._predictor.plant
 
     @cached_property
     def dataset(self) -> Dataset:
@@ -148,7 +152,7 @@ class Case:
         """Why nothing can be predicted on these recordings; empty where it can."""
         try:
             _ = self.validation
-        except (DataShortageError, InputError) as error:
+        except (ConfigurationError, DataShortageError, InputError) as error:
             return str(error)
         return ""
 
@@ -206,11 +210,15 @@ class Case:
         return parameters_of(calibrator) if isinstance(calibrator, AdaptiveCalibrator) else None
 
 
-def ship_of(name: str) -> Ship | None:
-    """The main dimensions of a vessel by name, with what lengthens her; None for a name that is not one of ours."""
-    if name not in vessel_names():
+def ship_of(name: str, recording: Path) -> Ship | None:
+    """The main dimensions of the ship that a recording names, with what lengthens her; None without a good file."""
+    try:
+        file = vessel_of_ship(name, recording.parent)
+        vessel = None if file is None else load_vessel(file)
+    except ConfigurationError:
         return None
-    vessel = load_vessel(name)
+    if vessel is None:
+        return None
     size, added_m = vessel.dimensions, vessel.effects.get("hull_lengthening", {}).get("length_m", 0.0)
     return Ship(
         vessel.name, size.length_overall_m + added_m, size.length_between_perpendiculars_m + added_m, size.beam_m,
@@ -246,20 +254,7 @@ def load_case(
     paths = tuple(map(Path, recordings))
     refuse_duplicates(paths)
     trained = load(Path(calibrator)) if calibrator else None
-    if trained is not None:
-        plant_for(trained, vessel)
-        trained.refuse_horizon(horizon_s or trained.horizon_s)
-    seconds = horizon_s or (trained.horizon_s if trained else HORIZON_S)
-    return Case(
-        paths, _vessel(vessel, trained), trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen
-    )
-
-
-def _vessel(name: str | None, trained: TrainedCalibrator | None) -> Vessel | None:
-    """The vessel that is named, or the calibrator's, whose file may have gone: it holds all numbers itself."""
-    if name is not None or trained is None:
-        return load_vessel(name or DEFAULT)
-    try:
-        return load_vessel(trained.vessel)
-    except ConfigurationError:
-        return None
+    seconds = horizon_s or HORIZON_S
+    if trained is not None or vessel is not None:
+        seconds = predictor_of({}, trained, vessel, horizon_s).horizon_s
+    return Case(paths, vessel, trained, seconds, percent_of(part), repair=repair, allow_seen=allow_seen)

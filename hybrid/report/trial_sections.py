@@ -56,11 +56,10 @@ def headline(case: Case) -> dict[str, str]:
 
 def model_words(case: Case) -> str:
     """Which model the reference is, of which ship the recordings are, and what the hybrid is."""
-    model = case.model_name
     ships = join_words(
         list(dict.fromkeys(each.recording.trial.vessel or "no ship" for each in case.products.values()))
     )
-    words = f"The reference is the model {model}; the recordings name {ships}."
+    words = f"The reference is the model {case.model.name}; the recordings name {ships}."
     if case.trained is None:
         return words
     trained = case.trained

@@ -123,7 +123,7 @@ class Voyage:
 
 
 def simulate_trial(
-    vessel: Vessel | str = "gunnerus_short",
+    vessel: Vessel | str | None = None,
     sea_state: SeaState | str = "calm",
     manoeuvre: Manoeuvre | str = "voyage",
     duration_s: float = 1200.0,
@@ -144,7 +144,7 @@ def simulate_trial(
     :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
     range of her model.
     """
-    ship = load_vessel(vessel) if isinstance(vessel, str) else vessel
+    ship = load_vessel(vessel)
     sea = sea_state_named(sea_state) if isinstance(sea_state, str) else sea_state
     legs = _legs(manoeuvre, ship)
     steps_per_row, rows = _timing(duration_s, rate_hz)

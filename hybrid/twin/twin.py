@@ -33,10 +33,9 @@ from hybrid.twin.forecast import (
     track_geojson,
 )
 from hybrid.twin.running_error import RunningError, TrackError
-from hybrid.vessel.plant import Plant
 
 if TYPE_CHECKING:
-    from hybrid.calibrators.train import TrainedCalibrator
+    from hybrid.calibrators.predictor import Predictor
 
 _MARGIN_S = 15.0  # more than the filters look back, and than judging waits
 _LEAST_APART_S = 0.55  # what the recorder takes is two a second
@@ -46,20 +45,9 @@ _BACK_NS = 5_000_000_000  # a wrong stamp in the future must not silence the twi
 Notify = Callable[[str, str], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Predictor:
-    """The reference model of a vessel, or a calibrator on it, and the horizon [s]."""
-
-    vessel: str
-    plant: Plant
-    horizon_s: int
-    trained: TrainedCalibrator | None = None
-    calibrator: str = ""
-
-    @property
-    def keep_s(self) -> float:
-        """How much of the past predicting and evaluating need [s]."""
-        return max(PAST_S, self.horizon_s) + _MARGIN_S
+def keep_s(horizon_s: int) -> float:
+    """How much of the past predicting and evaluating need [s]."""
+    return max(PAST_S, horizon_s) + _MARGIN_S
 
 
 @dataclass(slots=True)
@@ -96,8 +84,8 @@ class Twin:
         self.predictor, self.statistics, self.errors = predictor, Statistics(), RunningError()
         self.last: Forecast | None = None
         self.last_error: TrackError | None = None
-        self.follower = Follower(name, configuration, predictor.keep_s, notify, folder)
-        self._recent = RecentSamples(predictor.keep_s)
+        self.follower = Follower(name, configuration, keep_s(predictor.horizon_s), notify, folder)
+        self._recent = RecentSamples(keep_s(predictor.horizon_s))
         self._notify, self._last_notice = notify, ""
         self._start_ns, self._made_s, self._new_s = 0, 0.0, time.monotonic()
 
@@ -189,7 +177,7 @@ class Twin:
 def warm_up(predictor: Predictor) -> None:
     """Predict once for a ship at rest, so that what is compiled at first use is compiled before it matters."""
     with suppress(SeatrialError):
-        still = recording_at_rest(predictor.keep_s, predictor.plant.layout)
+        still = recording_at_rest(keep_s(predictor.horizon_s), predictor.plant.layout)
         predict_now(still, predictor.horizon_s, predictor.plant, predictor.trained)
 
 

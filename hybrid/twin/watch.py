@@ -23,9 +23,10 @@ from acquisition.config.configuration import TrialConfig
 from acquisition.core.angles import wrap_360
 from acquisition.logger.supervision import LOG, LogFormat, log_to
 from hybrid.calibrators.predict import Prediction
+from hybrid.calibrators.predictor import Predictor
 from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.twin.running_error import MeanErrors, TrackError
-from hybrid.twin.twin import Predictor, Statistics, Twin, warm_up
+from hybrid.twin.twin import Statistics, Twin, warm_up
 
 _POLL_S = 0.1
 _LOG_EVERY_S = 30.0
@@ -146,6 +147,7 @@ def _display(display: Display) -> AbstractContextManager[object]:
 def as_json(summary: Summary, predictor: Predictor) -> dict[str, object]:
     """One object for other programs."""
     return {
+        **predictor.said.remarks,
         "horizon_s": predictor.horizon_s,
         "vessel": predictor.vessel,
         "calibrator": predictor.calibrator,

@@ -39,12 +39,15 @@ _POSITIVE = {
 """The numbers that must be above zero, by table; those of an actuator its kind says."""
 
 
-def load_vessel(name_or_file: str | Path = DEFAULT) -> Vessel:
-    """Read a vessel by the name of a file in ``trials/vessels``, or from a file of one's own.
+def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
+    """Read a vessel by the name of a file in ``trials/vessels``, or from a file of one's own; what is one already
+    stays it. Without a name R/V Gunnerus.
 
     Raises :class:`ConfigurationError` naming file, line and key of what is missing, unknown or ill-typed.
     """
-    path = find_vessel(name_or_file)
+    if isinstance(name_or_file, Vessel):
+        return name_or_file
+    path = find_vessel(name_or_file or DEFAULT)
     text, merged = read_text(path), vessel_tree(path)
     _check_form(merged, text, path)
     _check_effects(merged, text, path)

@@ -23,6 +23,7 @@ from hybrid.report.diagnosis_sentences import describe
 from hybrid.report.diagnosis_words import write_report
 from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
+from hybrid.vessel.reference import reference_model, trials_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,6 +78,7 @@ def diagnose_files(
     What a repair puts right is not diagnosed any more.
     """
     hashes = refuse_duplicates(files)
+    said = reference_model(trials_of(files), vessel).said
     how = Preparation(repair=repair)
     tables: list[pd.DataFrame] = []
     for number, file in enumerate(files):
@@ -88,6 +90,7 @@ def diagnose_files(
         "recordings": ", ".join(Path(file).name for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
+        **({"model": str(said)} if said.doubt else {}),
         "repair": repair,
         "rebuild_positions": rebuild_positions,
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",

@@ -17,8 +17,9 @@ from acquisition.logger.health import Health
 from acquisition.logger.predictions import Predictions
 from acquisition.logger.requests import RecorderState, RequestServer
 from acquisition.recording.parts import RecordingParts
+from hybrid.calibrators.predictor import Predictor
 from hybrid.twin import twin as twin_module
-from hybrid.twin.twin import Predictor, Twin
+from hybrid.twin.twin import Twin
 from hybrid.vessel.plant import Plant
 from tests.hybrid.twin.steady_ship import ORIGIN, steady_table
 
