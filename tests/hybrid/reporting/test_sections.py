@@ -182,7 +182,7 @@ def test_values_that_are_flagged_bad_do_not_count_unless_one_says_so(unseen: Pat
     rows = table.index[[300, 500, 700]]
     path = tmp_path / "spiky.mcap"
     write_table(table.assign(north_m=table["north_m"].where(~table.index.isin(rows), table["north_m"] + 300.0)),
-                path, Trial(name="spiky"), source="test")  # fmt: skip
+                path, Trial(name="spiky", vessel="gunnerus_long"), source="test")  # fmt: skip
     clean, mended, kept = (
         load_case([each], repair=repair) for each, repair in ((unseen, True), (path, True), (path, False))
     )
