@@ -170,7 +170,7 @@ def simulate(
         place="Trondheimsfjord, simulated",
         origin_latitude_deg=latitude_deg,
         origin_longitude_deg=longitude_deg,
-        sea_state=sea_state,
+        sea_state=truth["sea_state"]["name"],
         crew_notes=f"simulated {manoeuvre}",
     )
     write_table(table, target, trial, source="simulated")
@@ -387,20 +387,24 @@ def plan(
     vessel: str | Path | None = None,
     manoeuvres: Sequence[str] = (),
     duration_min: float = 60.0,
-    sea_state: str = "gentle",
+    sea_state: str | None = None,
     tolerance_percent: float = 1.0,
     *,
     effect_files: Sequence[str | Path] = (),
     without: Sequence[str] = (),
 ) -> Plan:
-    """Before a trial: which effects a programme of manoeuvres would show, from what size, and a better one."""
+    """Before a trial: which effects a programme of manoeuvres would show, from what size, and a better one.
+
+    Without a sea state in a gentle sea, a ship's model in a calm basin.
+    """
     from hybrid.effects.catalogue import catalogue_with
     from hybrid.planning.plan import noise_in, programme_of
     from hybrid.planning.plan import plan as plan_programme
-    from hybrid.simulation.sea_state import sea_state_named
+    from hybrid.simulation.sea_state import sea_for
     from hybrid.vessel.files import load_vessel
 
-    ship, sea = load_vessel(vessel), sea_state_named(sea_state)
+    ship = load_vessel(vessel)
+    sea = sea_for(sea_state or ("calm" if ship.dimensions.is_model else "gentle"), ship.dimensions)
     catalogue, share = catalogue_with(effect_files, without, ship), tolerance_percent / 100.0
     parts = programme_of(manoeuvres, ship, duration_min)
     with bar("noise") as progress:

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 Recordings = Annotated[list[Path], typer.Argument(help="Recordings.")]
 VesselOption = Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")]
-SeaStateOption = Annotated[str, typer.Option(help="A sea state of trials/sea_states.toml.")]
+SeaStateOption = Annotated[
+    str, typer.Option(help="A sea state of trials/sea_states.toml; for a ship's model at her scale.")
+]
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
 PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
 StrideOption = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]

@@ -131,7 +131,9 @@ def effects(effects_file: EffectsOption = None, vessel: VesselOption = None, as_
 def plan(
     manoeuvres: Annotated[list[str] | None, typer.Argument(help=MANOEUVRES)] = None,
     vessel: VesselOption = None,
-    sea_state: SeaStateOption = "gentle",
+    sea_state: Annotated[
+        str | None, typer.Option(help="A sea state of trials/sea_states.toml; gentle, or calm for a ship's model.")
+    ] = None,
     duration: Annotated[float, typer.Option(min=5.0, max=600.0, help="Length of the trial in minutes.")] = 60.0,
     tolerance: Annotated[
         float, typer.Option(min=0.0, max=20.0, help="What the model may be off by, in percent of the force range.")

@@ -187,7 +187,7 @@ def _made(job: Job) -> Row:
         name=trial.name, vessel=truth["vessel"], place="simulated",
         actuators=as_text(truth["plant"].layout),
         origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg,
-        sea_state=trial.sea_state,
+        sea_state=truth["sea_state"]["name"],
         crew_notes=f"simulated {trial.manoeuvre}",
     )  # fmt: skip
     write_table(table, recording, sheet, source="simulated")

@@ -26,13 +26,14 @@ from scipy.signal import lfilter
 from acquisition.config.toml_file import load_toml
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from hybrid.vessel.parameters import Dimensions
 from hybrid.vessel.plant import Plant
 
 SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
 
 
 LENGTH_M = 28.9
-"""The length of the ship that drift forces are stated for [m]."""
+"""The length of the ship that drift forces are stated for [m]; her model's sea is at the scale of the two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,19 @@ class SeaState:
     gust_intensity: float = 0.1
     gust_length_m: float = 100.0
     name: str = ""
+
+    def at_scale(self, scale: float) -> SeaState:
+        """This sea in a basin: lengths times ``scale``, speeds and times its root, as at the same Froude number.
+
+        Drift forces then go with its third power of themselves: see :meth:`effects`.
+        """
+        root = scale**0.5
+        return replace(
+            self, wind_mps=self.wind_mps * root, wave_height_m=self.wave_height_m * scale,
+            wave_period_s=self.wave_period_s * root, current_mps=self.current_mps * root,
+            group_s=self.group_s * root, gust_length_m=self.gust_length_m * scale,
+            name=f"{self.name} at 1:{1.0 / scale:.3g}",
+        )  # fmt: skip
 
     @property
     def direction_to_deg(self) -> float:
@@ -92,6 +106,14 @@ def sea_state_named(name: str) -> SeaState:
     if name not in known:
         raise ConfigurationError(f"no sea state {name!r}", fix=f"use one of {', '.join(known)}")
     return known[name]
+
+
+def sea_for(name: str, ship: Dimensions) -> SeaState:
+    """A sea state as a ship meets it: for her model at the model's scale, for a ship what it is."""
+    sea = sea_state_named(name)
+    if not ship.is_model or sea.wind_mps == sea.wave_height_m == sea.current_mps == 0.0:
+        return sea
+    return sea.at_scale(ship.length_between_perpendiculars_m / LENGTH_M)
 
 
 def ornstein_uhlenbeck(generator: np.random.Generator, steps: int, dt_s: float, time_constant_s: float) -> Floats:

@@ -29,7 +29,7 @@ from hybrid.simulation.manoeuvres import Leg, Manoeuvre, as_arrays, for_ship, ma
 from hybrid.simulation.sea_state import (
     SeaState,
     drift_series,
-    sea_state_named,
+    sea_for,
     wave_motion,
     wind_series,
     with_waves,
@@ -142,10 +142,10 @@ def simulate_trial(
     ``duration_s`` at ``rate_hz``. The truth says what was hidden and by which weather, and holds the
     noise-free ``states`` [rows, 6], ``controls`` [rows, controls], ``wind`` [rows, 2] and the ``plant``. Raises
     :class:`ConfigurationError` for names that do not exist, :class:`ModelRangeError` if the ship leaves the
-    range of her model.
+    range of her model. A sea state by name is at the scale of a ship's model, one that is given is as it is.
     """
     ship = load_vessel(vessel)
-    sea = sea_state_named(sea_state) if isinstance(sea_state, str) else sea_state
+    sea = sea_for(sea_state, ship.dimensions) if isinstance(sea_state, str) else sea_state
     legs = _legs(manoeuvre, ship)
     steps_per_row, rows = _timing(duration_s, rate_hz)
     streams = [np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(4)]

@@ -32,6 +32,10 @@ Values = Mapping[str, Number]
 Provenance = Mapping[str, str | float | int | bool]
 
 
+LONGEST_MODEL_M = 20.0
+"""What is shorter is of a model's size."""
+
+
 @dataclass(frozen=True, slots=True)
 class Dimensions:
     """Main dimensions [m]."""
@@ -40,6 +44,11 @@ class Dimensions:
     length_between_perpendiculars_m: Number
     beam_m: Number
     draught_m: Number
+
+    @property
+    def is_model(self) -> bool:
+        """Whether the ship is of a model's size."""
+        return self.length_between_perpendiculars_m < LONGEST_MODEL_M
 
 
 @dataclass(frozen=True, slots=True)

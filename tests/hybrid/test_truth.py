@@ -20,6 +20,7 @@ from hybrid.simulation.sea_state import (
     SeaState,
     drift_series,
     jonswap,
+    sea_for,
     sea_state_named,
     sea_states,
     wave_motion,
@@ -27,8 +28,10 @@ from hybrid.simulation.sea_state import (
 )
 from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import controls_of, states_of, wind_of
+from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate_batch
+from tests.hybrid.froude import froude_scaled
 
 PERFECT = Noise().scaled(0.0)
 
@@ -283,3 +286,32 @@ def test_channels_convert_there_and_back() -> None:
     pd.testing.assert_frame_equal(back, table)
     assert BY_NAME["heading_deg"].holds(float(back["heading_deg"].iloc[0]))
     assert np.ptp(truth["states"][:, 2]) < 2.0
+
+
+@pytest.mark.parametrize("sea_state", ["gentle", "moderate"])
+def test_a_model_meets_her_sea_at_her_scale(sea_state: str) -> None:
+    """Froude's law: R/V Gunnerus and her model at 1:10 sail one track in lengths, at times as their roots."""
+    ship, root = load_vessel("gunnerus_short"), 0.1**0.5
+    (_, full), (_, model) = (
+        simulate_trial(each, sea_state, "turning_circle_20", 120.0 * slower, 10.0 / slower, 5, noise=PERFECT)
+        for each, slower in ((ship, 1.0), (froude_scaled(ship, 0.1), root))
+    )
+    assert model["wind"][:, 1] == pytest.approx(root * full["wind"][:, 1])
+    lengths = np.array([0.1, 0.1, 1.0, root, root, 1.0 / root])
+    off = np.abs(model["states"] - lengths * full["states"]).max(axis=0)
+    assert (off < 0.01 * np.ptp(lengths * full["states"], axis=0)).all(), off
+
+
+def test_ships_of_full_size_meet_the_sea_as_it_is() -> None:
+    """Waves are no smaller for a smaller ship; a calm is a calm for all."""
+    for vessel in ("gunnerus_short", "gunnerus_long"):
+        assert sea_for("moderate", load_vessel(vessel).dimensions) == sea_state_named("moderate")
+    assert sea_for("calm", load_vessel("otter_2m").dimensions) == sea_state_named("calm")
+
+
+@pytest.mark.parametrize("vessel", ["esso_osaka_3m", "otter_2m", "kvlcc2_7m"])
+@pytest.mark.parametrize("sea_state", ["gentle", "moderate"])
+def test_models_stay_in_the_range_of_their_coefficients(vessel: str, sea_state: str) -> None:
+    for manoeuvre in ("zigzag_20_20", "turning_circle_30"):
+        _, truth = simulate_trial(vessel, sea_state, manoeuvre, 300.0, 2.0, 1)
+        assert truth["sea_state"]["name"].startswith(f"{sea_state} at 1:")

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from math import sqrt
 
 from acquisition.core.errors import InputError
+from hybrid.vessel.parameters import LONGEST_MODEL_M
 
 GRAVITY_MPS2 = 9.80665
 SEA_WATER_KGPM3 = 1025.0
 _FRESH_BELOW_KGPM3 = 1010.0
-_LONGEST_MODEL_M = 20.0
 _NEAR_ZERO = 0.01
 
 
@@ -87,7 +87,7 @@ class Particulars:
     @property
     def is_model(self) -> bool:
         """Whether she is of a model's size: tested smooth, without the allowance for a ship's rough plates."""
-        return self.length_m < _LONGEST_MODEL_M
+        return self.length_m < LONGEST_MODEL_M
 
 
 def _possible(ship: Particulars) -> Iterator[tuple[str, str, float, float, float]]:
