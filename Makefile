@@ -70,8 +70,9 @@ benchmark: $(STAMP) ## speeds as ratios, printed and never asserted
 benchmark-day: $(STAMP) ## 24 h of 13 channels at 20 Hz, from MCAP to held windows: time and memory, some ten minutes
 	$(BIN)/python tests/benchmarks/day_speed.py 24
 
-benchmark-quality: $(STAMP) ## false alarms on sound simulated trials, faults found in spoilt ones
+benchmark-quality: $(STAMP) ## false alarms on sound simulated trials and in waves, faults found in spoilt ones
 	$(BIN)/python tests/benchmarks/quality_trials.py 4
+	$(BIN)/python tests/benchmarks/wave_trials.py 200
 
 benchmark-diagnosis: $(STAMP) ## hidden effects named blind, scored; a night (some ten minutes with SIZE=small)
 	$(BIN)/python -m tests.benchmarks.diagnosis_trials -o $(or $(RESULTS),diagnosis_$(or $(SIZE),full).jsonl) \

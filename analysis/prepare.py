@@ -50,14 +50,15 @@ def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool =
         return _at_rate(raw, how, {})
     from analysis.quality.check import check_recording
     from analysis.quality.motion.checks import delays_of
-    from analysis.quality.repairs import flags_after, repair
+    from analysis.quality.repairs import repair
 
     quality = check_recording(recording, raw)
-    flags, table = quality.flags, raw
+    flags, table, left = quality.flags, raw, quality.findings
     if how.repair:
-        table = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions).table
-        flags = flags_after(raw, table, flags)
-    delays = delays_of(quality.findings, raw) if how.remove_delays else {}
+        repaired = repair(raw, left, flags, recording, rebuild_positions=rebuild_positions)
+        flags = repaired.flags if repaired.flags is not None else flags
+        table, left = repaired.table, tuple(each for each in left if not each.certain)
+    delays = delays_of(left, raw) if how.remove_delays else {}
     result = _at_rate(table, how, delays)
     return add_flags(result, flags, delays) if how.flags else result
 

@@ -32,6 +32,7 @@ class Finding:
     ``start`` and ``end`` bound it in UTC; ``text`` is one sentence a person reads, ``remedy`` one more that
     says what to do. ``estimate`` holds its size in the names of the contract, with ``low`` and ``high`` of
     the main figure's 95 % interval beside it. ``certain`` marks what `--repair` may put right by itself.
+    ``band_hz`` are the frequencies of the motion in which it shows, where it is a matter of these.
     """
 
     code: str
@@ -42,9 +43,11 @@ class Finding:
     remedy: str = ""
     estimate: Mapping[str, float] = field(default_factory=dict)
     certain: bool = False
+    band_hz: tuple[float, float] | None = None
 
     def as_json(self) -> dict[str, Any]:
-        """The finding with the keys of the contract; the remedy ends the text."""
+        """The finding with the contract's keys, and ``band_hz`` where there is one; the remedy ends the text."""
+        band = {} if self.band_hz is None else {"band_hz": list(self.band_hz)}
         return {
             "code": self.code,
             "channel": self.channel,
@@ -52,6 +55,7 @@ class Finding:
             "end": self.end.isoformat(),
             "text": f"{self.text.rstrip('.')}. {self.remedy}".strip(),
             "estimate": dict(self.estimate),
+            **band,
         }
 
 

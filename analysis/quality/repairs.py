@@ -3,7 +3,7 @@
 They are done in an order that lets none lean on what a later one mends: impossible, stray and repeated values
 become gaps first; then headings on the circle, then the scales of yaw rate and speeds, then the heading, which is
 rebuilt from the yaw rate, then the positions, which are rebuilt from heading and speeds, then the wind, which needs
-both too. Orders stand alone and come last.
+both too. Orders stand alone. At last the stamps of what is late are moved, which makes rows anew.
 """
 
 from __future__ import annotations
@@ -29,11 +29,23 @@ from analysis.quality.commands import ORDER_INTERPOLATED as ORDER_INTERPOLATED
 from analysis.quality.commands import hold_orders
 from analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
 from analysis.quality.heading_wrap import WRAP_INTERPOLATED, is_judged, seam_line_mask
+from analysis.quality.motion.checks import delays_of
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
 from analysis.quality.samples import is_possible, rows_of, samples_of
 from analysis.quality.wind import true_wind
 from analysis.tables.files import expect_suffix
-from analysis.tables.table import HISTORY_KEY, add_step, history_of, main_stretch, seconds_of, times_ns, utc_index
+from analysis.tables.table import (
+    HISTORY_KEY,
+    add_step,
+    delays_in_ns,
+    history_of,
+    main_stretch,
+    move_stamps,
+    remove_delays,
+    seconds_of,
+    times_ns,
+    utc_index,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +60,11 @@ class Repair:
 
 @dataclass(frozen=True, slots=True)
 class RepairResult:
-    """A table after its repairs, with a step in its history for each."""
+    """A table after its repairs, with a step in its history for each, and the flags of its rows if known."""
 
     table: pd.DataFrame
     repairs: tuple[Repair, ...]
+    flags: pd.DataFrame | None = None
 
 
 def repair(
@@ -67,16 +80,15 @@ def repair(
     ``flags`` by channel, in the rows of ``table``, say which values of a spike or a stuck stretch become gaps;
     without them these two are left alone. ``recording`` is what the table was read from: angles of the other
     convention, which the table lacks, are brought back from it. ``rebuild_positions`` takes the path that speeds
-    and heading give for the positions (:func:`rebuilding_positions`). Codes that have no repair here (a delay is
-    taken out by resampling, on request) are passed over, and so is a repair whose channels are lacking.
+    and heading give for the positions (:func:`request_position_repair`). Codes that have no repair here are passed
+    over, and so is a repair whose channels are lacking. A channel that is certain to be late is moved by its delay,
+    and the rows are joined anew.
     """
     if rebuild_positions:
         findings = request_position_repair(findings, table)
-    order = tuple(REPAIRS)
-    certain = sorted(
-        (finding for finding in findings if finding.certain and finding.code in REPAIRS),
-        key=lambda finding: order.index(finding.code),
-    )
+    order, raw = tuple(REPAIRS), table
+    sure = [finding for finding in findings if finding.certain]
+    certain = sorted((each for each in sure if each.code in REPAIRS), key=lambda each: order.index(each.code))
     repairs: list[Repair] = []
     scaled = False
     for finding in certain:
@@ -96,7 +108,38 @@ def repair(
             table.assign(**done.columns), "repair", code=finding.code, channel=finding.channel, text=done.text,
             changed=changed, estimate=dict(finding.estimate),
         )  # fmt: skip
-    return RepairResult(table, tuple(repairs))
+    judged = flags_after(raw, table, flags) if flags is not None else None
+    return _aligned(RepairResult(table, tuple(repairs), judged), sure)
+
+
+def _aligned(repaired: RepairResult, sure: Iterable[Finding]) -> RepairResult:
+    """What was repaired with the delays that are certain taken off the stamps, those of the flags too."""
+    table = repaired.table
+    late = [each for each in sure if each.code == "channel_delay" and each.channel in table]
+    delays = {name: seconds for name, seconds in delays_of(late, table).items() if name in table}
+    if not delays:
+        return repaired
+    moved, flags = remove_delays(table, delays), repaired.flags
+    if flags is not None:
+        flags = _moved_flags(table, flags, delays)
+    done = tuple(
+        Repair(
+            each.code,
+            each.channel,
+            f"stamps moved by {-each.estimate['seconds']:+.2f} s",
+            int(table[each.channel].count()),
+        )
+        for each in late
+    )
+    return RepairResult(moved, (*repaired.repairs, *done), flags)
+
+
+def _moved_flags(table: pd.DataFrame, flags: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFrame:
+    """The flags of the rows that taking off the delays makes."""
+    by_ns = {name: -each for name, each in delays_in_ns(delays).items()}
+    beside = {f"{name} flag": flags[name].where(flags[name] != Quality.MISSING) for name in flags}
+    moved = move_stamps(table.assign(**beside), by_ns | {f"{name} flag": by_ns[name] for name in by_ns})
+    return moved[[*beside]].fillna(Quality.MISSING).astype(np.uint8).set_axis([*flags], axis=1)
 
 
 def request_position_repair(findings: Iterable[Finding], table: pd.DataFrame) -> tuple[Finding, ...]:
@@ -141,14 +184,12 @@ def write_repaired(
             fix="name another file for the repaired recording",
         )  # fmt: skip
     repaired = repair(table, findings, flags, recording, rebuild_positions=rebuild_positions)
-    touched = {
-        name: not np.array_equal(repaired.table[name], table[name], equal_nan=True) for name in table.columns
-    }
+    touched = {name: not repaired.table[name].dropna().equals(table[name].dropna()) for name in table.columns}
     sources = {
         name: ", ".join(recording.series[name].sources) + (" repaired" if touched[name] else "")
         for name in map(str, table.columns)
     }
-    judged = flags_after(table, repaired.table, flags) if flags is not None else pd.DataFrame()
+    judged = repaired.flags if repaired.flags is not None else pd.DataFrame()
     qualities = {str(name): judged[name].to_numpy(np.uint8) for name in judged}
     write_table(
         repaired.table, target, recording.trial, sources, qualities,

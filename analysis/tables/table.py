@@ -152,16 +152,20 @@ def remove_delays(table: pd.DataFrame, delays: Mapping[str, float]) -> pd.DataFr
     hold nothing else is not made. The history gains a step. Raises :class:`InputError` for a name that is no
     channel or a delay that is no number.
     """
-    delay_ns = delays_in_ns(delays)
-    time_ns = times_ns(table)
-    channels = {}
+    moved = move_stamps(table, {name: -each for name, each in delays_in_ns(delays).items()})
+    return add_step(moved, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+
+
+def move_stamps(table: pd.DataFrame, by_ns: Mapping[str, int]) -> pd.DataFrame:
+    """The values of a table joined anew after the stamps of the named columns are moved [ns]."""
+    time_ns, columns = times_ns(table), {}
     for name in map(str, table.columns):
         values = table[name].to_numpy(dtype=float)
         there = np.isfinite(values)
-        channels[name] = time_ns[there] - delay_ns.get(name, 0), values[there]
-    result = join_channels(channels)
+        columns[name] = time_ns[there] + by_ns.get(name, 0), values[there]
+    result = join_channels(columns)
     result.attrs.update(table.attrs)
-    return add_step(result, "remove_delays", delays_s={name: float(each) for name, each in delays.items()})
+    return result
 
 
 def delays_in_ns(delays: Mapping[str, float]) -> dict[str, int]:

@@ -73,7 +73,10 @@ def test_no_two_trials_of_a_day_overlap(esso_osaka: dict[str, tuple[Path, Path]]
 
 FINDINGS = {"channel_delay", "yaw_rate_scale", "yaw_rate_bias", "stuck", "spike", "quantised"}
 """What is wrong with these recordings, as looked at by hand: positions stamped nearly a second before heading and
-speeds, a yaw rate 1.5 % low, positions that a receiver repeated once or for a second, orders of a byte."""
+speeds, a yaw rate 1.5 % low and in the berthing trials a second late, positions that a receiver repeated once or
+for a second, orders of a byte."""
+SHORT = ("zigzag/zigzag_31-Jul-2020_13_04_24", "zigzag/zigzag_31-Jul-2020_13_29_19")
+"""Two minutes in which speeds might as well be late as positions early."""
 
 
 @pytest.mark.slow
@@ -92,9 +95,10 @@ def test_nothing_is_found_in_them_that_is_not_there(esso_osaka: dict[str, tuple[
     turned = file.table.assign(rudder_angle_deg=-file.table["rudder_angle_deg"])
     if name.startswith(("turning", "zigzag")):
         assert "helm_sign" in {each.code for each in check_table(turned).findings}
-    for each in quality.findings:
-        if each.code == "channel_delay" and each.channel == "north_m":
-            assert each.estimate["seconds"] == pytest.approx(-lead_of_positions_s(pd.read_csv(path)), abs=0.3)
+    late = {each.channel: each for each in quality.findings if each.code == "channel_delay"}
+    assert late["north_m"].estimate["seconds"] == pytest.approx(-lead_of_positions_s(pd.read_csv(path)), abs=0.15)
+    assert late["north_m"].certain or name in SHORT
+    assert late.keys() <= {"north_m", "yaw_rate_dps"} if name.startswith("berthing") else {"north_m"}
 
 
 def lead_of_positions_s(source: pd.DataFrame) -> float:

@@ -10,7 +10,9 @@ which at steady speed looks just like a delay, are explained by as few causes as
 (generalised least squares; an added cause must reduce the misfit by more than it costs).
 
 What is significant may yet not be certain: a factor must be known to half a percent over the whole recording, and
-be one that no other channel could be to blame for. A gross factor points to a unit.
+be one that no other channel could be to blame for. A gross factor points to a unit. And it must show in the motion
+that is slower than waves: what shows in waves alone may be the way of an antenna high up on a ship that rolls and
+pitches. Each finding says in which band of frequencies it shows.
 """
 
 from __future__ import annotations
@@ -35,7 +37,15 @@ from analysis.quality.motion.jitter import (
     stamp_jitter,
 )
 from analysis.quality.motion.jumps import PositionJump, flag_displaced, jump_finding, position_jumps
-from analysis.quality.motion.kinematics import CHANCE, NAMES, Kinematics, fit_kinematics, quantile, widen_by_parts
+from analysis.quality.motion.kinematics import (
+    CHANCE,
+    NAMES,
+    Kinematics,
+    Solution,
+    fit_kinematics,
+    quantile,
+    widen_by_parts,
+)
 from analysis.quality.motion.series import GROUPS, MOTION
 from analysis.tables.table import utc_index
 
@@ -129,9 +139,11 @@ def _findings_of(table: pd.DataFrame, fit: Kinematics) -> tuple[Finding, ...]:
 def delays_of(findings: Iterable[Finding], table: pd.DataFrame | None = None) -> dict[str, float]:
     """How much too late each channel is stamped [s], by channel, from findings of ``channel_delay``.
 
+    Without those that show in waves alone.
     With a ``table``, the channels of it that the same receiver stamps are late with the positions.
     """
-    late = {each.channel: float(each.estimate["seconds"]) for each in findings if each.code == "channel_delay"}
+    found = [each for each in findings if each.code == "channel_delay" and (each.band_hz or (0.0,))[0] <= 0.0]
+    late = {each.channel: float(each.estimate["seconds"]) for each in found}
     delays = {name: seconds for channel, seconds in late.items() for name in GROUPS.get(channel, (channel,))}
     if table is not None and "north_m" in late:
         delays |= dict.fromkeys(_with_positions(table), late["north_m"])
@@ -163,12 +175,34 @@ def _delay(
         text += ", or all the others as much too late"
     if rivals:
         text += f"; this trial tells as well of {rivals}"
-    if half > 3.0 * error and half > _SMALLEST_DELAY_S:
+    steady = half <= max(3.0 * error, _SMALLEST_DELAY_S)
+    if not steady:
         text += "; it is not the same throughout the recording"
-    return Finding(
-        "channel_delay", cause, start, end, text, "Remove the delay when resampling.",
-        {"seconds": seconds, "low": low, "high": high},
+    found = Finding(
+        "channel_delay", cause, start, end, text, "`--repair` takes it off the stamps.",
+        {"seconds": seconds, "low": low, "high": high}, certain=steady and not explanation.rivals,
     )  # fmt: skip
+    return _in_band(found, _band_of_cause(explanation, cause, fit))
+
+
+def _in_band(finding: Finding, band_hz: tuple[float, float]) -> Finding:
+    """The finding with the band in which it shows; certain only where the slow motion shows it."""
+    low, high = band_hz
+    text = f"{finding.text}; so it is with motion up to {high:.2g} Hz"
+    if not low > 0.0:
+        return replace(finding, text=text, band_hz=band_hz)
+    text = f"{finding.text}; so it is between {low:.2g} and {high:.2g} Hz, and slower motion does not tell"
+    remedy = "Look where antenna and speed sensor stand: in waves, rolling and pitching do the same."
+    return replace(finding, text=text, remedy=remedy, band_hz=band_hz, certain=False)
+
+
+def _band_of_cause(explanation: Explanation, cause: str, fit: Kinematics) -> tuple[float, float]:
+    """The band in which a cause shows: from 0 where the slow motion alone says the same of it."""
+    place = next(NAMES.index(name) for name, of in zip(OBSERVED, CAUSES[cause], strict=True) if of)
+    if fit.slowly[place]:
+        return 0.0, fit.slow_hz
+    size, error = _explanation(fit.slow, explanation.causes, 0.0).size(cause)
+    return 0.0 if abs(size) > 4.0 * error else fit.slow_hz, fit.fastest_hz
 
 
 def _half(fit: Kinematics, cause: str, error: float) -> float:
@@ -199,10 +233,11 @@ def _arm(explanation: Explanation, fit: Kinematics, start: pd.Timestamp, end: pd
         f"{abs(metres):.2f} m {_SIDES[cause][metres < 0.0]}" for cause, (metres, _) in sizes.items()
     )
     metres = {f"{cause}_m": sizes[cause][0] if cause in sizes else 0.0 for cause in _SIDES}
-    return Finding(
+    found = Finding(
         "position_offset", "north_m", start, end, f"The positions are measured {where} of the speeds",
         "Give the lever arm of the antenna when recording.", {**metres, "low": size - half, "high": size + half},
     )  # fmt: skip
+    return _in_band(found, _band_of_cause(explanation, main, fit))
 
 
 OBSERVED = ("position_delay_s", "heading_delay_s", "heading_after_yaw_rate_s", "forward_m", "starboard_m")
@@ -245,7 +280,7 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     best = Explanation((), np.empty(0), np.empty(0), 0.0)
     for count in range(4):
         tried = sorted(
-            (_explanation(fit, causes, jitter_s2) for causes in combinations(CAUSES, count)),
+            (_explanation(fit.believed, causes, jitter_s2) for causes in combinations(CAUSES, count)),
             key=lambda each: each.misfit,
         )
         best = tried[0]
@@ -256,7 +291,7 @@ def explain_delays(fit: Kinematics, jitter_s2: float = 0.0) -> Explanation:
     return best
 
 
-def _explanation(fit: Kinematics, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
+def _explanation(fit: Solution, causes: tuple[str, ...], jitter_s2: float) -> Explanation:
     places = [NAMES.index(name) for name in OBSERVED]
     observed = fit.parameters[places]
     # The spread of few blocks is less known than a normal deviate's: widened as Student's t is at 95 %.
@@ -357,7 +392,8 @@ def _with_factor(
     precise = half < _CERTAIN_HALF_WIDTH * abs(factor) and abs(factor - 1.0) > 4.0 * half
     plausible = unit.sure if unit is not None else FACTORS[0] <= factor <= FACTORS[1]
     estimate = {"factor": factor, "low": low, "high": high}
-    return replace(finding, text=text, remedy=remedy, estimate=estimate, certain=bool(precise and plausible))
+    found = replace(finding, text=text, remedy=remedy, estimate=estimate, certain=bool(precise and plausible))
+    return _in_band(found, fit.band_hz(name, 1.0))
 
 
 def yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
@@ -368,10 +404,11 @@ def yaw_rate_bias(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Fi
     figures = np.array([fit.value(name), *_interval(fit, name)])
     bias, high, low = (-180.0 / np.pi / fit.value("yaw_rate_factor") * figures).tolist()
     text = f"The yaw rate reads {bias:+.3f} deg/s while the heading stays (95 % {low:+.3f} to {high:+.3f})"
-    return Finding(
+    found = Finding(
         "yaw_rate_bias", "yaw_rate_dps", start, end, text, "Subtract it, and set the gyro's zero.",
         {"bias_dps": bias, "low": low, "high": high},
     )  # fmt: skip
+    return _in_band(found, fit.band_hz(name))
 
 
 def heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> Finding | None:
@@ -385,11 +422,12 @@ def heading_offset(fit: Kinematics, start: pd.Timestamp, end: pd.Timestamp) -> F
         f"The heading reads {abs(angle):.2f} deg too far to {'starboard' if angle > 0.0 else 'port'} for course and"
         f" drift angle (95 % {low:+.2f} to {high:+.2f}){astern}"
     )
-    return Finding(
+    found = Finding(
         "heading_offset", "heading_deg", start, end, text,
         "Align the compass or subtract the offset, unless the speed sensor's axes are turned the other way.",
         {"angle_deg": angle, "low": low, "high": high},
     )  # fmt: skip
+    return _in_band(found, fit.band_hz(name))
 
 
 _MATCHES = 0.005

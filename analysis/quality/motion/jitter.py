@@ -22,7 +22,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Bools, Floats
 from analysis.quality.findings import Finding
 from analysis.quality.motion.jumps import PositionErrors, position_errors
-from analysis.quality.motion.kinematics import CHANCE, Kinematics, quantile
+from analysis.quality.motion.kinematics import CHANCE, SLOW_HZ, Kinematics, quantile
 from analysis.quality.motion.series import (
     GROUPS,
     group_samples,
@@ -38,6 +38,7 @@ _FEWEST_SAMPLES = 8
 _FEWEST_STRETCHES = 5
 _BROKEN = 30.0
 _LEAST_RATIO = 2.0
+_LEAST_WAY = 0.25  # of the squared speed that motion slower than waves makes; a turn within their period leaves 0.4
 _LEFT_OVER = 0.06  # of the variance: what is beyond the limit taken
 
 
@@ -81,6 +82,8 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     short: the size is what stretches of 60 and 120 s lead to in the limit of long ones.
     """
     errors = position_errors(table, fit)
+    if not _makes_way(errors, fit.motion.position.interval_s):
+        return Jitter()
     short, half, long = (_position_sums(errors, seconds) for seconds in (_SHORT_S, 0.5 * _LONG_S, _LONG_S))
     usable, short = _usable(long), short[_usable(short)]
     if usable.sum() < _FEWEST_STRETCHES or not long[usable, 1].sum() > 0.0:
@@ -89,6 +92,14 @@ def stamp_jitter(table: pd.DataFrame, fit: Kinematics) -> Jitter:
     variance, error, telling = _excess_over_speed(short)
     ratio = short[:, 2].sum() / max(float(short[:, 3].sum()), 1e-12)
     return Jitter(*size, variance / max(error, 1e-12), telling, float(ratio))
+
+
+def _makes_way(errors: PositionErrors, interval_s: float) -> bool:
+    """Whether the ship goes somewhere: where waves toss her to and fro, an antenna high up errs along their way."""
+    from scipy.ndimage import uniform_filter1d
+
+    slow = uniform_filter1d(errors.velocity, max(1, round(1.0 / (SLOW_HZ * interval_s))), axis=0)
+    return bool((slow**2).sum() > _LEAST_WAY * (errors.velocity**2).sum())
 
 
 def _position_sums(errors: PositionErrors, seconds: float) -> Floats:

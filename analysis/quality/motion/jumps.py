@@ -39,6 +39,7 @@ _JUMP = 6.0
 _LEAST_JUMP = 0.05
 _MOST_JUMPS = 0.6
 _NORMAL_QUARTER = 0.3186  # a quarter of normal deviations is smaller: a scale that half of the steps cannot spoil
+_MOST_STILL = 0.2  # less than the quarter of the steps that the scale is taken from
 _ROUNDS = 12
 _STIFFNESS = np.array([1.0, 1.0, 0.01, 0.01, 1e-4, 1e-4])
 
@@ -50,8 +51,12 @@ def remove_jumps(level: Group, model: Model, grid_s: Floats, values: Floats) -> 
     step does, and by a good part of the distance; the model's step takes its place. Where there are such steps at
     ``values`` [p], a robust regression on steps stands many of them where one on levels does not; it starts from
     ``values`` and from the most frequent ratio of measured to model's steps, and the tighter fit counts. Returns
-    ``level`` itself where nothing, or nearly everything, jumps.
+    ``level`` itself where nothing, or nearly everything, jumps, and where it often stands still: it is rounded so
+    coarsely then that its steps are those of the rounding.
     """
+    still = (np.abs(np.diff(level.levels, axis=0)) < 1e-9).all(axis=1)
+    if still.mean() > _MOST_STILL:
+        return level
     steps = _steps(level, model, grid_s, values)
     if not _jumps(steps).any():
         return level

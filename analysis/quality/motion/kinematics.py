@@ -10,6 +10,11 @@ equations are integrated over blocks of time and solved by Gauss-Newton steps, f
 a delay is not mistaken by whole waves. What a trial cannot tell (a ship that never turns, a steady speed) comes
 out with a wide interval. What is grossly wrong is put right before (:mod:`analysis.quality.motion.coarse`).
 
+In waves the ship rolls and pitches as well, which moves an antenna high up but not the point of the speeds, and
+filters of sensors act: the equations hold for motion that is slower than waves, and for faster motion only where it
+says the same. So they are solved by the slow motion alone first, and by all; where all contradicts the slow motion,
+the slow motion is believed (a specification test: J. A. Hausman, Econometrica 46, 1978).
+
 Whether the values are the same throughout a recording is tested by its quarters, each fitted by itself. Where
 they differ by more than their errors, their spread is an error of its own (random effects: R. DerSimonian and N.
 Laird, Meta-analysis in clinical trials, 1986), and the interval is Student's for as many quarters.
@@ -33,7 +38,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
 from analysis.quality.motion.coarse import Coarse, coarse_fit
 from analysis.quality.motion.jumps import remove_jumps
@@ -60,34 +65,66 @@ _DELAY_PRIOR_S = 20.0
 _PATH_PRIOR = np.array([1.0, 1.0, _DELAY_PRIOR_S, _DELAY_PRIOR_S, 100.0, 100.0])
 _TURN_PRIOR = np.array([1.0, 0.1, _DELAY_PRIOR_S])
 _CLEAR = 4.0
+_LONGEST_STEP = 0.2
 _FARTHEST = 0.6
 _BLOCK_S = (40.0, 100.0)
 _BLOCKS = 20
 _FEWEST_BLOCKS = 5
-_STAGES_HZ = (0.05, 0.05, 0.15, 0.5, 0.5)
+_SHORTEST_BLOCK_S = 20.0
+_FEWEST_COSINES = 3
+SLOW_HZ = 1.0 / 30.0
+"""Sea waves are faster: 1 to 30 s are their periods (W. H. Munk, Origin and generation of waves, 1950)."""
+_SLOW_STAGES = (None, None, None)
+_STAGES_HZ = (0.15, 0.5, 0.5)
 
 
 @dataclass(frozen=True)
 class Kinematics:
     """Corrections that make the motion channels agree.
 
-    ``parameters`` [9] in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
+    The parameters [9] are in the order of :data:`NAMES`: the factors that the recorded speeds and yaw rate must be
     multiplied by, heading reported minus true, delays of positions and heading after the speeds and of the
     heading after the yaw rate (> 0: stamped too late), the lever arm of the positions, and what must be added
-    to the scaled yaw rate. ``covariance`` [9, 9]; ``informative`` [9] is their effective number of blocks.
+    to the scaled yaw rate. ``slow`` are they by the motion below ``slow_hz``, ``every`` by all up to
+    ``fastest_hz``; ``slowly`` [9] are those that are taken from the slow motion.
     ``half_between`` [9] is the least half width of an interval by how the quarters of the recording differ, zero
     where they agree or were not asked (:func:`analysis.quality.motion.kinematics.widen_by_parts`).
     ``converged`` is False where the fit ran against its bounds; ``coarse`` is where it began.
     """
 
-    parameters: Floats
-    covariance: Floats
-    informative: Floats
+    slow: Solution
+    every: Solution
+    slowly: Bools
+    slow_hz: float
+    fastest_hz: float
     blocks: int
     motion: Motion
     converged: bool = True
     coarse: Coarse = field(default_factory=Coarse)
     half_between: Floats = field(default_factory=lambda: np.zeros(9))
+
+    @cached_property
+    def believed(self) -> Solution:
+        """By the slow motion where that is believed, else by all."""
+        slow, every = self.slow, self.every
+        return Solution(
+            np.where(self.slowly, slow.parameters, every.parameters),
+            np.where(self.slowly[:, np.newaxis], slow.covariance, every.covariance),
+            np.where(self.slowly, slow.informative, every.informative),
+        )
+
+    @property
+    def parameters(self) -> Floats:
+        return self.believed.parameters
+
+    @property
+    def covariance(self) -> Floats:
+        return self.believed.covariance
+
+    @property
+    def informative(self) -> Floats:
+        """The effective number of blocks for each parameter [9]."""
+        return self.believed.informative
 
     @cached_property
     def standard_errors(self) -> Floats:
@@ -102,6 +139,15 @@ class Kinematics:
 
     def standard_error(self, name: str) -> float:
         return float(self.standard_errors[NAMES.index(name)])
+
+    def band_hz(self, name: str, neutral: float = 0.0) -> tuple[float, float]:
+        """The band by which a figure differs from its neutral value: from 0 where the slow motion says so too."""
+        place = NAMES.index(name)
+        if self.slowly[place]:
+            return 0.0, self.slow_hz
+        away = abs(float(self.slow.parameters[place]) - neutral)
+        tells = away > quantile(0.975, self.slow.informative[place]) * np.sqrt(self.slow.covariance[place, place])
+        return 0.0 if tells else self.slow_hz, self.fastest_hz
 
     def interval(self, name: str) -> tuple[float, float]:
         """The 95 % interval, by Student's t for its effective number of blocks, or for parts that differ."""
@@ -137,16 +183,15 @@ def _apply_coarse(table: pd.DataFrame, coarse: Coarse) -> pd.DataFrame:
 
 def _fit_of_uncorrected(fit: Kinematics, coarse: Coarse) -> Kinematics:
     """Turn a fit to a corrected table into one to the table itself: factors multiply, angles add."""
-    scale = np.ones(len(NAMES))
+    scale, shift = np.ones(len(NAMES)), np.zeros(len(NAMES))
     scale[NAMES.index("speed_factor")] = coarse.speed_factor
     scale[NAMES.index("yaw_rate_factor")] = coarse.yaw_rate_factor
-    parameters = fit.parameters * scale
-    parameters[NAMES.index("heading_offset_rad")] += coarse.heading_offset_rad
+    shift[NAMES.index("heading_offset_rad")] = coarse.heading_offset_rad
     recorded = rescale(
         fit.motion, 1.0 / coarse.speed_factor, -coarse.heading_offset_rad, 1.0 / coarse.yaw_rate_factor
     )
-    covariance = fit.covariance * np.outer(scale, scale)
-    return replace(fit, parameters=parameters, covariance=covariance, motion=recorded, coarse=coarse)
+    slow, every = (each.transformed(scale, shift) for each in (fit.slow, fit.every))
+    return replace(fit, slow=slow, every=every, motion=recorded, coarse=coarse)
 
 
 def rescale(motion: Motion, speed_factor: float, heading_offset_rad: float, yaw_rate_factor: float) -> Motion:
@@ -164,30 +209,44 @@ def fit_motion(motion: Motion) -> Kinematics:
     start = max(group.time_s[0] for group in motion.groups)
     end = min(group.time_s[-1] for group in motion.groups)
     grid_s = np.arange(start, max(end, start) + 1e-6, motion.step_s)
-    block_s = float(np.clip((end - start) / _BLOCKS, *_BLOCK_S))
-    length = int(block_s / motion.step_s)
+    block_s = min(float(np.clip((end - start) / _BLOCKS, *_BLOCK_S)), (end - start) / _FEWEST_BLOCKS)
+    length = int(max(block_s, _SHORTEST_BLOCK_S) / motion.step_s + 1e-6)
     starts = block_starts(motion, grid_s, length)
     if len(starts) < _FEWEST_BLOCKS:
         raise DataShortageError(
-            f"holds {len(starts)} stretches of {block_s:.0f} s with all motion channels",
+            f"holds {len(starts)} stretches of {length * motion.step_s:.0f} s with all motion channels",
             why=f"it takes {_FEWEST_BLOCKS}", fix="record for longer",
         )  # fmt: skip
     frame = _Frame(grid_s, starts, length, motion.step_s, 0.2 / motion.slowest_s)
     parts = (motion, motion.half(0), motion.half(1))
     path = _fitted(motion.position, tuple(path_model(each, grid_s) for each in parts), _PATH_PRIOR, frame)
     turn = _fitted(motion.heading, tuple(turn_model(each, grid_s) for each in parts), _TURN_PRIOR, frame)
-    covariance = np.zeros((9, 9))
-    covariance[:6, :6], covariance[6:, 6:] = path.covariance, turn.covariance
-    return Kinematics(
-        np.concatenate([path.parameters, turn.parameters]), covariance,
-        np.concatenate([path.informative, turn.informative]), len(starts), motion,
-        _within_bounds(path.parameters[:2]) and _within_bounds(turn.parameters[:2]),
+    slowly = np.repeat([_slow_is_better(*path, _ALIKE[:6]), _slow_is_better(*turn, _ALIKE[6:])], [6, 3])
+    slow, every = (path[which].beside(turn[which]) for which in (0, 1))
+    fit = Kinematics(
+        slow, every, slowly, frame.slow_hz, min(_STAGES_HZ[-1], frame.highest_hz), len(starts), motion
     )  # fmt: skip
+    return replace(fit, converged=_within_bounds(fit))
 
 
-def _within_bounds(parameters: Floats) -> bool:
-    """Whether factor and angle (or bias) stayed within the range in which the linearised fit is valid."""
-    return bool(abs(parameters[0] - 1.0) < _FARTHEST and abs(parameters[1]) < _FARTHEST)
+def _slow_is_better(slow: Solution, every: Solution, alike: Floats) -> bool:
+    """Whether the slow motion is to be believed: it tells more, or all motion says something else, beyond errors
+    and what sampling may do.
+
+    All would be the more precise if both were right, so that their difference has at most the slow one's variance.
+    """
+    if np.linalg.slogdet(slow.covariance)[1] < np.linalg.slogdet(every.covariance)[1]:
+        return True
+    errors = np.hypot(np.sqrt(np.diag(slow.covariance)), alike)
+    limits = np.array([quantile(1.0 - 0.5 * _CHANCE_OF_PARTS, each) for each in slow.informative])
+    return bool((np.abs(every.parameters - slow.parameters) > limits * errors).any())
+
+
+def _within_bounds(fit: Kinematics) -> bool:
+    """Whether factors, angle and bias are within the range in which the linearised fit is valid, or may be."""
+    places = [0, 1, 6, 7]
+    away = np.abs(fit.parameters - [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0])[places]
+    return bool((away < np.maximum(_FARTHEST, _CLEAR * fit.standard_errors[places])).all())
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,45 +262,77 @@ class _Frame:
     def coefficients(self, limit_hz: float) -> int:
         """How many cosines lie below a frequency."""
         wanted = int(2.0 * self.length * self.step_s * min(limit_hz, self.highest_hz))
-        return int(np.clip(wanted, 3, self.length - 1))
+        return int(np.clip(wanted, _FEWEST_COSINES, self.length - 1))
+
+    @property
+    def slow_hz(self) -> float:
+        """Where what is slower than waves ends; in short blocks where their fewest cosines do."""
+        return self.coefficients(SLOW_HZ) / (2.0 * self.length * self.step_s)
+
+    def slowly(self, values: Floats) -> Floats:
+        """Series [points, ...] without what is faster than :attr:`slow_hz`, which would leak into the cosines of
+        the blocks; nothing is shifted."""
+        from scipy.signal import butter, sosfiltfilt
+
+        filter_ = butter(4, min(1.25 * self.slow_hz * self.step_s, 0.45), fs=1.0, output="sos")
+        padded = min(len(values) - 1, int(3.0 / (self.slow_hz * self.step_s)))
+        return np.asarray(sosfiltfilt(filter_, values, axis=0, padlen=padded))
 
 
 Models = tuple[Model, ...]
 """By all samples, by every other one, and by the rest."""
 
 
-def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
-    """Fit levels as they are or, where they jump and that gives a smaller covariance, without their jumps.
+def _fitted(level: Group, models: Models, prior: Floats, frame: _Frame) -> tuple[Solution, Solution]:
+    """Fit levels as they are or, where they jump and that gives a smaller covariance, without their jumps; by the
+    slow motion and by all.
 
     To take a jump out costs the noise of two samples, from there on: too much where it was only noise.
     """
-    solution = _gauss_newton(level, models, prior, frame)
-    steady = remove_jumps(level, models[0], frame.grid_s, solution.parameters)
+    found = _by_slow_and_all(level, models, prior, frame)
+    steady = remove_jumps(level, models[0], frame.grid_s, found[1].parameters)
     if steady is level:
-        return solution
-    other = _gauss_newton(steady, models, prior, frame)
-    return min(solution, other, key=lambda each: float(np.linalg.slogdet(each.covariance)[1]))
+        return found
+    other = _by_slow_and_all(steady, models, prior, frame)
+    return min(found, other, key=lambda each: float(np.linalg.slogdet(each[1].covariance)[1]))
 
 
-def _gauss_newton(level: Group, models: Models, prior: Floats, frame: _Frame) -> Solution:
-    """Gauss-Newton steps from low frequencies to higher ones. A delay or lever arm that is not significant in one
-    stage starts the next at zero, or it might settle a whole wave period off."""
-    level_at, values = spline(level), np.zeros(prior.size)
-    values[0] = 1.0
-    for number, limit_hz in enumerate(_STAGES_HZ, start=1):
-        most = frame.coefficients(limit_hz)
-        (wanted, slopes), *halves = (model(values) for model in models)
-        times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
-        parts = (level_at(times) - wanted, slopes, *(half[1] for half in halves))
-        residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in parts)
-        solution = solve(residuals, by, (first, second), prior)
-        values = values + np.clip(solution.parameters, -0.2 * prior, 0.2 * prior)
-        if number < len(_STAGES_HZ):
-            unclear = np.abs(values) < _CLEAR * np.sqrt(np.diag(solution.covariance))
-            values = np.where(unclear & (prior >= _DELAY_PRIOR_S), 0.0, values)
-    # What the last step still moved is not known better.
-    moving = np.diag(np.where(prior >= _DELAY_PRIOR_S, 2.0 * solution.parameters, 0.0) ** 2)
-    return replace(solution, parameters=values, covariance=solution.covariance + moving)
+def _by_slow_and_all(level: Group, models: Models, prior: Floats, frame: _Frame) -> tuple[Solution, Solution]:
+    """Gauss-Newton steps by the slow motion, and on from there by faster and faster."""
+    start = np.where(np.arange(prior.size) == 0, 1.0, 0.0)
+    slow = _gauss_newton(level, models, prior, frame, Solution(start, np.diag(prior**2), start), _SLOW_STAGES)
+    return slow, _gauss_newton(level, models, prior, frame, slow, _STAGES_HZ)
+
+
+def _gauss_newton(
+    level: Group, models: Models, prior: Floats, frame: _Frame, found: Solution, stages: tuple[float | None, ...]
+) -> Solution:
+    """Steps from ``found`` by the motion below each of ``stages`` [Hz], None for the slow motion alone.
+
+    A delay or lever arm that is not significant starts the next at zero, or it might settle a whole wave period
+    off; what the last one still moved is not known better.
+    """
+    for limit_hz in stages:
+        unclear = np.abs(found.parameters) < _CLEAR * np.sqrt(np.diag(found.covariance))
+        values = np.where(unclear & (prior >= _DELAY_PRIOR_S), 0.0, found.parameters)
+        found = _step(level, models, prior, frame, values, limit_hz)
+    moving = np.diag((2.0 * (found.parameters - values)) ** 2)
+    return replace(found, covariance=found.covariance + moving)
+
+
+def _step(
+    level: Group, models: Models, prior: Floats, frame: _Frame, values: Floats, limit_hz: float | None
+) -> Solution:
+    """One Gauss-Newton step from ``values`` by the motion below ``limit_hz``, None for the slow motion alone."""
+    most = frame.coefficients(limit_hz or SLOW_HZ)
+    (wanted, slopes), *halves = (model(values) for model in models)
+    times = np.clip(frame.grid_s + values[2], level.time_s[0], level.time_s[-1])
+    parts = (spline(level)(times) - wanted, slopes, *(half[1] for half in halves))
+    band = (frame.slowly(each) for each in parts) if limit_hz is None else parts
+    residuals, by, first, second = (cosines(each, frame.starts, frame.length, most) for each in band)
+    found = solve(residuals, by, (first, second), prior)
+    far = float(np.max(np.abs(found.parameters[:4]) / (_LONGEST_STEP * prior[:4])))  # lever arms are linear
+    return replace(found, parameters=values + found.parameters / max(far, 1.0))
 
 
 _PARTS = 4
@@ -260,7 +351,8 @@ def widen_by_parts(fit: Kinematics) -> Kinematics:
     """
     coarse = fit.coarse
     motion = rescale(fit.motion, coarse.speed_factor, coarse.heading_offset_rad, coarse.yaw_rate_factor)
-    parts = [part for part in map(_fit_or_none, _quarters(motion)) if part is not None and part.converged]
+    quarters = (part for part in map(_fit_or_none, _quarters(motion)) if part is not None and part.converged)
+    parts = [replace(part, slowly=fit.slowly) for part in quarters]
     if len(parts) < _FEWEST_PARTS:
         return fit
     half = _half_between(
@@ -327,6 +419,20 @@ class Solution:
     parameters: Floats
     covariance: Floats
     informative: Floats
+
+    def beside(self, other: Solution) -> Solution:
+        """Both as one, independent of each other."""
+        from scipy.linalg import block_diag
+
+        return Solution(
+            np.concatenate([self.parameters, other.parameters]), block_diag(self.covariance, other.covariance),
+            np.concatenate([self.informative, other.informative]),
+        )  # fmt: skip
+
+    def transformed(self, scale: Floats, shift: Floats) -> Solution:
+        """The parameters multiplied by ``scale`` and then increased by ``shift``, both [p]."""
+        covariance = self.covariance * np.outer(scale, scale)
+        return replace(self, parameters=self.parameters * scale + shift, covariance=covariance)
 
 
 def cosines(levels: Floats, starts: NDArray[np.int64], length: int, most: int) -> Floats:

@@ -185,7 +185,7 @@ def test_repeated_samples_become_gaps_and_keep_their_rows(sound: pd.DataFrame) -
 
 def test_what_is_uncertain_or_lacking_stays(sound: pd.DataFrame) -> None:
     doubtful = stated(sound, "speed_scale", "surge_mps", certain=False, factor=2.0)
-    unknown = stated(sound, "channel_delay", "north_m", seconds=1.0)
+    unknown = stated(sound, "heading_offset", "heading_deg", angle_deg=1.0)
     lacking = stated(sound, "position_time_jitter", "north_m")
     assert repair(sound, [doubtful, unknown]).table is sound
     assert repair(sound[["north_m", "east_m"]], [lacking]).repairs == ()
