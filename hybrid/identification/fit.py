@@ -8,19 +8,20 @@ together in a step: with the starts held, ``scipy.optimize.least_squares`` goes 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ModelRangeError
-from acquisition.core.progress import Progress
-from hybrid.identification.levels import Levels, estimate_levels, own_unknowns, whiteners
-from hybrid.identification.response import Model
+from acquisition.core.progress import Progress, part_of
+from hybrid.identification.levels import Levels, Moments, estimate_levels, moments_of
+from hybrid.identification.response import PARTS, Model
 
-ROUNDS = 20
-_ENOUGH = 0.3
-"""A step that is less better than so much, in minus twice the log likelihood, is the last."""
+ROUNDS = 30
+_ENOUGH = 0.1
+"""Where a step is less better than so much, in minus twice the log likelihood, or promises to be, the search ends:
+the best place is then a third of the errors away, or less."""
 
 _TRIES = 8
 
@@ -42,15 +43,23 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where the search is: what is left there, and what that costs, minus twice the log of the posterior."""
+    """Where the search is, what is left there [S, T, 6] and how it changes with each segment's own [S, T, 6, Q].
+
+    ``costs`` [S] are minus twice the log likelihood of each segment, infinite where the model leaves its range.
+    """
 
     z: Floats
     starts: Floats
     levels: Levels
     left: Floats
     slopes: Floats
-    white: Floats
-    cost: float
+    moments: Moments
+    costs: Floats
+
+    @property
+    def cost(self) -> float:
+        """Minus twice the log of the posterior."""
+        return float(self.costs.sum() + self.z @ self.z)
 
 
 def first_levels(model: Model) -> Levels:
@@ -61,28 +70,39 @@ def first_levels(model: Model) -> Levels:
 def fit(
     model: Model,
     z: Floats | None = None,
-    starts: Floats | None = None,
     levels: Levels | None = None,
     rounds: int = ROUNDS,
     progress: Progress = lambda share: None,
 ) -> Fit:
     """The most likely unknowns of a model on its segments, from ``z`` on or from the priors' middle.
 
-    Raises :class:`ModelRangeError` where the model cannot be simulated on them.
+    From the middle the way leads over segments cut into parts: the shorter they are, the less a wrong model carries
+    the ship away from what was measured, and the nearer to linear is the fit. Raises :class:`ModelRangeError` where
+    the model cannot be simulated on them.
     """
-    z = np.zeros(model.size) if z is None else z
-    begin = model.segments.start if starts is None else starts
-    now = _settled(model, _place(model, z, begin, levels or first_levels(model)))
-    damping = 1e-3
+    levels = levels or first_levels(model)
+    if z is None:
+        short = replace(model, segments=model.segments.split(PARTS))
+        z = _search(short, np.zeros(model.size), levels, rounds, part_of(progress, 0, 2), near=model.size).z
+    found = _search(model, z, levels, rounds, part_of(progress, 1, 2))
+    information, scores, _ = _normal(model, found)
+    covariance = covariance_of(information, scores)
+    return Fit(found.z, covariance, found.starts, found.levels, information, scores)
+
+
+def _search(
+    model: Model, z: Floats, levels: Levels, rounds: int, progress: Progress, near: float = _ENOUGH
+) -> _Place:
+    """The best place, or one of which the next step promises to be less than ``near`` better."""
+    now, damping, promise = _settled(model, _place(model, z, model.segments.start, levels)), 1e-3, np.inf
     for number in range(rounds):
         progress(number / rounds)
         before = now.cost
-        now, damping = _better(model, now, damping)
-        if before - now.cost < _ENOUGH:
+        now, damping, promise = _better(model, now, damping)
+        if min(promise, before - now.cost) < near:
             break
         now = _with_levels(now)
-    information, scores, _ = _normal(model, now)
-    return Fit(now.z, covariance_of(information, scores), now.starts, now.levels, information, scores)
+    return now
 
 
 def covariance_of(information: Floats, scores: Floats) -> Floats:
@@ -98,39 +118,37 @@ def covariance_of(information: Floats, scores: Floats) -> Floats:
     return np.asarray(departures.T @ departures + inverse @ inverse)
 
 
-def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float]:
-    """The place after the first step that helps, or the same place, and the damping for the next step."""
+def _better(model: Model, now: _Place, damping: float) -> tuple[_Place, float, float]:
+    """The place after the first step that helps, or the same place, the damping for the next step, and how much
+    better the best place would be if all were linear.
+    """
     information, scores, columns = _normal(model, now)
-    total, pull = information.sum(axis=0), scores.sum(axis=0) - now.z
+    total, pull = information.sum(axis=0) + np.eye(model.size), scores.sum(axis=0) - now.z
+    promise = float(pull @ np.linalg.solve(total, pull))
     for _ in range(_TRIES):
-        damped = total + np.eye(model.size) + damping * np.diag(1.0 + np.diag(total))
-        then = _moved(model, now, np.linalg.solve(damped, pull), columns)
+        damped = total + damping * np.diag(np.diag(total))
+        step = np.linalg.solve(damped, pull)
+        expected = columns @ step[model.own_unknowns][..., None]
+        then = _moved(model, now, step, expected.reshape(now.left.shape))
         if then.cost < now.cost:
-            return then, max(damping / 5.0, 1e-6)
+            return then, max(damping / 5.0, 1e-6), promise
         damping *= 8.0
-    return now, damping
+    return now, damping, promise
 
 
 def _place(model: Model, z: Floats, starts: Floats, levels: Levels) -> _Place:
     seen, slopes = model.own_slopes(z, starts)
-    left = model.segments.measured - seen
-    if not np.isfinite(slopes).all():
-        return _Place(z, starts, levels, left, slopes, slopes, np.inf)
-    return _valued(z, starts, levels, left, slopes)
-
-
-def _valued(z: Floats, starts: Floats, levels: Levels, left: Floats, slopes: Floats) -> _Place:
-    """The place with what it costs."""
-    white, determinant = whiteners(left, slopes, levels)
-    whitened = white @ np.nan_to_num(left).reshape(len(left), -1, 1)
-    cost = float((whitened**2).sum()) + determinant + float(z @ z)
-    return _Place(z, starts, levels, left, slopes, white, cost)
+    inside = np.asarray(np.isfinite(slopes).all(axis=(1, 2, 3)))
+    left, slopes = np.where(inside[:, None, None], model.segments.measured - seen, 0.0), np.nan_to_num(slopes)
+    moments = moments_of(left, slopes)
+    costs = np.where(inside, moments.explained(levels)[2], np.inf)
+    return _Place(z, starts, levels, left, slopes, moments, costs)
 
 
 def _with_levels(place: _Place) -> _Place:
     """The same place at the most likely levels."""
-    levels = estimate_levels(place.left, place.slopes, place.levels)
-    return _valued(place.z, place.starts, levels, place.left, place.slopes)
+    levels = estimate_levels(place.moments, place.levels)
+    return replace(place, levels=levels, costs=place.moments.explained(levels)[2])
 
 
 def _settled(model: Model, place: _Place, times: int = 2) -> _Place:
@@ -141,31 +159,48 @@ def _settled(model: Model, place: _Place, times: int = 2) -> _Place:
         )
     for _ in range(times):
         place = _with_levels(place)
-        place = _moved(model, place, np.zeros(model.size), np.zeros((1, 1, model.size)))
+        place = _moved(model, place, np.zeros(model.size), np.zeros_like(place.left))
     return _with_levels(place)
 
 
-def _moved(model: Model, place: _Place, step: Floats, columns: Floats) -> _Place:
-    """Where a step in the unknowns leads, the starts going with it."""
-    expected = place.left - (columns @ step).reshape(-1, *place.left.shape[1:]) if step.any() else place.left
-    own, _ = own_unknowns(expected, place.slopes, place.levels)
-    return _place(model, place.z + step, place.starts + own[:, :6] * model.start_scale, place.levels)
+def _moved(model: Model, place: _Place, step: Floats, expected: Floats) -> _Place:
+    """Where a step in the unknowns leads that should change what is reported as ``expected`` [S, T, 6], the starts
+    going with it.
+
+    Far from the truth the slopes of a segment may send its start astray: where they do it stays.
+    """
+    own, _, _ = moments_of(place.left - expected, place.slopes).explained(place.levels)
+    z = place.z + step
+    then = _place(model, z, place.starts + own[:, :6] * model.start_scale, place.levels)
+    if then.cost < place.cost:
+        return then
+    stay = _place(model, z, place.starts, place.levels)
+    starts = np.where((stay.costs < then.costs)[:, None], stay.starts, then.starts)
+    return _place(model, z, starts, place.levels)
 
 
 def _normal(model: Model, place: _Place) -> tuple[Floats, Floats, Floats]:
-    """What each segment says of the unknowns [S, P, P], where it pulls them [S, P], and the slopes [S, 6 T, P]."""
-    common, around = model.slopes(place.z, place.starts)
-    segments, kept, each = len(common), common.shape[-1], around.shape[-1]
-    columns = np.zeros((segments, place.white.shape[1], model.size))
-    columns[..., :kept] = common.reshape(segments, -1, kept)
-    for number in range(len(model.segments.names)):
-        mine = np.flatnonzero(model.segments.recording == number)
-        first = kept + number * each
-        columns[mine, :, first : first + each] = around[mine].reshape(len(mine), -1, each)
-    white = place.white @ columns
-    left = place.white @ np.nan_to_num(place.left).reshape(segments, -1, 1)
-    turned = white.transpose(0, 2, 1)
-    return turned @ white, (turned @ left)[..., 0], columns
+    """What each segment says of the unknowns [S, P, P], where it pulls them [S, P], and the slopes [S, 6 T, p] of
+    the p of them that it knows of, :attr:`Model.own_unknowns`.
+    """
+    columns = model.slopes(place.z, place.starts)
+    weight = np.isfinite(place.left) / np.sqrt(place.levels.noise)
+    C, Z, r = (_weighted(each, weight) for each in (columns, place.slopes, np.nan_to_num(place.left)))
+    turned, segments, unknown = C.transpose(0, 2, 1), len(C), model.own_unknowns
+    shared = turned @ Z
+    taken = shared @ place.moments.explained(place.levels)[1]
+    row, size = np.arange(segments)[:, None], model.size
+    information, scores = np.zeros((segments, size, size)), np.zeros((segments, size))
+    said = turned @ C - taken @ shared.transpose(0, 2, 1)
+    information[row[..., None], unknown[:, :, None], unknown[:, None, :]] = said
+    scores[row, unknown] = (turned @ r - taken @ (Z.transpose(0, 2, 1) @ r))[..., 0]
+    return information, scores, columns.reshape(C.shape)
+
+
+def _weighted(values: Floats, weight: Floats) -> Floats:
+    """Values [S, T, 6] or [S, T, 6, n] times weights [S, T, 6], as a matrix a segment [S, 6 T, n]."""
+    segments = len(values)
+    return np.asarray(values.reshape(segments, weight[0].size, -1) * weight.reshape(segments, -1, 1))
 
 
 def information_at(model: Model, z: Floats, starts: Floats, levels: Levels) -> Floats:

@@ -1,15 +1,17 @@
-"""The levels of a segment's own unknowns and of the sensors' noise, by expectation and maximisation.
+"""The levels of a segment's own unknowns and of the sensors' noise, the most likely ones.
 
 What is left of a segment at some coefficients is r = Z b + e: b are the departures of its start and the forces that
-the model lacks, e the sensors' white noise. Their variances are those under which what is left of all segments is
-the most likely (Dempster, Laird and Rubin 1977; of such mixed models Laird and Ware 1982).
+the model lacks, e the sensors' white noise, so that r has the covariance V = Z D Z' + R (of such mixed models Laird
+and Ware 1982). Nothing of V's size is ever inverted, but the Q by Q matrix that Woodbury's identity asks for.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
+from scipy.optimize import minimize
 
 from acquisition.core.arrays import Floats
 from hybrid.identification.response import PARTS
@@ -17,7 +19,6 @@ from hybrid.identification.response import PARTS
 START_VARIANCE = 1.0
 """Of a start's departure, in the squared units of :attr:`Model.start_scale`: the start is free."""
 
-_ROUNDS = 40
 _LEAST = 1e-10
 
 
@@ -36,55 +37,64 @@ class Levels:
         return np.concatenate([np.full(6, START_VARIANCE), self.forces[0], np.repeat(self.forces[1], PARTS)])
 
 
-def own_unknowns(left: Floats, slopes: Floats, levels: Levels) -> tuple[Floats, Floats]:
-    """The unknowns [S, Q] of each segment that what is ``left`` [S, T, 6] speaks for, and their covariance."""
-    squares, products = _moments(left, slopes)
-    return _solve(squares, products, levels)
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """Of what each segment and channel knows: Z'Z [S, 6, Q, Q], Z'r [S, 6, Q], r'r [S, 6] and how many [S, 6]."""
+
+    squares: Floats
+    products: Floats
+    total: Floats
+    count: Floats
+
+    def explained(self, levels: Levels) -> tuple[Floats, Floats, Floats]:
+        """The unknowns [S, Q] that the data speak for, their covariance [S, Q, Q], and minus twice the log
+        likelihood of each segment [S].
+        """
+        weight, scale = 1.0 / levels.noise, np.sqrt(levels.own)
+        information = np.einsum("scqp,c->sqp", self.squares, weight) * np.outer(scale, scale) + np.eye(len(scale))
+        factor = np.linalg.inv(np.linalg.cholesky(information)) * scale
+        covariance = factor.transpose(0, 2, 1) @ factor
+        spoken = np.einsum("scq,c->sq", self.products, weight)
+        own = (covariance @ spoken[..., None])[..., 0]
+        determinant = 2.0 * np.log(scale / np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        cost = self.total @ weight - (spoken * own).sum(axis=1) + determinant + self.count @ np.log(levels.noise)
+        return own, covariance, cost
 
 
-def estimate_levels(left: Floats, slopes: Floats, first: Levels, rounds: int = _ROUNDS) -> Levels:
-    """The most likely levels of what is ``left`` [S, T, 6], NaN where nothing was measured."""
-    levels = first
-    squares, products = _moments(left, slopes)
+def moments_of(left: Floats, slopes: Floats) -> Moments:
+    """Those of what is ``left`` [S, T, 6], NaN where nothing was measured, and its ``slopes`` [S, T, 6, Q]."""
     known = np.isfinite(left)
-    filled = np.where(known, left, 0.0)
-    count = known.sum(axis=(0, 1)).clip(min=1)
-    total = (filled**2).sum(axis=1)
-    for _ in range(rounds):
-        own, spread = _solve(squares, products, levels)
-        second = own[:, :, None] * own[:, None, :] + spread
-        rest = total - 2.0 * np.einsum("scq,sq->sc", products, own) + np.einsum("scqp,spq->sc", squares, second)
-        each = np.einsum("sqq->q", second) / len(left)
-        forces = np.stack([each[6:9], each[9:].reshape(3, PARTS).mean(axis=1)])
-        noise = np.maximum(rest.sum(axis=0) / count, _LEAST)
-        levels = Levels(noise, np.maximum(forces, _LEAST))
-    return levels
+    Z = np.ascontiguousarray(np.where(known[..., None], slopes, 0.0).transpose(0, 2, 1, 3))
+    r = np.where(known, left, 0.0).transpose(0, 2, 1)
+    turned = Z.transpose(0, 1, 3, 2)
+    return Moments(turned @ Z, (turned @ r[..., None])[..., 0], (r**2).sum(axis=2), known.sum(axis=1))
 
 
-def _moments(left: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Z'Z [S, 6, Q, Q] and Z'r [S, 6, Q] of each segment and channel, of what is known."""
-    known = np.isfinite(left)[..., None]
-    Z, r = np.where(known, slopes, 0.0), np.nan_to_num(left)
-    Z = np.ascontiguousarray(Z.transpose(0, 2, 1, 3))
-    return Z.transpose(0, 1, 3, 2) @ Z, (Z.transpose(0, 1, 3, 2) @ r.transpose(0, 2, 1)[..., None])[..., 0]
+def estimate_levels(moments: Moments, first: Levels) -> Levels:
+    """The levels under which what is left of all segments is the most likely.
 
-
-def _solve(squares: Floats, products: Floats, levels: Levels) -> tuple[Floats, Floats]:
-    weight = 1.0 / levels.noise
-    information = np.einsum("scqp,c->sqp", squares, weight) + np.diag(1.0 / levels.own)
-    covariance = np.linalg.inv(information)
-    return np.einsum("sqp,scp,c->sq", covariance, products, weight), covariance
-
-
-def whiteners(left: Floats, slopes: Floats, levels: Levels) -> tuple[Floats, float]:
-    """What turns what is left of each segment into white noise, [S, 6 T, 6 T], and the log determinant of all
-    covariances; what is not known is nought.
+    L-BFGS on the logarithms of the variances. Expectation and maximisation have the same slopes and creep where a
+    level goes to nought.
     """
-    segments, times, channels = left.shape
-    known = np.isfinite(left).reshape(segments, -1)
-    deviation = np.sqrt(np.tile(levels.noise, times))
-    scale = np.where(known, 1.0 / deviation, 0.0)
-    G = slopes.reshape(segments, times * channels, -1) * np.sqrt(levels.own) * scale[..., None]
-    factor = np.linalg.cholesky(G @ G.transpose(0, 2, 1) + np.eye(times * channels))
-    diagonal = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum() + (known * np.log(deviation)).sum()
-    return np.linalg.inv(factor) * scale[:, None, :], 2.0 * float(diagonal)
+    least = [(log(_LEAST), None)] * (first.noise.size + first.forces.size)
+    found = minimize(
+        _cost, np.log(np.append(first.noise, first.forces)), moments, jac=True, method="L-BFGS-B", bounds=least
+    )
+    return _levels(found.x)
+
+
+def _levels(logs: Floats) -> Levels:
+    return Levels(np.exp(logs[:6]), np.exp(logs[6:]).reshape(2, 3))
+
+
+def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
+    """Minus twice the log likelihood of levels by their logarithms [12], and its slopes (Fisher's identity)."""
+    levels = _levels(logs)
+    own, covariance, cost = moments.explained(levels)
+    second = own[:, :, None] * own[:, None, :] + covariance
+    rest = moments.total - 2.0 * np.einsum("scq,sq->sc", moments.products, own)
+    rest += np.einsum("scqp,spq->sc", moments.squares, second)
+    share = 1.0 - np.einsum("sqq->sq", second) / levels.own
+    by_noise = moments.count - rest / levels.noise
+    parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
+    return float(cost.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)

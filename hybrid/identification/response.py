@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Floats, Ints
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import Coefficient, values_at, with_values
-from hybrid.identification.segments import EVERY, Segments
+from hybrid.identification.segments import Segments
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, pack
 from hybrid.vessel.sensors import measure
@@ -26,10 +26,11 @@ PARTS = 5
 
 FORCES = ("constant_X_n", "constant_Y_n", "constant_N_nm")
 CURRENT_SHARE, WIND_SHARE, WIND_RAD = 0.05, 0.15, 0.15
-HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_SHARE = 0.01, 0.01, 0.01, 0.02, 0.02
+HEADING_RAD, SPEED_SHARE, SWAY_SHARE, ANTENNA_LENGTHS, DELAY_S = 0.01, 0.01, 0.01, 0.02, 0.5
 """Before any data: a current in shares of the ship's speed, the wind sensor's factor and direction, the heading's
 bias, the speeds' factor, the sway's bias in shares of the speed, the antenna's place in ship lengths, and how late
-controls and positions are recorded in shares of the time that a ship length takes."""
+controls and positions are recorded: a matter of instruments and buses, on a model as on a ship, and as ordinary as
+in the catalogue of effects."""
 
 Variant = tuple[Plant, Floats, Floats]
 """A plant, the surroundings of each recording, the starts."""
@@ -50,11 +51,10 @@ class Surrounding:
 def surroundings_of(plant: Plant, speed_mps: float) -> tuple[Surrounding, ...]:
     """The unknowns of every recording of a ship at her usual speed; those of the sensors last."""
     length_m = plant.length_between_perpendiculars_m
-    late_s = DELAY_SHARE * length_m / speed_mps
     widths = {
         "current_north_mps": CURRENT_SHARE * speed_mps, "current_east_mps": CURRENT_SHARE * speed_mps,
-        "wind_speed_factor": WIND_SHARE, "wind_direction_bias_rad": WIND_RAD, "command_delay_s": late_s,
-        "heading_bias_rad": HEADING_RAD, "position_delay_s": late_s,
+        "wind_speed_factor": WIND_SHARE, "wind_direction_bias_rad": WIND_RAD, "command_delay_s": DELAY_S,
+        "heading_bias_rad": HEADING_RAD, "position_delay_s": DELAY_S,
         "speed_scale": SPEED_SHARE, "sway_bias_mps": SWAY_SHARE * speed_mps,
         "antenna_forward_m": ANTENNA_LENGTHS * length_m, "antenna_starboard_m": ANTENNA_LENGTHS * length_m,
     }  # fmt: skip
@@ -83,6 +83,13 @@ class Model:
         """The number of unknowns in z."""
         return len(self.coefficients) + len(self.segments.names) * len(self.surroundings)
 
+    @property
+    def own_unknowns(self) -> Ints:
+        """Which of the unknowns each segment knows of [S, coefficients + surroundings]."""
+        kept, each = len(self.coefficients), len(self.surroundings)
+        around = kept + self.segments.recording[:, None] * each + np.arange(each)
+        return np.concatenate([np.tile(np.arange(kept), (len(around), 1)), around], axis=1)
+
     def plant(self, z: Floats) -> Plant:
         """The plant at the coefficients of ``z``; wider in its range, as a search needs."""
         plant = vessel_plant(with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)])))
@@ -103,9 +110,9 @@ class Model:
         around = self.around(z)
         return self._seen(self._run([(self.plant(z), around, start)])[0], around)
 
-    def slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
-        """How what is reported changes with each coefficient, [S, T, 6, coefficients], and with each surrounding
-        of the segment's own recording, [S, T, 6, surroundings].
+    def slopes(self, z: Floats, start: Floats) -> Floats:
+        """How what is reported changes with each coefficient and with each surrounding of the segment's own
+        recording, [S, T, 6, coefficients + surroundings].
         """
         plant, around = self.plant(z), self.around(z)
         moved = [z + _DIFFERENCE * row for row in np.eye(len(z))[: len(self.coefficients)]]
@@ -116,7 +123,7 @@ class Model:
         seen = self._seen(still, around)
         settings = [around] * len(moved) + others
         columns = [(self._seen(each, own) - seen) / _DIFFERENCE for each, own in zip(states, settings, strict=True)]
-        return np.stack(columns[: len(moved)], axis=-1), np.stack(columns[len(moved) :], axis=-1)
+        return np.stack(columns, axis=-1)
 
     def own_slopes(self, z: Floats, start: Floats) -> tuple[Floats, Floats]:
         """What is reported [S, T, 6], and how it changes with what is a segment's own: [S, T, 6, 6 + 3 + 3 PARTS].
@@ -145,7 +152,7 @@ class Model:
             first = part * steps // PARTS
             moved = self._run([(each, around, still[:, first]) for each in pushed], first)
             onset[:, first:, :, :, part] = (np.moveaxis(moved, 0, -1) - still[:, first:, :, None]) / _DIFFERENCE
-        return np.asarray((onset[..., :-1] - onset[..., 1:])[:, :-1:EVERY])
+        return np.asarray((onset[..., :-1] - onset[..., 1:])[:, : -1 : self.segments.every])
 
     @property
     def start_scale(self) -> Floats:
@@ -170,13 +177,13 @@ class Model:
 
     def _seen(self, states: Floats, around: Floats) -> Floats:
         """What is reported of states [S, K+1, 6] at the times of comparison [S, T, 6]."""
-        sparse = states[:, :-1:EVERY]
+        sparse = states[:, : -1 : self.segments.every]
         seen = np.empty_like(sparse)
         names = [each.name for each in self.surroundings[SIMULATED:]]
         for number, own in enumerate(around):
             mine = self.segments.recording == number
             sensors = self.sensors.replaced(**dict(zip(names, own[SIMULATED:].tolist(), strict=True)))
-            seen[mine] = measure(sparse[mine], sensors, EVERY * self.segments.dt_s)
+            seen[mine] = measure(sparse[mine], sensors, self.segments.every * self.segments.dt_s)
         return seen
 
 

@@ -18,7 +18,7 @@ from acquisition.core.channels import ENVIRONMENT
 from acquisition.core.errors import DataShortageError
 from analysis.estimation.local_polynomial import half_width_for, smooth_motion
 from analysis.tables.resample import rate_fraction, resample
-from analysis.tables.table import table_actuators
+from analysis.tables.table import seconds_of, table_actuators
 from hybrid.prediction.prediction_windows import mean_controls
 from hybrid.vessel.channels import check_ship, controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
@@ -27,8 +27,12 @@ LENGTHS = 3.0
 """A segment's duration, in ship lengths at her usual speed."""
 
 SHORTEST_S, LONGEST_S = 15.0, 240.0
-STEPS, EVERY = 120, 4
-"""Steps of a segment's controls, and every how many steps the motion is compared."""
+COMPARED = 30
+"""How many times in a segment the motion is compared."""
+
+LEAST_EVERY, MOST_EVERY = 3, 8
+"""Steps of the controls from one such time to the next. As far as these allow a step is as long as the interval
+of the records or a whole part of that: between them a rudder that moves is not where a straight line has it."""
 
 MOST = 400
 """So many segments are enough: of longer recordings every second one, every third one ... is taken."""
@@ -41,13 +45,13 @@ _LEAST = 4
 class Segments:
     """S segments of K steps of ``dt_s``, compared at T times.
 
-    ``measured`` [S, T, 6] as reported, NaN where nothing was; ``start`` [S, 6] a first guess of the state;
+    ``measured`` [S, T, 6] as reported, NaN where nothing was; ``motion`` [S, T, 6] a first guess of the states;
     ``controls`` [S, K, controls] and ``wind`` [S, K, 2] in SI; ``recording`` [S] counts the recordings, called
     ``names``; ``speed_mps`` is the ship's usual one. ``left_out`` counts candidates that lack data.
     """
 
     measured: Floats
-    start: Floats
+    motion: Floats
     controls: Floats
     wind: Floats
     recording: Ints
@@ -60,6 +64,16 @@ class Segments:
         return len(self.measured)
 
     @property
+    def start(self) -> Floats:
+        """A first guess of the states [S, 6] at the start."""
+        return self.motion[:, 0]
+
+    @property
+    def every(self) -> int:
+        """The steps from one time of comparison to the next."""
+        return int(self.controls.shape[1] // self.measured.shape[1])
+
+    @property
     def duration_s(self) -> float:
         """How long a segment is [s]."""
         return float(self.controls.shape[1] * self.dt_s)
@@ -69,8 +83,21 @@ class Segments:
         rows = {name: getattr(self, name)[chosen] for name in _ROWS}
         return replace(self, **rows)
 
+    def split(self, parts: int) -> Segments:
+        """Segments of so many parts of the duration."""
+        measured, motion, controls, wind = (_in_parts(getattr(self, name), parts) for name in _ROWS[:-1])
+        return replace(
+            self, measured=measured, motion=motion, controls=controls, wind=wind,
+            recording=np.repeat(self.recording, parts),
+        )  # fmt: skip
 
-_ROWS = ("measured", "start", "controls", "wind", "recording")
+
+_ROWS = ("measured", "motion", "controls", "wind", "recording")
+
+
+def _in_parts(rows: Floats, parts: int) -> Floats:
+    """Rows [S, n, ...] as [S parts, n / parts, ...]."""
+    return rows.reshape(len(rows) * parts, rows.shape[1] // parts, *rows.shape[2:])
 
 
 def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: float | None = None) -> Segments:
@@ -82,12 +109,12 @@ def segments_of(tables: Mapping[str, pd.DataFrame], plant: Plant, duration_s: fl
     speed = _usual_speed(tables)
     length_m = plant.length_between_perpendiculars_m
     lasting = duration_s or float(np.clip(LENGTHS * length_m / max(speed, 1e-3), SHORTEST_S, LONGEST_S))
-    dt_s = float(1 / rate_fraction(STEPS / lasting))
-    parts = [_cut(resample(table, 1.0 / dt_s), plant, dt_s) for table in tables.values()]
+    dt_s, every = _steps(lasting, tables)
+    parts = [_cut(resample(table, 1.0 / dt_s), plant, every) for table in tables.values()]
     number = [len(part[0]) for part in parts]
-    measured, start, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
+    measured, motion, controls, wind = (np.concatenate([part[column] for part in parts]) for column in range(4))
     whole = Segments(
-        measured, start, controls, wind,
+        measured, motion, controls, wind,
         recording=np.repeat(np.arange(len(parts)), number),
         names=tuple(tables), dt_s=dt_s, speed_mps=speed, left_out=sum(int(part[4]) for part in parts),
     )  # fmt: skip
@@ -108,19 +135,29 @@ def _usual_speed(tables: Mapping[str, pd.DataFrame]) -> float:
     return float(np.median(speed[speed >= _MOVING_SHARE * np.percentile(speed, 99.0)]))
 
 
-def _cut(table: pd.DataFrame, plant: Plant, dt_s: float) -> tuple[Floats, Floats, Floats, Floats, int]:
-    """Measured, start, controls and wind of the whole segments of one table, and how many lack data."""
+def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float, int]:
+    """The length of a step [s], and how many of them lie from one time of comparison to the next."""
+    records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
+    interval_s = float(np.median(np.concatenate(records)))
+    longest, shortest = (lasting_s / COMPARED / every for every in (LEAST_EVERY, MOST_EVERY))
+    dt_s = max(interval_s / np.ceil(interval_s / longest), shortest)
+    return float(1 / rate_fraction(1.0 / dt_s)), max(round(lasting_s / COMPARED / dt_s), LEAST_EVERY)
+
+
+def _cut(table: pd.DataFrame, plant: Plant, every: int) -> tuple[Floats, Floats, Floats, Floats, int]:
+    """Measured, motion, controls and wind of the whole segments of one table, and how many lack data."""
     check_ship(table_actuators(table), plant)
     calm = {name: 0.0 for name in ENVIRONMENT if name not in table}
     measured, controls = states_of(table), controls_of(table, plant.layout)
     wind = wind_of(table.assign(**calm))
-    start = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
-    start[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - start[:, 2]) / (2.0 * np.pi))
-    count = max(0, len(table) - 1) // STEPS
-    rows = np.arange(count * STEPS).reshape(count, STEPS)
+    motion = states_of(smooth_motion(table, half_width_for(plant.length_overall_m)))
+    motion[:, 2] += 2.0 * np.pi * np.round((measured[:, 2] - motion[:, 2]) / (2.0 * np.pi))
+    steps = COMPARED * every
+    count = max(0, len(table) - 1) // steps
+    rows = np.arange(count * steps).reshape(count, steps)
     ends = np.append(rows, rows[:, -1:] + 1, axis=1)
     known = np.isfinite(np.column_stack([controls, wind]))[ends].all(axis=(1, 2))
-    known &= np.isfinite(start[rows[:, 0]]).all(axis=1)
+    known &= np.isfinite(motion[rows[:, ::every]]).all(axis=(1, 2))
     rows, ends = rows[known], ends[known]
-    acting = mean_controls(controls[ends], plant.layout)
-    return measured[rows[:, ::EVERY]], start[rows[:, 0]], acting, wind[rows], int((~known).sum())
+    acting, compared = mean_controls(controls[ends], plant.layout), rows[:, ::every]
+    return measured[compared], motion[compared], acting, wind[rows], int((~known).sum())

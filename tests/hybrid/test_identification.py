@@ -12,8 +12,11 @@ import pytest
 import seatrial as st
 from acquisition.core.actuators import as_text
 from acquisition.core.errors import InputError
+from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import coefficients_of, values_at, with_values
 from hybrid.identification.identify import Identification, identify_tables
+from hybrid.identification.response import PARTS, model_of
+from hybrid.identification.segments import segments_of
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import Noise, simulate_trial
 from hybrid.vessel.channels import as_table
@@ -107,3 +110,31 @@ def test_the_script_and_the_file_agree(start: Vessel, tmp_path: Path) -> None:
     scores = result.validation.scores
     assert scores["identified"].mean_distance_m < scores["constant_velocity"].mean_distance_m
     assert st.load_vessel(tmp_path / "new.toml").hull == result.vessel.hull
+
+
+@pytest.fixture(scope="module")
+def record(start: Vessel) -> pd.DataFrame:
+    return simulate_trial(start, WIND, "zigzag_20_20", 200.0, 5.0, noise=Noise().scaled(0.0))[0]
+
+
+def test_segments_are_compared_where_the_record_has_rows(record: pd.DataFrame, start: Vessel) -> None:
+    segments = segments_of({"zigzag": record}, vessel_plant(start))
+    every = segments.every * segments.dt_s / 0.2  # in rows of the record
+    assert every == pytest.approx(round(every))
+    compared = record["surge_mps"].to_numpy()[:: round(every)][: segments.measured[..., 0].size]
+    assert segments.measured[..., 3].ravel() == pytest.approx(compared, abs=1e-12)
+    parts = segments.split(PARTS)
+    assert len(parts) == PARTS * len(segments)
+    assert parts.duration_s == pytest.approx(segments.duration_s / PARTS)
+    assert np.array_equal(parts.start[0::PARTS], segments.start)
+    assert np.array_equal(parts.controls.reshape(segments.controls.shape), segments.controls)
+
+
+def test_the_true_ship_leaves_nothing_of_a_record_without_noise(record: pd.DataFrame, start: Vessel) -> None:
+    model = model_of(start, coefficients_of(start), segments_of({"zigzag": record}, vessel_plant(start)))
+    z = np.zeros(model.size)
+    # the record shows the drives half a step of the simulation, 0.05 s, before they act
+    late = [each.name for each in model.surroundings].index("command_delay_s")
+    z[len(model.coefficients) + late] = -0.05 / model.surroundings[late].width
+    left = model.segments.measured - model.reported(z, model.segments.measured[:, 0])
+    assert np.abs(left).max() < 0.005
