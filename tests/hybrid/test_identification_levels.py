@@ -36,7 +36,7 @@ def test_the_cost_is_that_of_the_whole_covariance() -> None:
 
 
 def test_levels_are_those_that_the_data_were_drawn_with() -> None:
-    left, slopes = drawn(400, 10)
+    left, slopes = drawn(300, 20)
     found = estimate_levels(moments_of(left, slopes), Levels(np.full(6, 1e-2), np.full((2, 3), 1e-3)))
     assert np.sqrt(found.noise) == pytest.approx(np.sqrt(TRUE.noise), rel=0.05)
     assert np.sqrt(found.forces) == pytest.approx(np.sqrt(TRUE.forces), rel=0.2)
