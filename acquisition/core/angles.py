@@ -8,8 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from acquisition.core.arrays import Floats
+from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import BY_NAME, is_circular
+
+_LEAST_STAY = 5
 
 
 def wrap_360(angle_deg: ArrayLike) -> Floats:
@@ -28,6 +30,28 @@ def in_turn(name: str, values: ArrayLike) -> Floats:
     if not is_circular(name):
         return np.asarray(values, dtype=float)
     return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
+
+
+def are_angles(values: Floats) -> Bools:
+    """Which of a series of angles [deg] are measured ones and not codes for no value, in whatever turn: [n].
+
+    They are where a part of them, between steps of half a turn and more, has more than two values.
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    steps = np.abs(np.diff(values[there])) >= 180.0
+    result = np.zeros(values.size, np.bool_)
+    for part in np.split(there, np.flatnonzero(steps) + 1):
+        result[part] = np.unique(values[part]).size > 2
+    return result
+
+
+def counted_on(values: Floats, outside: Bools) -> bool:
+    """Whether the values of a series of angles [deg] that are ``outside`` a turn are angles counted on beyond it.
+
+    A series that runs on is out there for a while; strays and codes for no value come one by one.
+    """
+    entries = int(np.sum(np.diff(outside.astype(np.int8), prepend=0) == 1))
+    return bool(are_angles(values)[outside].all()) and int(outside.sum()) >= _LEAST_STAY * max(entries, 1)
 
 
 def difference(to_deg: ArrayLike, from_deg: ArrayLike) -> Floats:

@@ -24,8 +24,8 @@ from pydantic.dataclasses import dataclass
 from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
 from acquisition.config.toml_file import line_of, load_toml, read_text
 from acquisition.core.actuators import DEFAULT, Actuator, Actuators, check_actuators
-from acquisition.core.angles import in_turn, wrap_360
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.angles import are_angles, in_turn, wrap_360
+from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit, find_channel
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.units import scale_to
@@ -221,7 +221,7 @@ def factor(name: str, column: Column) -> float:
     return column.scale * (scale_to(house, column.unit) if column.unit else 1.0)
 
 
-_MOST_TURNS_DEG = 720.0  # an angle beyond this is a sentinel or a fault, and stays what it is to be flagged
+_MOST_TURNS_DEG = 720.0  # an angle beyond this that does not go on from others is a sentinel or a fault, and stays
 
 
 @dataclasses.dataclass(slots=True)
@@ -300,22 +300,7 @@ def _start_in_name(raw: RawTable, time: TimeColumn) -> str:
 
 def _turned_back(name: str, values: Floats) -> Floats:
     """Angles that a unit, sign or offset took out of their channel's turn, or that run on, come back into it."""
-    return np.where((np.abs(values) <= _MOST_TURNS_DEG) | _runs_on(values), in_turn(name, values), values)
-
-
-def _runs_on(values: Floats) -> Bools:
-    """Where angles [deg] that are counted on beyond a turn are measured ones, not sentinels.
-
-    A column is counted on where one of its parts, between steps of half a turn and more, spans over a turn. A
-    sentinel is such a part of no more than two values.
-    """
-    there = np.flatnonzero(np.isfinite(values))
-    steps = np.abs(np.diff(values[there])) >= 180.0
-    parts = np.split(there, np.flatnonzero(steps) + 1)
-    result = np.zeros(values.size, np.bool_)
-    if any(np.ptp(values[part]) > 360.0 for part in parts if part.size):
-        result[np.concatenate([part for part in parts if np.unique(values[part]).size > 2])] = True
-    return result
+    return np.where((np.abs(values) <= _MOST_TURNS_DEG) | are_angles(values), in_turn(name, values), values)
 
 
 def _add_position(result: TableFile, columns: ColumnMap, asked: _Asked) -> None:

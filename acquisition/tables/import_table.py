@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.config.vessel_file import load_actuators, name_of_ship, vessel_of_ship
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
+from acquisition.core.angles import counted_on, in_turn
+from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
@@ -194,8 +196,15 @@ def _standard(raw: RawTable, ignore_unknown: bool, ship: Actuators | None) -> Ta
             fix=f"rename them, map them with --columns MAP.toml, or say --ignore-unknown{ships}",
         )
     names = [name for name in channels if name in given]
-    table = pd.DataFrame({name: parse_numbers(raw, name) for name in names}, index=parse_times(raw, "time"))
+    columns = {name: _in_its_turn(name, parse_numbers(raw, name)) for name in names}
+    table = pd.DataFrame(columns, index=parse_times(raw, "time"))
     return _for_ship(TableFile(table, raw.trial, dict.fromkeys(names, "table"), unknown), ship, raw)
+
+
+def _in_its_turn(name: str, values: Floats) -> Floats:
+    """Angles that are counted on beyond their channel's turn come back into it; all else stays to be flagged."""
+    outside = np.isfinite(values) & (np.abs(values) > 360.0)
+    return in_turn(name, values) if outside.any() and counted_on(values, outside) else values
 
 
 def _for_ship(file: TableFile, ship: Actuators, raw: RawTable) -> TableFile:

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
+from acquisition.core.angles import counted_on
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
@@ -67,14 +68,16 @@ def flag_out_of_range(samples: Series, channel: Channel) -> Flags:
 
 
 def is_other_convention(samples: Series, channel: Channel) -> bool:
-    """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back.
+    """Whether an angle's impossible values are those of the other convention, 0..360 for -180..180 or back, or are
+    counted on beyond the turn.
 
     They are if all of them lie in that convention's turn and no possible one contradicts it, so that the two
     halves make one turn; three different values at least, or a code for no value would pass. The closed end of
     the channel's own turn, like a heading of 360, is always the same angle.
     """
     values = samples.value[~np.isnan(samples.value)]
-    outside = values[~is_possible(channel.name, values)]
+    impossible = ~is_possible(channel.name, values)
+    outside = values[impossible]
     if not channel.circular or not outside.size:
         return False
     closed = -180.0 if channel.low < 0.0 else 360.0
@@ -84,7 +87,7 @@ def is_other_convention(samples: Series, channel: Channel) -> bool:
     if (outside == closed).all():
         return True
     whole_turn = bool((other | (outside == closed)).all()) and not contradicting.any()
-    return whole_turn and np.unique(outside).size >= 3
+    return (whole_turn and np.unique(outside).size >= 3) or counted_on(values, impossible)
 
 
 def find_duplicates(samples: Series) -> Bools:

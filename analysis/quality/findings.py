@@ -227,12 +227,12 @@ def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
 
 
 def other_convention_finding(finding: Finding) -> Finding:
-    """A finding of impossible angles that are those of the other convention; that makes their repair certain."""
+    """A finding of impossible angles that are counted in another turn; that makes their repair certain."""
     low = BY_NAME[finding.channel].low
-    theirs, ours = ("0..360", "-180..180") if low < 0.0 else ("-180..180", "0..360")
+    ours = "-180..180" if low < 0.0 else "0..360"
     count = finding.estimate["count"]
     text = (
-        f"{finding.channel} counts {theirs} where the convention is {ours}: {count:,.0f} "
+        f"{finding.channel} counts otherwise than {ours}, which is the convention: {count:,.0f} "
         f"{'sample lies' if count == 1 else 'samples lie'} beyond, the first at {finding.start:%H:%M:%S}"
     )
     remedy = "`--repair` turns them into it; give the convention to what imports or decodes them"

@@ -118,6 +118,12 @@ def test_impossible_values_are_kept_and_flagged(tmp_path: Path) -> None:
     assert summary.samples == 5 * 13 - 2
 
 
+def test_a_heading_that_runs_on_is_wrapped_without_a_map_too(tmp_path: Path) -> None:
+    heading = np.array([715.0, 719.0, 723.0, 727.0, 731.0])
+    import_table(csv(tmp_path, standard(heading_deg=heading)), tmp_path / "out.mcap")
+    assert read_recording(tmp_path / "out.mcap").series["heading_deg"].value == pytest.approx(heading % 360.0)
+
+
 @given(st.sampled_from(list(BY_NAME)), st.floats(allow_nan=False, allow_infinity=False))
 def test_flags_agree_with_the_channels_range(name: str, value: float) -> None:
     flag = quality_flags(pd.DataFrame({name: [value]}))[name][0]

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from acquisition.core.arrays import Floats
 from acquisition.core.frames import Quality
 from analysis.quality.check import check_table
 from analysis.quality.motion.checks import check_motion
@@ -116,6 +115,10 @@ def test_headings_in_whole_degrees_are_fitted(rate_hz: float, turning: float) ->
 @pytest.mark.parametrize("turns", [-3.0, 2.0, 5.0])
 def test_a_heading_that_runs_on_is_wrapped(turns: float) -> None:
     table = sailed(duration_s=400.0)
-    on = np.asarray(table["heading_deg"] + 360.0 * turns, dtype=float)
-    running: Floats = np.asarray(fit_kinematics(table.assign(heading_deg=on)).parameters)
-    assert running == pytest.approx(np.asarray(fit_kinematics(table).parameters), abs=1e-9)
+    on = table.assign(heading_deg=np.rad2deg(np.unwrap(np.deg2rad(table["heading_deg"]))) + 360.0 * turns)
+    parameters = fit_kinematics(on).parameters
+    assert parameters == pytest.approx(np.asarray(fit_kinematics(table).parameters), abs=1e-9)
+    quality = check_table(on)
+    assert [each.code for each in quality.findings] == ["out_of_range"]
+    repaired = repair(on, quality.findings, quality.flags).table["heading_deg"]
+    assert repaired.to_numpy() == pytest.approx(table["heading_deg"].to_numpy())
