@@ -7,10 +7,10 @@ command calls; it returns a table or a result that prints and plots itself.
 
     table = st.prepare("trial.mcap", rate_hz=1.0)
     print(st.check("trial.mcap"))
-    calibrator = st.train("earlier.mcap", vessel="gunnerus_short")
+    calibrator = st.train("earlier.mcap")
     print(st.validate("trial.mcap", calibrator))
     prediction = st.predict("trial.mcap", at="+60", calibrator=calibrator)
-    diagnosis = st.diagnose("trial.mcap", vessel="gunnerus_short")
+    diagnosis = st.diagnose("trial.mcap")
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def diagnose(
 
     from hybrid.report.diagnosis_words import summary
 
-    typer.echo(diagnosis.provenance.get("model", f"model: {ship.name}"))
+    typer.echo(diagnosed.model)
     Console().print(summary(diagnosis, diagnosed.extras.ladder))
     typer.echo(str(page))
 

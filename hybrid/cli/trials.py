@@ -44,6 +44,7 @@ def demo(
         )
     from rich.console import Console
 
+    typer.echo(done.validation.model, err=True)
     Console(stderr=True).print(done.validation)
     reduction = done.validation.reduction or 0.0
     typer.echo(

@@ -14,7 +14,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acquisition.config.configuration import load_config
@@ -40,6 +40,7 @@ from hybrid.report.folder import Choices, folder_report
 from hybrid.report.words import plain
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
+from hybrid.vessel.reference import reference_model, trials_of
 from hybrid.workflows.diagnose import diagnose_files, write_diagnosis
 
 Say = Callable[[str], None]
@@ -88,7 +89,8 @@ def demonstrate(folder: Path, seed: int, say: Say, progress: Callable[[str], Pro
     say("6  validate it on the recorded voyage, which it has not seen")
     dataset = load_dataset([recording_path], HORIZON_S, STRIDE_S)
     refuse_training_data(dataset.sources, trained)
-    validation = validate(dataset, vessel_plant(load_vessel(MODEL)), trained)
+    model = reference_model(trials_of([recording_path]), MODEL)
+    validation = replace(validate(dataset, vessel_plant(model.vessel), trained), model=model.said)
     say("7  diagnose what the model of the ship before lacks")
     diagnosis = diagnose_recording(recording_path, folder, progress("diagnosing"))
     for effect in diagnosis.effects:

@@ -37,8 +37,14 @@ class DiagnosisRun:
     conclusion: Conclusion
     extras: Extras
 
+    @property
+    def model(self) -> str:
+        """Which model was diagnosed, and whether it is that of the ship which the recordings name."""
+        known = self.diagnosis.provenance
+        return str(known.get("model", f"model: {known.get('vessel', 'of tables')}"))
+
     def __str__(self) -> str:
-        return str(self.diagnosis)
+        return f"{self.model}\n{self.diagnosis}"
 
     def plot(self) -> Figure:
         """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
