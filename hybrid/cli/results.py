@@ -82,6 +82,9 @@ def diagnose(
     from hybrid.report.diagnosis_words import summary
 
     typer.echo(diagnosed.model)
+    for name in ("left_out", "wind"):
+        if name in diagnosis.provenance:
+            typer.echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")
     Console().print(summary(diagnosis, diagnosed.extras.ladder))
     typer.echo(str(page))
 

@@ -241,10 +241,12 @@ def _largest_levels(linear: LinearModel, data: Columns) -> Floats:
     """The logarithm of the largest level that each sensor can have: noise would show in its third differences.
 
     Half of them lie below what is given here whatever the ship does; so jumps and jitter do not pass for noise.
+    Differences are of the seconds that have a reading, which at 0.5 Hz is every other one.
     """
     value = data.readings[:, :, 0] + linear.origin
-    third = np.abs(np.diff(value, 3, axis=0)) / np.sqrt(20.0)
-    level = 1.4826 * np.nanmedian(third, axis=0)
+    read = (column[np.isfinite(column)] for column in value.T)
+    third = (np.abs(np.diff(column, 3)) / np.sqrt(20.0) for column in read)
+    level = np.array([1.4826 * np.median(each) if each.size else 0.0 for each in third])
     level[0] = max(level[:2])
     return np.asarray(np.log(_ROOM * np.maximum(level[[0, 2, 3, 4, 5]], np.exp(_LEAST))))
 

@@ -105,12 +105,15 @@ _ARRAYS = ("measured", "weight", "nominal", "controls", "wind", "time_s", "block
 def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     """The log of raw tables of one ship's channels, at any rate and with NaN where a channel has no sample.
 
-    Wind that was not recorded counts as none. Raises :class:`InputError` for a table without motion or thrusters,
-    :class:`DataShortageError` where no stretch is long enough.
+    Wind that was not recorded counts as none; tables that name the same recording are parts of one. Raises
+    :class:`InputError` for a table without motion or thrusters, :class:`DataShortageError` where no stretch is long
+    enough.
     """
     parts = [_one(table) for table in tables]
     first_block, first_leg, joined = 0, 0, list[Log]()
-    for number, part in enumerate(parts):
+    whose = [table.attrs.get("recording", str(number)) for number, table in enumerate(tables)]
+    recordings = list(dict.fromkeys(whose))
+    for number, part in zip(map(recordings.index, whose), parts, strict=True):
         if not len(part):
             continue
         moved = {"block": part.block + first_block, "leg": part.leg + first_leg}

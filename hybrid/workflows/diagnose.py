@@ -12,18 +12,19 @@ import pandas as pd
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
-from analysis.prepare import Preparation, prepare
-from analysis.tables.table import refuse_duplicates, select
+from analysis.tables.table import refuse_duplicates
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.result import Diagnosis, Extras
 from hybrid.diagnosis.serialisation import write_figure_data
 from hybrid.diagnosis.verdict import Conclusion
-from hybrid.effects import CATALOGUE, Catalogue
+from hybrid.effects import Catalogue
+from hybrid.effects.catalogue import catalogue_of
 from hybrid.report.diagnosis_sentences import describe
 from hybrid.report.diagnosis_words import write_report
 from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.reference import reference_model, trials_of
+from hybrid.workflows.checked import checked_tables, without_wind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,13 +58,19 @@ def diagnose_tables(
     tables: Sequence[pd.DataFrame],
     vessel: Vessel,
     tolerance: float = TOLERANCE,
-    catalogue: Catalogue = CATALOGUE,
+    catalogue: Catalogue | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: Progress = lambda share: None,
 ) -> DiagnosisRun:
-    """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`."""
-    conclusion = diagnose(tables, vessel, tolerance, catalogue, progress)
-    diagnosis, extras = describe(conclusion, provenance)
+    """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
+
+    The catalogue is the vessel's unless another is given; where no wind was recorded, without effects of the wind.
+    """
+    every = catalogue_of(vessel) if catalogue is None else catalogue
+    known = without_wind(every, tables)
+    said = {} if len(known) == len(every) else {"wind": "not recorded: its effects were not looked for"}
+    conclusion = diagnose(tables, vessel, tolerance, known, progress)
+    diagnosis, extras = describe(conclusion, {**(provenance or {}), **said})
     return DiagnosisRun(diagnosis, conclusion, extras)
 
 
@@ -80,16 +87,19 @@ def diagnose_files(
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
+    Each is checked before: it is parted where its positions jump, and what stood still is left out.
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
     What a repair puts right is not diagnosed any more.
     """
     hashes = refuse_duplicates(files)
     said = reference_model(trials_of(files), vessel).said
-    how = Preparation(repair=repair)
-    tables: list[pd.DataFrame] = []
+    tables, left_out = list[pd.DataFrame](), list[str]()
     for number, file in enumerate(files):
-        table = prepare(read_recording(file), how, rebuild_positions=rebuild_positions)
-        tables.append(select(table, part_percent))
+        found = checked_tables(
+            read_recording(file), part_percent, repaired=repair, rebuild_positions=rebuild_positions
+        )
+        tables += found.tables
+        left_out += [f"{Path(file).name}: {each}" for each in found.remarks]
         progress(0.1 * (number + 1) / len(files))
     provenance = {
         "software_version": software_version(),
@@ -100,6 +110,7 @@ def diagnose_files(
         "repair": repair,
         "rebuild_positions": rebuild_positions,
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
+        **({"left_out": "; ".join(left_out)} if left_out else {}),
     }
     return diagnose_tables(
         tables, vessel, tolerance, catalogue, provenance, lambda share: progress(0.1 + 0.9 * share)

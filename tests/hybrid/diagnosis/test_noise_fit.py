@@ -11,8 +11,12 @@ from scipy.stats import chi2
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.disturbance_model import Columns, Noise, whiten
-from hybrid.diagnosis.estimate_noise import fit_noise, start_of_drift
-from hybrid.diagnosis.linearise import LinearModel
+from hybrid.diagnosis.estimate_noise import estimate_noise, fit_noise, start_of_drift
+from hybrid.diagnosis.linearise import LinearModel, linearise, model_of
+from hybrid.diagnosis.log import log_of
+from hybrid.effects import CATALOGUE
+from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.files import load_vessel
 from tests.hybrid.diagnosis.linear_by_hand import a_ship, drawn
 
 EDGES = 60 * np.arange(21)
@@ -138,3 +142,13 @@ def test_white_noise_passes_for_no_slow_error(case: tuple[Noise, LinearModel, Co
     _, linear, data, fitted = case
     start = start_of_drift(linear, data, EDGES, fitted)
     assert not start.has_drift
+
+
+def test_levels_are_found_at_half_a_hertz() -> None:
+    """Every other second has no reading: what bounds the noise are differences of those that have one."""
+    everything = CATALOGUE["ocean_current"], CATALOGUE["hull_fouling"]
+    ship = model_of(load_vessel("gunnerus_short"), {each.name: each for each in everything})
+    table, truth = simulate_trial("gunnerus_short", "calm", "voyage", 400.0, 0.5, 4)
+    found = estimate_noise(linearise(log_of([table]), ship, 0.01), lambda share: None).noise
+    assert found.position_m == pytest.approx(truth["noise"]["position_m"], rel=0.3)
+    assert found.surge_mps == pytest.approx(truth["noise"]["speed_mps"], rel=0.3)
