@@ -20,7 +20,7 @@
 # %% tags=["parameters"]
 recordings: list[str] = []  # MCAP files
 calibrator: str | None = None  # the folder that `seatrial train` wrote
-vessel: str | None = None  # a vessel of trials/vessels or a vessel file; without it the calibrator's
+vessel: str | None = None  # a vessel or its file; without it the calibrator's, else the recordings'
 horizon_s: int | None = None  # how far is predicted; without it what the calibrator does, or 15 s
 part = "0..100"  # of each recording's time in percent, where predictions are judged
 repair = True  # put right before what is certainly wrong

@@ -128,6 +128,7 @@ def evaluate(
         any_commands=any_commands, repair=repair, rebuild_positions=rebuild_positions, seed=seed,
     )  # fmt: skip
     about = {
+        **evaluation.remarks,
         "files": [str(each) for each in files],
         "vessel": evaluation.model.name if evaluation.model else "",
         "stride_s": stride,
