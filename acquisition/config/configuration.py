@@ -105,12 +105,18 @@ def load_config(path: Path | str) -> TrialConfig:
     return parse_config(read_text(path), path)
 
 
-def parse_config(text: str, path: Path | str, dbc_files: Mapping[str, Path] | None = None) -> TrialConfig:
+def parse_config(
+    text: str,
+    path: Path | str,
+    dbc_files: Mapping[str, Path] | None = None,
+    known: Actuators | None = None,
+) -> TrialConfig:
     """Check a configuration's text; ``dbc_files`` by source stand in for those it names, if given.
 
-    Raises :class:`ConfigurationError` naming the line.
+    ``known`` are the ship's actuators where the text does not list them. Raises :class:`ConfigurationError` naming
+    the line.
     """
-    file, actuators = parse_for_ship(text, path, _File, dbc_files)
+    file, actuators = parse_for_ship(text, path, _File, dbc_files, known)
     if not file.source:
         raise ConfigurationError("names no source", where=str(path), fix="add a [[source]] section")
     _check_names(file.source, path)

@@ -29,7 +29,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 
 from acquisition.config.toml_file import line_of, parse_toml, validate
-from acquisition.config.vessel_file import load_actuators, vessel_names
+from acquisition.config.vessel_file import load_actuators, vessel_of_ship
 from acquisition.core.actuators import (
     DEFAULT,
     Actuator,
@@ -117,25 +117,36 @@ class _Ship:
 
 
 def parse_for_ship(
-    text: str, path: Path | str, model: type[Model], dbc_files: Mapping[str, Path] | None = None
+    text: str,
+    path: Path | str,
+    model: type[Model],
+    dbc_files: Mapping[str, Path] | None = None,
+    known: Actuators | None = None,
 ) -> tuple[Model, Actuators]:
     """A TOML text as ``model``, its channels those of the ship whose actuators it lists as ``[[actuator]]``.
 
-    Without such a list they are those of the vessel of Seatrial's that ``[trial]`` names, else R/V Gunnerus'. Paths
-    in it are relative to the file's folder; ``dbc_files`` by source stand in for those it names. Raises
-    :class:`ConfigurationError` naming the line.
+    Without such a list they are those that are ``known`` of a recording which carries the text, else those of the
+    ship that ``[trial]`` names, else R/V Gunnerus'. Paths in it are relative to the file's folder; ``dbc_files`` by
+    source stand in for those it names. Raises :class:`ConfigurationError` naming the line.
     """
     raw = parse_toml(text, path)
     ship = validate({key: raw[key] for key in ("actuator", "trial") if key in raw}, text, path, _Ship)
-    named = load_actuators(str(ship.trial.vessel)) if ship.trial.vessel in vessel_names() else DEFAULT
     try:
-        listed = (Actuator(each.name, each.kind) for each in ship.actuator)
-        actuators = check_actuators(listed) if ship.actuator else named
+        listed = (
+            check_actuators(Actuator(each.name, each.kind) for each in ship.actuator) if ship.actuator else None
+        )
     except ConfigurationError as error:
         where = f"{path}, line {line_of(text, ['actuator'])}"
         raise ConfigurationError(error.what, where=where, why=error.why, fix=error.fix) from error
+    actuators = listed or known or _actuators_of(str(ship.trial.vessel), Path(path).parent)
     context = {"actuators": actuators, "folder": Path(path).resolve().parent, "dbc_files": dbc_files or {}}
     return validate(raw, text, path, model, context), actuators
+
+
+def _actuators_of(ship: str, folder: Path) -> Actuators:
+    """The actuators of the ship that a configuration names, by her vessel file; R/V Gunnerus' without one."""
+    file = vessel_of_ship(ship, folder)
+    return DEFAULT if file is None else load_actuators(file)
 
 
 @dataclass(frozen=True, config=STRICT)

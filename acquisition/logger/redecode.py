@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import orjson
-from mcap.records import Metadata
 
 from acquisition.config.configuration import CONFIGURATION, TrialConfig, parse_config
+from acquisition.core.actuators import from_text
 from acquisition.core.errors import InputError, StorageError, storage_error
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
@@ -24,8 +24,7 @@ from acquisition.logger.health import Health
 from acquisition.logger.pipeline import health_of
 from acquisition.logger.processing import DECODED, FrameProcessor
 from acquisition.recording.messages import frame_of
-from acquisition.recording.reader import Entry, MessageStream, open_recording
-from acquisition.recording.scan import Damage, scan
+from acquisition.recording.reader import Entry, MessageStream, read_trial
 from acquisition.recording.schemas import EVENT_TOPIC, PREDICTED_TRACK_TOPIC, PREDICTION_TOPIC, RAW_PREFIX
 from acquisition.recording.writer import RecordingWriter
 
@@ -84,31 +83,18 @@ def _own_configuration(path: Path, scratch: Path) -> TrialConfig:
         if name.endswith(".dbc"):
             files[name.removesuffix(".dbc")] = scratch / f"{len(files)}.dbc"
             files[name.removesuffix(".dbc")].write_bytes(data)
-    return _on_the_same_plane(parse_config(text.decode("utf-8", "replace"), path, files), path)
+    known = read_trial(path)
+    config = parse_config(text.decode("utf-8", "replace"), path, files, from_text(known.actuators))
+    return _on_the_same_plane(config, known)
 
 
-def _on_the_same_plane(config: TrialConfig, path: Path) -> TrialConfig:
+def _on_the_same_plane(config: TrialConfig, known: Trial) -> TrialConfig:
     """With the origin that a fix in an earlier part of the recording gave it, if there was one."""
-    known = _first_run_sheet(path)
     if config.trial.origin is not None or known.origin is None:
         return config
     latitude_deg, longitude_deg = known.origin
     trial = replace(config.trial, origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg)
     return replace(config, trial=trial)
-
-
-def _first_run_sheet(path: Path) -> Trial:
-    """What a file said of its trial at its beginning, before any fix could become the origin; empty if nothing.
-
-    The run sheet's last word holds for a reader; whoever decodes anew begins with the first.
-    """
-    with open_recording(path) as stream:
-        for found in scan(stream):
-            if isinstance(found, Damage):
-                break
-            if isinstance(found.record, Metadata) and found.record.name == "trial":
-                return Trial.from_metadata(found.record.metadata)
-    return Trial()
 
 
 def _decode_all(

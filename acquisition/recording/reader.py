@@ -108,6 +108,13 @@ class MessageStream:
         if self.closed and promised not in (None, messages):  # a chunk can vanish without another trace
             raise self._damaged(f"{messages:,} messages of {promised:,}")
 
+    def run_sheets(self) -> Iterator[Trial]:
+        """What the file says of its trial, one word after the other."""
+        for record in self._records():
+            if isinstance(record, Metadata) and record.name == "trial":
+                self._note(record)
+                yield self.trial
+
     def _note(self, record: McapRecord) -> None:
         if isinstance(record, Metadata) and record.name != "trial":
             self.metadata[record.name] = record.metadata
@@ -258,13 +265,11 @@ def read_recording(path: Path | str) -> Recording:
 
 
 def read_trial(path: Path | str) -> Trial:
-    """The run sheet that a recording begins with; errors as :func:`read_recording`.
+    """The run sheet that a recording begins with, before any fix could become the origin; empty without one.
 
-    What a later one changes is the origin.
+    Errors as :func:`read_recording`, of what stands before it.
     """
-    stream = MessageStream(Path(path))
-    next(stream.batches(), None)
-    return stream.trial
+    return next(MessageStream(Path(path)).run_sheets(), Trial())
 
 
 def describe(recording: Recording) -> dict[str, Any]:

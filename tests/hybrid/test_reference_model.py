@@ -7,10 +7,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from acquisition.config.configuration import load_config
 from acquisition.core.actuators import VESSELS, as_text
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.trial import Trial
-from acquisition.recording.reader import read_trial
+from acquisition.encoders.nmea0183 import sentence
+from acquisition.logger.record import record
+from acquisition.logger.redecode import redecode
+from acquisition.recording.reader import read_recording, read_trial
 from acquisition.recording.tables import write_table
 from acquisition.tables.import_table import import_table
 from hybrid.simulation.trial import simulate_trial
@@ -125,6 +129,23 @@ def test_a_table_becomes_a_recording_of_the_ship_that_is_given(tmp_path: Path) -
         assert Path(model_of(tmp_path / "a.mcap").file) == tmp_path / "hers.toml"
     import_table(tmp_path / "trial.csv", tmp_path / "b.mcap", tmp_path / "map.toml")
     assert model_of(tmp_path / "b.mcap").file == "kvlcc2_7m"
+
+
+def test_a_configuration_that_names_her_has_her_actuators(tmp_path: Path) -> None:
+    """From a vessel file beside it; what was recorded is decoded anew without that file."""
+    (tmp_path / "hers.toml").write_text(TANKER)
+    (tmp_path / "bridge.log").write_bytes(sentence("HEHDT,12.0,T") + sentence("IIRSA,-5.0,A,,V"))
+    (tmp_path / "trial.toml").write_text(
+        '[trial]\nname = "a"\nvessel = "tanker"\n[[source]]\nname = "line"\ntype = "file"\npath = "bridge.log"\n'
+        'channels = ["heading_deg", "rudder_angle_deg"]\n'
+    )
+    (path, *_), _ = record(load_config(tmp_path / "trial.toml"), tmp_path / "out")
+    assert read_recording(path).series["rudder_angle_deg"].value.tolist() == [-5.0]
+    assert read_trial(path).vessel == "tanker"
+    assert Path(reference_model(trials_of([path.rename(tmp_path / "a.mcap")])).file) == tmp_path / "hers.toml"
+    (tmp_path / "hers.toml").unlink()
+    redecode([tmp_path / "a.mcap"], tmp_path / "again.mcap")
+    assert "rudder_angle_deg" in read_recording(tmp_path / "again.mcap").series
 
 
 def test_commands_say_the_model_first(tmp_path: Path, command: Command) -> None:
