@@ -29,7 +29,7 @@ from pydantic import (
 from pydantic.dataclasses import dataclass
 
 from acquisition.config.toml_file import line_of, parse_toml, validate
-from acquisition.config.vessel_file import load_actuators, vessel_of_ship
+from acquisition.config.vessel_file import actuators_of_ship
 from acquisition.core.actuators import (
     DEFAULT,
     Actuator,
@@ -138,15 +138,9 @@ def parse_for_ship(
     except ConfigurationError as error:
         where = f"{path}, line {line_of(text, ['actuator'])}"
         raise ConfigurationError(error.what, where=where, why=error.why, fix=error.fix) from error
-    actuators = listed or known or _actuators_of(str(ship.trial.vessel), Path(path).parent)
+    actuators = listed or known or actuators_of_ship(str(ship.trial.vessel), Path(path).parent) or DEFAULT
     context = {"actuators": actuators, "folder": Path(path).resolve().parent, "dbc_files": dbc_files or {}}
     return validate(raw, text, path, model, context), actuators
-
-
-def _actuators_of(ship: str, folder: Path) -> Actuators:
-    """The actuators of the ship that a configuration names, by her vessel file; R/V Gunnerus' without one."""
-    file = vessel_of_ship(ship, folder)
-    return DEFAULT if file is None else load_actuators(file)
 
 
 @dataclass(frozen=True, config=STRICT)

@@ -101,6 +101,12 @@ def load_actuators(vessel: str | Path) -> Actuators:
         raise ConfigurationError(error.what, where=str(path), why=error.why, fix=error.fix) from error
 
 
+def actuators_of_ship(ship: str, folder: Path) -> Actuators:
+    """The actuators of the ship that a file in ``folder`` names, none where there is no vessel file of her."""
+    file = vessel_of_ship(ship, folder)
+    return () if file is None else load_actuators(file)
+
+
 def _with_base(path: Path, seen: tuple[Path, ...]) -> Tree:
     tree = parse_toml(read_text(path), path)
     base = tree.get("base", "")

@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.config.toml_file import line_of, read_text
-from acquisition.config.vessel_file import load_actuators, name_of_ship, vessel_of_ship
+from acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
 from acquisition.core.angles import counted_on, in_turn
 from acquisition.core.arrays import Floats
@@ -24,7 +24,7 @@ from acquisition.core.channels import BY_NAME, actuators_of, channel_names, tria
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.tables import write_table
-from acquisition.tables.column_map import ColumnMap, apply_column_map, load_column_map
+from acquisition.tables.column_map import apply_column_map, load_column_map
 from acquisition.tables.table_files import RawTable, TableFile, parse_numbers, parse_times, read_raw
 
 LABELS = frozenset({"window", "second", "trial", "leg", "start", "surge_mps2", "sway_mps2", "yaw_dps2"})
@@ -128,7 +128,8 @@ def read_table_file(
         file = apply_column_map(raw, columns, map_path)
         ship = (
             ship
-            or said_by_map(columns, Path(map_path).parent)
+            or columns.actuators
+            or actuators_of_ship(columns.trial.vessel, Path(map_path).parent)
             or actuators_in_columns([*file.table, *columns.absent])
         )
         _check_mapped(columns.channels, ship, map_path)
@@ -143,12 +144,6 @@ def read_table_file(
     if file.table.columns.empty:
         raise InputError("has no column that is a channel", where=str(path), fix="give a map with --columns")
     return file
-
-
-def said_by_map(columns: ColumnMap, folder: Path) -> Actuators:
-    """The actuators that a map in ``folder`` lists, or those of the ship that it names, as her vessel file says."""
-    file = None if columns.actuators else vessel_of_ship(columns.trial.vessel, folder)
-    return columns.actuators if file is None else load_actuators(file)
 
 
 def actuators_in_columns(names: Iterable[str]) -> Actuators:

@@ -130,7 +130,7 @@ def evaluate(
     about = {
         **evaluation.remarks,
         "files": [str(each) for each in files],
-        "vessel": evaluation.model.name if evaluation.model else "",
+        "vessel": vessel or (evaluation.model.name if evaluation.model else ""),
         "stride_s": stride,
         **({"any_commands": True} if any_commands else {}),
         "repair": repair or rebuild_positions,
