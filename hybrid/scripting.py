@@ -356,13 +356,18 @@ def identify(
     horizon_s: int = 30,
     *,
     repair: bool = False,
+    rebuild_positions: bool = False,
     validation: bool = True,
 ) -> Identification:
     """The coefficients of the model of ``vessel`` by recordings, with intervals, judged on what is left out.
 
     The vessel with them goes to ``output`` if that is named. Predictions are judged over ``horizon_s``, under the
-    commands as they were recorded; without ``validation`` they are not.
+    commands as they were recorded; without ``validation`` they are not. ``repair`` puts right before what is
+    certainly wrong, ``rebuild_positions`` with the repairs the positions too.
     """
+    from acquisition.recording.reader import read_recording
+    from analysis.prepare import Preparation
+    from analysis.prepare import prepare as prepare_recording
     from analysis.windows.recordings import trial_names
     from hybrid.identification.identify import identify_tables
     from hybrid.identification.judge import judge
@@ -372,12 +377,20 @@ def identify(
     chosen = _model(recordings, vessel)
     ship, paths = chosen.vessel, as_paths(recordings)
     names = trial_names(paths)
-    tables = {name: prepare(path, None, repair=repair) for name, path in zip(names, paths, strict=True)}
+    how = Preparation(repair=repair or rebuild_positions)
+    tables = {
+        name: prepare_recording(read_recording(path), how, rebuild_positions=rebuild_positions)
+        for name, path in zip(names, paths, strict=True)
+    }
     with bar("identifying") as progress:
         found, fitted, model = identify_tables(tables, ship, candidates=repertoire_of(ship), progress=progress)
     if validation:
         with bar("validating") as progress:
-            found = replace(found, validation=judge(paths, tables, model, fitted, horizon_s, progress))
+            judged = judge(
+                paths, tables, model, fitted, horizon_s, progress,
+                repair=how.repair, rebuild_positions=rebuild_positions,
+            )  # fmt: skip
+            found = replace(found, validation=judged)
     if output is not None:
         save_vessel(found.vessel, output)
     return replace(found, file=str(output or ""), model=chosen.said)

@@ -97,6 +97,7 @@ def identify(
     ] = None,
     horizon: Annotated[int, typer.Option(min=2, help="How far predictions are judged, in seconds.")] = 30,
     repair: RepairOption = False,
+    rebuild_positions: RebuildPositions = False,
     validation: Annotated[bool, typer.Option(help="Judge on what is left out: takes as long again.")] = True,
     picture: Annotated[Path | None, typer.Option(help="A picture of the fit: .png, .svg or .pdf.")] = None,
     as_json: AsJson = False,
@@ -104,7 +105,9 @@ def identify(
     """Identify the coefficients of a model from recordings, and write the vessel file with them."""
     from hybrid.scripting import identify as run
 
-    found = run(files, vessel, output, horizon, repair=repair, validation=validation)
+    found = run(
+        files, vessel, output, horizon, repair=repair, rebuild_positions=rebuild_positions, validation=validation
+    )
     if picture is not None:
         from analysis.report.figures import write_figure
 

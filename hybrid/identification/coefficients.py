@@ -14,6 +14,7 @@ from math import exp
 from typing import Any
 
 from acquisition.core.arrays import Floats
+from hybrid.effects.catalogue import catalogue_of
 from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.hulls import HULLS
 from hybrid.vessel.parameters import Vessel
@@ -21,8 +22,9 @@ from hybrid.vessel.parameters import Vessel
 USUAL_WIDTHS = {"hull": 0.3, "inertia": 0.15, "actuator": 0.2}
 """The relative widths of numbers that nobody gave an error for: about those of ``vessel new``."""
 
-WIND_LOAD, WIND_LOAD_WIDTH = "effects.wind_load.factor", 0.2
-"""The wind's coefficients as a whole: their regressions err by a fifth (Fujiwara, Ueno and Nimura 1998)."""
+WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
+"""Of the wind's coefficients as a whole, whose regressions err by a fifth (Fujiwara, Ueno and Nimura 1998); of the
+thrust of a shaft that turns astern where the file has no number for it, as ``vessel new`` has of those it has."""
 
 _ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
@@ -32,12 +34,16 @@ _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """One number: its name, what it is at first, the relative width of what is thought of it, and its form."""
+    """One number: its name, what it is at first, the relative width of what is thought of it, and its form.
+
+    ``twins`` are the names of those of like actuators, which are the same number.
+    """
 
     name: str
     start: float
     width: float
     keeps_sign: bool
+    twins: tuple[str, ...] = ()
 
     def value(self, z: float) -> float:
         """The number at a departure of ``z`` standard deviations."""
@@ -55,13 +61,43 @@ def _coefficients(vessel: Vessel) -> Iterable[Coefficient]:
     yield from _of_table(vessel, "hull", vessel.hull, hull.numbers, hull.keeps_sign)
     yield from _of_table(vessel, "wind", vessel.wind, (), _POSITIVE)
     if vessel.wind.model != "none":
-        start = float(vessel.effects.get("wind_load", {}).get("factor", 1.0))
-        yield Coefficient(WIND_LOAD, start, WIND_LOAD_WIDTH, keeps_sign=True)
+        yield _factor(vessel, "wind_load", WIND_LOAD_WIDTH)
+    for first, *others in _alike(vessel):
+        for each in _of_actuator(vessel, first):
+            yield replace(each, twins=tuple(_renamed(each.name, first.name, other.name) for other in others))
+
+
+_OWN = {"name": "", "y_m": 0.0, "behind": ""}
+
+
+def _alike(vessel: Vessel) -> list[list[Any]]:
+    """The actuators, those together that are the same but for their name, side and what is behind what."""
+    groups: dict[Any, list[Any]] = {}
     listed: tuple[Any, ...] = vessel.actuator
     for each in listed:
-        kind = KINDS[each.kind]
-        usual = (*kind.keeps_sign, *kind.adapted)
-        yield from _of_table(vessel, each.name, each, usual, [field.name for field in fields(each)])
+        same = replace(each, **{name: value for name, value in _OWN.items() if hasattr(each, name)})
+        groups.setdefault(same, []).append(each)
+    return list(groups.values())
+
+
+def _renamed(name: str, one: str, other: str) -> str:
+    """The name of a number of ``one`` actuator for the ``other``."""
+    table, _, number = name.rpartition(".")
+    return f"{table.removesuffix(one)}{other}.{number}"
+
+
+def _of_actuator(vessel: Vessel, entry: Any) -> Iterable[Coefficient]:
+    kind, astern = KINDS[entry.kind], f"astern_thrust_{entry.name}"
+    usual = (*kind.keeps_sign, *kind.adapted)
+    yield from _of_table(vessel, entry.name, entry, usual, [field.name for field in fields(entry)])
+    if astern in catalogue_of(vessel) and not hasattr(entry, "astern_0"):
+        yield _factor(vessel, astern, ASTERN_WIDTH)
+
+
+def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
+    """The factor of an effect, where it is in the file or at 1."""
+    start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
+    return Coefficient(f"effects.{effect}.factor", start, width, keeps_sign=True)
 
 
 def _of_table(
@@ -77,7 +113,11 @@ def _of_table(
 
 def values_at(coefficients: Sequence[Coefficient], z: Floats) -> dict[str, float]:
     """The numbers by name at departures ``z`` [coefficients]."""
-    return {each.name: each.value(float(at)) for each, at in zip(coefficients, z, strict=True)}
+    return {
+        name: each.value(float(at))
+        for each, at in zip(coefficients, z, strict=True)
+        for name in (each.name, *each.twins)
+    }
 
 
 def with_values(vessel: Vessel, values: Mapping[str, float]) -> Vessel:

@@ -34,7 +34,7 @@ class Estimate:
     """One coefficient: its value with the 95 % interval, what it was at the start with the interval that was
     thought of then, and whether the data know it.
 
-    ``share`` is the standard error in units of the prior's.
+    ``share`` is the standard error in units of the prior's; ``twins`` are names of the same number elsewhere.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Estimate:
     start_low: float
     start_high: float
     share: float
+    twins: tuple[str, ...] = ()
 
     @property
     def known(self) -> bool:
@@ -103,7 +104,9 @@ class Identification(ModelResult):
             "segments": self.segments,
             "segment_s": self.duration_s,
             "coefficients": {
-                each.name: {name: getattr(each, name) for name in names} for each in self.coefficients
+                own: {name: getattr(each, name) for name in names}
+                for each in self.coefficients
+                for own in (each.name, *each.twins)
             },
             "correlated": [list(each) for each in self.entangled],
             "surroundings": {name: dict(own) for name, own in self.surroundings.items()},
@@ -134,7 +137,8 @@ def identify_tables(
     another ship, :class:`ModelRangeError` where the model cannot follow them.
     """
     with threadpool_limits(1, user_api="blas"):  # small matrices, on which more threads only wait for each other
-        coefficients = [each for each in coefficients_of(vessel) if not only or each.name in only]
+        wanted = set(only)
+        coefficients = [each for each in coefficients_of(vessel) if not only or wanted & {each.name, *each.twins}]
         model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel)))
         found = fit(model, progress=progress)
         return _identification(model, found, rank_trials(model, found, candidates)), found, model
@@ -168,7 +172,15 @@ def _estimate(coefficient: Coefficient, at: float, share: float) -> Estimate:
     low, high = sorted(coefficient.value(at + side * _NORMAL_95 * share) for side in (-1.0, 1.0))
     before = sorted(coefficient.value(side * _NORMAL_95) for side in (-1.0, 1.0))
     return Estimate(
-        coefficient.name, coefficient.value(at), low, high, coefficient.start, before[0], before[1], float(share)
+        coefficient.name,
+        coefficient.value(at),
+        low,
+        high,
+        coefficient.start,
+        before[0],
+        before[1],
+        float(share),
+        coefficient.twins,
     )
 
 
@@ -180,7 +192,8 @@ def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) ->
     for coefficient, each in zip(model.coefficients, estimates, strict=True):
         if not coefficient.name.startswith("effects.") and each.value != 0.0:
             own = abs(coefficient.start / each.value) if not coefficient.keeps_sign else 1.0
-            errors[coefficient.name] = float(coefficient.width * each.share * own)
+            error = float(coefficient.width * each.share * own)
+            errors |= dict.fromkeys((coefficient.name, *coefficient.twins), error)
     said = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),

@@ -6,7 +6,8 @@ that the others give; with fewer the last third of each is, by the model of what
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from hybrid.identification.identify import Judgement
 from hybrid.identification.response import Model, model_of
 from hybrid.identification.segments import segments_of
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import load_dataset
+from hybrid.prediction.dataset import Dataset, load_dataset
 from hybrid.prediction.scores import score
 from hybrid.vessel.plant import Plant
 
@@ -57,13 +58,22 @@ def judge(
     found: Fit,
     horizon_s: int,
     progress: Progress = lambda share: None,
+    *,
+    repair: bool = False,
+    rebuild_positions: bool = False,
 ) -> Judgement | None:
-    """How far predictions over ``horizon_s`` are off, under the commands as recorded; None without a window."""
+    """How far predictions over ``horizon_s`` are off, under the commands as recorded; None without a window.
+
+    The repairs are those of :func:`.load_dataset` that the tables had.
+    """
     folds, held_out = folds_of(paths, tables)
+    length_m = model.vessel.dimensions.length_overall_m
+    load = partial(load_dataset, horizon_s=horizon_s, stride_s=5, any_commands=True, length_m=length_m,
+                   repair=repair, rebuild_positions=rebuild_positions)  # fmt: skip
     tracks: dict[str, list[np.ndarray]] = {}
     for number, (kept, others, part) in enumerate(folds):
         with threadpool_limits(1, user_api="blas"):
-            for name, track in _fold(kept, others, part, model, found, horizon_s).items():
+            for name, track in _fold(kept, partial(load, others, part=part), model, found).items():
                 tracks.setdefault(name, []).append(track)
         part_of(progress, number, len(folds))(1.0)
     if not tracks:
@@ -75,19 +85,12 @@ def judge(
 
 
 def _fold(
-    kept: Mapping[str, pd.DataFrame],
-    others: Sequence[Path],
-    part: tuple[float, float],
-    model: Model,
-    found: Fit,
-    horizon_s: int,
+    kept: Mapping[str, pd.DataFrame], load: Callable[[], Dataset], model: Model, found: Fit
 ) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
     start = vessel_plant(model.vessel)
     try:
-        windows = load_dataset(
-            others, horizon_s, 5, part, any_commands=True, length_m=start.length_overall_m
-        ).windows
+        windows = load().windows
     except DataShortageError:
         return {}
     plant = _fitted_plant(kept, model, found)

@@ -16,8 +16,9 @@ from acquisition.core.arrays import Floats, Ints
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.coefficients import Coefficient, values_at, with_values
 from hybrid.identification.segments import Segments
+from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
-from hybrid.vessel.plant import Plant, pack
+from hybrid.vessel.plant import Plant, angles_in, pack
 from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate_batch
 
@@ -170,7 +171,12 @@ class Model:
             plants[each.name] = own[:, number]
         start = np.concatenate([each for _, _, each in variants])
         again = (len(variants), 1, 1)
-        controls, wind = np.tile(segments.controls[:, first:], again), np.tile(segments.wind[:, first:], again)
+        # what acts is drawn up from whole segments: a delay reaches back over the step that a run begins at
+        controls = acting_controls(
+            np.tile(segments.controls, again), plants["command_delay_s"], segments.dt_s, angles_in(plants)
+        )[:, first:]
+        plants["command_delay_s"] = 0.0
+        wind = np.tile(segments.wind[:, first:], again)
         # steps are a small share of a ship length: one step of the integration each
         states = simulate_batch(plants, start, controls, wind, segments.dt_s, substeps=1).states
         return states.reshape(len(variants), len(segments), *states.shape[1:])

@@ -44,7 +44,7 @@ def _coefficients(found: Identification) -> Table:
     for each in found.coefficients:
         cells = [f"{number:.4g}" for number in (each.value, each.low, each.high, each.start)]
         said, style = ("", "") if each.known else ("not told", "dim")
-        table.add_row(each.name, *cells, said, style=style)
+        table.add_row(", ".join((each.name, *each.twins)), *cells, said, style=style)
     return table
 
 

@@ -138,3 +138,17 @@ def test_the_true_ship_leaves_nothing_of_a_record_without_noise(record: pd.DataF
     z[len(model.coefficients) + late] = -0.05 / model.surroundings[late].width
     left = model.segments.measured - model.reported(z, model.segments.measured[:, 0])
     assert np.abs(left).max() < 0.005
+
+
+def test_actuators_that_are_alike_share_their_numbers() -> None:
+    ship = load_vessel("gunnerus_long")
+    coefficients = coefficients_of(ship)
+    names = [each.name for each in coefficients]
+    assert "port.thrust_nn" in names
+    assert "starboard.thrust_nn" not in names
+    z = np.where([each.name == "port.thrust_nn" for each in coefficients], 1.0, 0.0)
+    before, after = ship.of_kind("azimuth"), with_values(ship, values_at(coefficients, z)).of_kind("azimuth")
+    assert after[0].thrust_nn == after[1].thrust_nn != before[0].thrust_nn
+    assert [each.y_m for each in after] == [each.y_m for each in before]
+    uneven = with_values(ship, {"starboard.thrust_nn": 0.7})
+    assert "starboard.thrust_nn" in [each.name for each in coefficients_of(uneven)]

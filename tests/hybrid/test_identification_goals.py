@@ -13,7 +13,7 @@ from hybrid.identification.coefficients import coefficients_of, values_at, with_
 from hybrid.identification.identify import identify_tables
 from hybrid.simulation.sea_state import SeaState
 from hybrid.simulation.trial import Noise, simulate_trial
-from hybrid.vessel.estimate.new_vessel import new_vessel
+from hybrid.vessel.estimate.new_vessel import HullName, new_vessel
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.parameters import Vessel
 
@@ -23,12 +23,12 @@ SHIPS = 20
 MANOEUVRES = ("zigzag_10_10", "zigzag_20_20", "turning_circle_15", "turning_circle_35")
 
 
-def esso_from_dimensions(path: Path) -> Path:
+def esso_from_dimensions(path: Path, hull: HullName = "cross_flow") -> Path:
     new_vessel(
         path, name="esso", length_m=3.0, beam_m=0.48925, draught_m=0.20114, block=0.831, service_speed_mps=0.6,
         propellers=["propeller,diameter=0.084,pitch_ratio=0.7151"],
         rudders=["rudder,area=0.01063,span=0.127905,behind=propeller"],
-        hull="cross_flow", water_density_kgpm3=998.0, frontal_area_m2=0.13544, lateral_area_m2=0.52038,
+        hull=hull, water_density_kgpm3=998.0, frontal_area_m2=0.13544, lateral_area_m2=0.52038,
     )  # fmt: skip
     return path
 
@@ -59,7 +59,10 @@ def test_intervals_hold_the_truth_as_often_as_they_say(tmp_path: Path) -> None:
 
 
 @pytest.mark.timeout(1800)
-def test_circles_and_zigzags_give_a_model_as_good_as_the_published_one(shared_data: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("hull", ["mmg", "cross_flow"])
+def test_circles_and_zigzags_give_a_model_as_good_as_the_published_one(
+    shared_data: Path, tmp_path: Path, hull: HullName
+) -> None:
     folder = shared_data / "esso_osaka"
     columns = Path(__file__).parents[2] / "trials" / "columns" / "esso_osaka.toml"
     recordings: dict[str, list[Path]] = {}
@@ -68,7 +71,7 @@ def test_circles_and_zigzags_give_a_model_as_good_as_the_published_one(shared_da
             target = tmp_path / f"{kind}_{file.name.removesuffix('.csv.gz')}.mcap"
             import_table(file, target, columns)
             recordings.setdefault(kind, []).append(target)
-    start, output = esso_from_dimensions(tmp_path / "start.toml"), tmp_path / "identified.toml"
+    start, output = esso_from_dimensions(tmp_path / "start.toml", hull), tmp_path / "identified.toml"
     st.identify([*recordings["turning"], *recordings["zigzag"]], start, output, validation=False)
     for horizon_s in (15, 30, 60):
         error = [
@@ -76,5 +79,5 @@ def test_circles_and_zigzags_give_a_model_as_good_as_the_published_one(shared_da
             .scores["reference"].mean_distance_m
             for each in (output, "esso_osaka_3m")
         ]  # fmt: skip
-        print(f"{horizon_s} s: {error[0]:.3f} m, published {error[1]:.3f} m")  # noqa: T201
+        print(f"{hull}, {horizon_s} s: {error[0]:.3f} m, published {error[1]:.3f} m")  # noqa: T201
         assert error[0] <= 1.1 * error[1]
