@@ -79,9 +79,9 @@ def diagnose(
         return
     from rich.console import Console
 
-    from hybrid.report.diagnosis_words import summary
+    from hybrid.report.diagnosis_words import model_line, summary
 
-    typer.echo(diagnosed.model)
+    typer.echo(model_line(diagnosis))
     for name in ("left_out", "wind"):
         if name in diagnosis.provenance:
             typer.echo(f"{name.replace('_', ' ')}: {diagnosis.provenance[name]}")

@@ -110,6 +110,24 @@ _TITLES = {
 }
 
 
+_MODEL = "model: "
+
+
+def model_line(diagnosis: Diagnosis) -> str:
+    """Which model was diagnosed, and whether it is not that of the ship which the recordings name."""
+    return doubt_of_model(diagnosis) or f"{_MODEL}{diagnosis.provenance.get('vessel', 'as given')}"
+
+
+def doubt_of_model(diagnosis: Diagnosis) -> str:
+    """What is to be said first of the model; empty where it is that of the recordings."""
+    return next((each for each in diagnosis.remarks if each.startswith(_MODEL)), "")
+
+
+def other_remarks(diagnosis: Diagnosis) -> list[str]:
+    """What else was said on the way."""
+    return [each for each in diagnosis.remarks if each != doubt_of_model(diagnosis)]
+
+
 def verdict_sentence(diagnosis: Diagnosis) -> str:
     """The verdict in one plain sentence."""
     named = _lacking(diagnosis.effects)
@@ -373,5 +391,5 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
         lines.append(Text(ladder_sentence(ladder)))
     if diagnosis.next_manoeuvre is not None:
         lines.append(Text(f"Next: {diagnosis.next_manoeuvre.what}"))
-    lines += [Text(f"note: {each}", style="dim") for each in diagnosis.remarks]
+    lines += [Text(f"note: {each}", style="dim") for each in other_remarks(diagnosis)]
     return Group(*lines)

@@ -20,7 +20,7 @@ from hybrid.diagnosis.verdict import Conclusion
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.report.diagnosis_sentences import describe
-from hybrid.report.diagnosis_words import write_report
+from hybrid.report.diagnosis_words import model_line, write_report
 from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.reference import reference_model, trials_of
@@ -38,14 +38,8 @@ class DiagnosisRun:
     conclusion: Conclusion
     extras: Extras
 
-    @property
-    def model(self) -> str:
-        """Which model was diagnosed, and whether it is that of the ship which the recordings name."""
-        known = self.diagnosis.provenance
-        return str(known.get("model", f"model: {known.get('vessel', 'of tables')}"))
-
     def __str__(self) -> str:
-        return f"{self.model}\n{self.diagnosis}"
+        return f"{model_line(self.diagnosis)}\n{self.diagnosis}"
 
     def plot(self) -> Figure:
         """The parameters that were named with their 95 % intervals, and below them the gap that they close."""
@@ -106,15 +100,16 @@ def diagnose_files(
         "recordings": ", ".join(Path(file).name for file in files),
         "recordings_sha256": ", ".join(hashes),
         "vessel": vessel.name,
-        **({"model": str(said)} if said.doubt else {}),
         "repair": repair,
         "rebuild_positions": rebuild_positions,
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
         **({"left_out": "; ".join(left_out)} if left_out else {}),
     }
-    return diagnose_tables(
+    run = diagnose_tables(
         tables, vessel, tolerance, catalogue, provenance, lambda share: progress(0.1 + 0.9 * share)
     )
+    remarks = (*said.remarks.get("remarks", ()), *run.diagnosis.remarks)
+    return replace(run, diagnosis=replace(run.diagnosis, remarks=remarks))
 
 
 def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:

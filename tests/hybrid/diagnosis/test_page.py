@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
-from hybrid.report.diagnosis_words import page_of, verdict_sentence, write_report
+from hybrid.report.diagnosis_words import model_line, page_of, verdict_sentence, write_report
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
@@ -222,6 +222,17 @@ def test_json_has_the_contracts_keys() -> None:
     } <= set(plain)
     assert isinstance(named(), Diagnosis)
     assert "tracks" not in plain
+
+
+def test_the_page_says_first_that_the_model_is_another_ship() -> None:
+    """As a note above all else, and once; nothing where it is hers."""
+    said = "model: gunnerus_short, which is not the ship that the recording names (gunnerus_long)"
+    assert model_line(named()) == "model: gunnerus_short"
+    other = replace(named(), remarks=(said, *named().remarks))
+    assert model_line(other) == said
+    text = page_of(other, Extras()).html
+    assert text.lower().count(said) == 1
+    assert text.index(said) < text.index("What was named")
 
 
 def test_a_diagnosis_prints_as_a_short_table() -> None:
