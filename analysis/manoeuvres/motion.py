@@ -22,20 +22,20 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import KINDS, Actuator, Actuators
-from acquisition.core.angles import difference, unwrap, wrap_180, wrap_360
+from acquisition.core.angles import unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
 from acquisition.core.channels import POSE, VELOCITY, is_circular
 from acquisition.core.errors import InputError
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.kinematics import integrate, to_earth
 from analysis.quality.commands import ORDER_INTERPOLATED, check_orders
+from analysis.quality.motion.series import off_the_turn, wild_headings
 from analysis.quality.samples import runs, white_noise
 from analysis.tables.resample import resample
-from analysis.tables.table import NANO, history_of, require, table_actuators, table_controls, times_ns
+from analysis.tables.table import NANO, history_of, require, seconds_of, table_actuators, table_controls, times_ns
 
 FASTEST_HZ = 5.0
 _PATH_HALF_WIDTH_S = 20.0
-_GLITCH_DEG, _GLITCH_SIGMAS = 3.0, 8.0
 _NORMAL_MAD = 1.4826
 _JUMP_S, _JUMP_DEG, _JUMP_SHARE = 4.0, 6.0, 5.0
 _RUDDER = "rudder"  # what a ship is steered by whose helm works without thrust
@@ -252,18 +252,15 @@ def _with_sharp_settings(grid: pd.DataFrame, table: pd.DataFrame) -> pd.DataFram
 def _cleaned_heading(table: pd.DataFrame) -> Floats:
     """The heading without samples that the yaw rate and the neighbours contradict, such as those that a logger
     interpolated straight through 360 -> 0."""
-    heading = table["heading_deg"].to_numpy(dtype=float)
+    heading = table["heading_deg"].to_numpy(dtype=float, copy=True)
     rows = np.flatnonzero(np.isfinite(heading))
-    seconds = times_ns(table)[rows] / NANO
-    seconds = seconds - seconds[0]
+    seconds = seconds_of(table)[rows]
     yaw_rate = fill_gaps(table["yaw_rate_dps"].to_numpy(dtype=float))[rows]
-    turned = np.deg2rad(heading[rows] - integrate(yaw_rate, seconds))
-    middle = np.arctan2(running_median(np.sin(turned), 9), running_median(np.cos(turned), 9))
-    off = np.abs(difference(np.rad2deg(turned), np.rad2deg(middle)))
-    limit = max(_GLITCH_DEG, _GLITCH_SIGMAS * _NORMAL_MAD * float(np.median(off)))
-    cleaned = heading.copy()
-    cleaned[rows[off > limit]] = np.nan
-    return cleaned
+    turned = integrate(np.deg2rad(yaw_rate), seconds)
+    interval_s = float(np.median(np.diff(seconds))) if rows.size > 1 else 1.0
+    _, off = off_the_turn(np.deg2rad(heading[rows]), turned, max(interval_s, 1e-3))
+    heading[rows[wild_headings(off)]] = np.nan
+    return heading
 
 
 def _continuous(heading_deg: Floats, yaw_rate_dps: Floats, step_s: float) -> Floats:

@@ -184,20 +184,30 @@ def _average(samples: Group, step_s: float) -> Group:
 
 
 def _sound_heading(heading: Group, yaw_rate: Group) -> Group:
-    """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly.
-
-    The difference of heading and integrated yaw rate wanders slowly; it is interpolated over samples where it
-    is far from the median of its neighbourhood, as in headings interpolated through north.
-    """
+    """Unwrap the heading along the integrated yaw rate, and replace it by that where it contradicts it wildly."""
     turned_at = integrate(yaw_rate.levels[:, 0], yaw_rate.time_s)
     turned = np.interp(heading.time_s, yaw_rate.time_s, turned_at)
-    apart = heading.levels[:, 0] - turned
-    slow = _slow_angle(apart, heading.interval_s)
-    off = np.angle(np.exp(1j * (apart - slow)))
-    wild = np.abs(off) > max(_SPIKE * 1.4826 * float(np.median(np.abs(off))), _WILD_RAD)
+    slow, off = off_the_turn(heading.levels[:, 0], turned, heading.interval_s)
+    wild = wild_headings(off)
     if wild.mean() < _MOST_WILD:
         off[wild] = np.interp(heading.time_s[wild], heading.time_s[~wild], off[~wild])
     return Group(heading.time_s, (turned + slow + off)[:, np.newaxis], heading.interval_s)
+
+
+def off_the_turn(heading_rad: Floats, turned_rad: Floats, interval_s: float) -> tuple[Floats, Floats]:
+    """The slow way between headings and the integrated yaw rate, and how far each heading is off both: [n] rad.
+
+    The difference of heading and integrated yaw rate wanders slowly, by bias and scale of the gyro.
+    """
+    apart = heading_rad - turned_rad
+    slow = _slow_angle(apart, interval_s)
+    return slow, np.angle(np.exp(1j * (apart - slow)))
+
+
+def wild_headings(off_rad: Floats) -> Bools:
+    """Which headings are far off yaw rate and neighbours, as those that were interpolated through north."""
+    usual = 1.4826 * float(np.median(np.abs(off_rad)))
+    return np.asarray(np.abs(off_rad) > max(_SPIKE * usual, _WILD_RAD))
 
 
 def _slow_angle(angle_rad: Floats, interval_s: float) -> Floats:
