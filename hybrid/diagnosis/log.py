@@ -106,7 +106,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
     """The log of raw tables of one ship's channels, at any rate and with NaN where a channel has no sample.
 
     Wind that was not recorded counts as none; tables that name the same recording are parts of one. Raises
-    :class:`InputError` for a table without motion or thrusters, :class:`DataShortageError` where no stretch is long
+    :class:`InputError` for a table without pose or thrusters, :class:`DataShortageError` where no stretch is long
     enough.
     """
     parts = [_one(table) for table in tables]
@@ -139,7 +139,9 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
 
 def _one(table: pd.DataFrame) -> Log:
     actuators = table_actuators(table)
-    require(table, (*MOTION, *control_names(actuators)))
+    require(table, (*POSE, *control_names(actuators)))
+    lacking = [name for name in VELOCITY if name not in table]
+    table = table.assign(**dict.fromkeys(lacking, np.nan))
     seconds, motion, slopes, levels = smoothed_motion(table)
     measured, weight, refused = averaged_motion(table, seconds, motion, slopes)
     controls = mean_settings(table, seconds)
@@ -257,6 +259,8 @@ def averaged_motion(
     for column, name in enumerate(MOTION):
         values = table[name].to_numpy(dtype=float) * STATE_UNITS[column]
         rows = np.isfinite(values) & (stamps >= nodes[0] - 0.5) & (stamps < nodes[-1] + 0.5)
+        if not rows.any():
+            continue
         times, expected = stamps[rows], path(stamps[rows])[:, column]
         off = values[rows] - expected
         if is_circular(name):

@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from acquisition.core.channels import ENVIRONMENT
+from acquisition.core.angles import unwrap
+from acquisition.core.channels import ENVIRONMENT, VELOCITY
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
 from analysis.quality.check import check_recording
@@ -28,6 +29,7 @@ _AROUND = pd.Timedelta(seconds=2.5)
 """Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
 _FROZEN = ("stuck", "feedback_frozen", "position_jump")
 _MOST_FROZEN = 0.5
+_TURNS_DEG = 30.0  # no ship turns so far at an even surge, sway or yaw rate from the first sample to the last
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +58,19 @@ def checked_tables(
         done = repair(table, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
         table, flags = done.table, flags if done.flags is None else done.flags
     table, remarks = without_frozen(select(table, part_percent), select(flags, part_percent), quality.findings)
-    parts, more = between_jumps(table, quality.findings)
-    return Checked(parts, (*remarks, *more))
+    dead = dead_sensors(table)
+    parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
+    gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
+    return Checked(parts, (*remarks, *gone, *more))
+
+
+def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
+    """Speeds and yaw rate that have one value throughout although the heading turns: nobody measured them."""
+    if "heading_deg" not in table or not table["heading_deg"].notna().any():
+        return ()
+    turned_deg = float(np.ptp(unwrap(table["heading_deg"].dropna())))
+    one_value = (each for each in VELOCITY if each in table and table[each].min() == table[each].max())
+    return tuple(one_value) if turned_deg > _TURNS_DEG else ()
 
 
 def without_frozen(

@@ -62,6 +62,19 @@ def test_a_frozen_sensor_is_left_out_where_it_was(sound: pd.DataFrame, tmp_path:
     assert any("sway_mps" in each for each in found.remarks)
 
 
+@pytest.mark.parametrize("name", ["yaw_rate_dps", "sway_mps", "surge_mps"])
+def test_a_sensor_that_is_not_there_is_none(sound: pd.DataFrame, tmp_path: Path, name: str) -> None:
+    """The log goes without it: what it would have read is free."""
+    found = checked(sound.assign(**{name: 0.1}), tmp_path)
+    (table,) = found.tables
+    assert table[name].isna().all()
+    assert any(name in each for each in found.remarks)
+    log = log_of([table])
+    column = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps").index(name)
+    assert len(log) > 850
+    assert (np.isfinite(log.measured).any(axis=0) == (np.arange(6) != column)).all()
+
+
 def test_delays_that_are_certain_are_taken_off_before(sound: pd.DataFrame, tmp_path: Path) -> None:
     late = sound.assign(**{name: np.interp(np.arange(len(sound)) - 2.0, np.arange(len(sound)), sound[name])
                            for name in ("north_m", "east_m")})  # fmt: skip
