@@ -10,9 +10,8 @@ from acquisition.core.result import ChosenModel
 from hybrid.calibrators.artefact import load
 from hybrid.calibrators.train import TrainedCalibrator, plant_for
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
-from hybrid.vessel.reference import Trials, chosen, reference_model, ships_of
+from hybrid.vessel.reference import Trials, chosen, reference_model
 
 HORIZON_S = 15
 """How far is predicted where nobody says [s]."""
@@ -52,14 +51,15 @@ def predictor_of(
     trained = calibrator if isinstance(calibrator, TrainedCalibrator) else load(Path(calibrator))
     if horizon_s is not None:
         trained.refuse_horizon(horizon_s)
-    plant, name = plant_for(trained, None if vessel is None else str(vessel)), Path(trained.vessel).stem
-    said = chosen(name, _ships_of(trained) | {name}, trials)
+    plant = plant_for(trained, None if vessel is None else str(vessel))
+    said = _said_of(trained, trials)
     return Predictor(trained.vessel, plant, trained.horizon_s, trained, "" if loaded else str(calibrator), said)
 
 
-def _ships_of(trained: TrainedCalibrator) -> set[str]:
-    """The ships that a calibrator's model is of, whose file may have gone: it holds all numbers itself."""
+def _said_of(trained: TrainedCalibrator, trials: Trials) -> ChosenModel:
+    """What is to be said of a calibrator's model, whose file may have gone: it holds all numbers itself."""
     try:
-        return ships_of(load_vessel(trained.vessel))
+        return reference_model(trials, trained.vessel).said
     except ConfigurationError:
-        return set()
+        name = Path(trained.vessel).stem
+        return chosen(name, {name}, trials)
