@@ -19,7 +19,8 @@ from hybrid.identification.response import PARTS
 START_VARIANCE = 1.0
 """Of a start's departure, in the squared units of :attr:`Model.start_scale`: the start is free."""
 
-_LEAST = 1e-10
+_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 1e2
+"""Variances between which levels are looked for: what a search may try on its way must still be numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +77,11 @@ def estimate_levels(moments: Moments, first: Levels) -> Levels:
     L-BFGS on the logarithms of the variances. Expectation and maximisation have the same slopes and creep where a
     level goes to nought.
     """
-    least = [(log(_LEAST), None)] * (first.noise.size + first.forces.size)
-    found = minimize(
-        _cost, np.log(np.append(first.noise, first.forces)), moments, jac=True, method="L-BFGS-B", bounds=least
-    )
+    bounds = [(log(_LEAST), log(_MOST_NOISE))] * first.noise.size + [
+        (log(_LEAST), log(_MOST_FORCE))
+    ] * first.forces.size
+    begin = np.log(np.append(first.noise, first.forces))
+    found = minimize(_cost, begin, moments, jac=True, method="L-BFGS-B", bounds=bounds)
     return _levels(found.x)
 
 

@@ -1,13 +1,15 @@
 """Recordings cut into segments, each of which is simulated from a start of its own.
 
-A segment lasts some three ship lengths: long enough to show what the coefficients do, short enough that what the
-model lacks has not carried the ship away.
+A segment lasts a ship length or so, the time in which she answers to her helm: long enough to show what the
+coefficients do, short enough that what the model lacks has not carried the ship away, and that there are many
+segments, by leaving out each of which in turn errors are judged.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import ceil
 
 import numpy as np
 import pandas as pd
@@ -23,7 +25,7 @@ from hybrid.prediction.prediction_windows import mean_controls
 from hybrid.vessel.channels import check_ship, controls_of, states_of, wind_of
 from hybrid.vessel.plant import Plant
 
-LENGTHS = 3.0
+LENGTHS = 1.0
 """A segment's duration, in ship lengths at her usual speed."""
 
 SHORTEST_S, LONGEST_S = 15.0, 240.0
@@ -139,9 +141,11 @@ def _steps(lasting_s: float, tables: Mapping[str, pd.DataFrame]) -> tuple[float,
     """The length of a step [s], and how many of them lie from one time of comparison to the next."""
     records = [np.diff(seconds_of(table[["surge_mps"]].dropna())) for table in tables.values()]
     interval_s = float(np.median(np.concatenate(records)))
-    longest, shortest = (lasting_s / COMPARED / every for every in (LEAST_EVERY, MOST_EVERY))
-    dt_s = max(interval_s / np.ceil(interval_s / longest), shortest)
-    return float(1 / rate_fraction(1.0 / dt_s)), max(round(lasting_s / COMPARED / dt_s), LEAST_EVERY)
+    apart_s = lasting_s / COMPARED
+    whole = ceil(interval_s * LEAST_EVERY / apart_s - 0.01)  # steps from one record to the next
+    dt_s = max(interval_s / whole, apart_s / MOST_EVERY)
+    every = whole * ceil(apart_s / interval_s - 0.01) if interval_s <= apart_s else round(apart_s / dt_s)
+    return float(1 / rate_fraction(1.0 / dt_s)), min(max(every, LEAST_EVERY), MOST_EVERY)
 
 
 def _cut(table: pd.DataFrame, plant: Plant, every: int) -> tuple[Floats, Floats, Floats, Floats, int]:
