@@ -19,7 +19,7 @@ from hybrid.identification.response import PARTS
 START_VARIANCE = 1.0
 """Of a start's departure, in the squared units of :attr:`Model.start_scale`: the start is free."""
 
-_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 1e2
+_LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
 """Variances between which levels are looked for: what a search may try on its way must still be numbers."""
 
 
@@ -58,8 +58,13 @@ class Moments:
         spoken = np.einsum("scq,c->sq", self.products, weight)
         own = (covariance @ spoken[..., None])[..., 0]
         determinant = 2.0 * np.log(scale / np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
-        cost = self.total @ weight - (spoken * own).sum(axis=1) + determinant + self.count @ np.log(levels.noise)
-        return own, covariance, cost
+        cost = self.rest(own) @ weight + (own**2 / levels.own).sum(axis=1) + determinant
+        return own, covariance, cost + self.count @ np.log(levels.noise)
+
+    def rest(self, own: Floats) -> Floats:
+        """The squares that the unknowns [S, Q] leave [S, 6]: unlike r'r less what is explained, never too small."""
+        bent = np.einsum("scqp,sp->scq", self.squares, own) - 2.0 * self.products
+        return np.asarray(np.maximum(self.total + np.einsum("scq,sq->sc", bent, own), 0.0))
 
 
 def moments_of(left: Floats, slopes: Floats) -> Moments:
@@ -77,9 +82,8 @@ def estimate_levels(moments: Moments, first: Levels) -> Levels:
     L-BFGS on the logarithms of the variances. Expectation and maximisation have the same slopes and creep where a
     level goes to nought.
     """
-    bounds = [(log(_LEAST), log(_MOST_NOISE))] * first.noise.size + [
-        (log(_LEAST), log(_MOST_FORCE))
-    ] * first.forces.size
+    most = [_MOST_NOISE] * first.noise.size + [_MOST_FORCE] * first.forces.size
+    bounds = [(log(_LEAST), log(each)) for each in most]
     begin = np.log(np.append(first.noise, first.forces))
     found = minimize(_cost, begin, moments, jac=True, method="L-BFGS-B", bounds=bounds)
     return _levels(found.x)
@@ -93,10 +97,8 @@ def _cost(logs: Floats, moments: Moments) -> tuple[float, Floats]:
     """Minus twice the log likelihood of levels by their logarithms [12], and its slopes (Fisher's identity)."""
     levels = _levels(logs)
     own, covariance, cost = moments.explained(levels)
-    second = own[:, :, None] * own[:, None, :] + covariance
-    rest = moments.total - 2.0 * np.einsum("scq,sq->sc", moments.products, own)
-    rest += np.einsum("scqp,spq->sc", moments.squares, second)
-    share = 1.0 - np.einsum("sqq->sq", second) / levels.own
+    rest = moments.rest(own) + np.einsum("scqp,spq->sc", moments.squares, covariance)
+    share = 1.0 - (own**2 + np.einsum("sqq->sq", covariance)) / levels.own
     by_noise = moments.count - rest / levels.noise
     parts = share[:, 9:].reshape(len(share), 3, PARTS).sum(axis=2)
     return float(cost.sum()), np.concatenate([by_noise, share[:, 6:9], parts], axis=1).sum(axis=0)
