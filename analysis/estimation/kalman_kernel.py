@@ -47,12 +47,19 @@ def add_product(F: Floats, x: Floats, columns: int, result: Floats) -> None:
 
 @compiled
 def predict_covariance(F: Floats, Q: Floats, P: Floats, work: Floats) -> None:
-    """``P`` becomes F P F' + Q, in place; ``work`` [n, WIDTH] is scratch. ``P`` is symmetric and stays so."""
+    """``P`` becomes F P F' + Q, in place; ``work`` [n, WIDTH] is scratch. ``P`` is symmetric and stays so.
+
+    Rounding alone would make it less so second by second, until it is no covariance any more (Verhaegen and Van
+    Dooren 1986): the halves are made one.
+    """
     work[:] = 0.0
     add_product(F, P, WIDTH, work)
     transpose(work)
     P[:] = Q
     add_product(F, work, WIDTH, P)
+    for i in range(P.shape[0]):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
 
 
 @compiled

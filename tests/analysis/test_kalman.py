@@ -10,6 +10,7 @@ from scipy.linalg import block_diag, expm
 from scipy.stats import chi2
 
 from analysis.estimation.kalman import Gate, Start, Steps, Track, predict_states, smooth_steps
+from analysis.estimation.kalman_kernel import WIDTH, predict_covariance
 from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk, decay, oscillator
 
 WIDE = Gate(limit=np.inf)
@@ -71,6 +72,17 @@ def test_both_engines_are_the_textbook_filter(laws: tuple[Law, ...], engine: str
     found = (track.filtered.mean, track.filtered.covariance, track.mean, track.covariance)
     for own, book in zip(found, expected, strict=True):
         assert own == pytest.approx(book, rel=1e-6, abs=1e-7)
+
+
+def test_rounding_leaves_the_covariance_symmetric() -> None:
+    """Else it drifts apart step by step where sensors are exact, until variances are negative and speeds run away."""
+    random = np.random.default_rng(5)
+    P, Q, work = (np.zeros((9, WIDTH)) for _ in range(3))
+    root = random.standard_normal((9, 9)) * 10.0 ** random.uniform(-6.0, 2.0, 9)
+    F, P[:, :9] = np.eye(9) + 0.1 * random.standard_normal((9, 9)), root.T @ root
+    for _ in range(20):
+        predict_covariance(F, Q, P, work)
+        assert (P[:, :9] == P[:, :9].T).all()
 
 
 def test_both_engines_judge_alike() -> None:
