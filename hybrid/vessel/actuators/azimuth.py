@@ -45,9 +45,11 @@ class Azimuth:
 SHARED = (
     "propeller_diameter_m", "thrust_nn", "thrust_nu", "thrust_uu", "side_nv", "side_uv", "side_vv",
 )  # fmt: skip
-NUMBERS = ("x_m", "y_m", *SHARED, "thrust_loss", "angle_offset_rad")
+SLOTS = {"thrust_loss": 0.0, "angle_offset_rad": 0.0, "astern_factor": 1.0}
+NUMBERS = ("x_m", "y_m", *SHARED, *SLOTS)
 (
     X_M, Y_M, DIAMETER_M, THRUST_NN, THRUST_NU, THRUST_UU, SIDE_NV, SIDE_UV, SIDE_VV, THRUST_LOSS, ANGLE_OFFSET_RAD,
+    ASTERN_FACTOR,
 ) = columns(NUMBERS)  # fmt: skip
 COSINE, SINE, SHAFT_RPS, EFFECT = range(4)
 """The working numbers: the true direction of thrust, the shaft's speed, the share of force that is left."""
@@ -84,9 +86,10 @@ def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tupl
     u_a = u_p * held[COSINE] + v_p * held[SINE]
     v_c = -u_p * held[SINE] + v_p * held[COSINE]
     pressure = p.water_density_kgpm3 * D * D * held[EFFECT]
-    T = pressure * (
-        row[THRUST_NN] * D * D * n * abs(n) + row[THRUST_NU] * D * abs(n) * u_a + row[THRUST_UU] * u_a * abs(u_a)
-    )
+    turned = row[THRUST_NN] * D * D * n * abs(n) + row[THRUST_NU] * D * abs(n) * u_a
+    if n < 0.0:
+        turned *= row[ASTERN_FACTOR]
+    T = pressure * (turned + row[THRUST_UU] * u_a * abs(u_a))
     C = pressure * v_c * (row[SIDE_NV] * D * abs(n) + row[SIDE_UV] * abs(u_a) + row[SIDE_VV] * abs(v_c))
     X = T * held[COSINE] - C * held[SINE]
     Y = T * held[SINE] + C * held[COSINE]
@@ -103,7 +106,7 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust and offset angle of each thruster and of all alike; inflow, side force and angle of all."""
-    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, loss, offset
+    from hybrid.vessel.actuators.effects import FRACTION, astern_thrust, for_each_and_all, loss, offset
     from hybrid.vessel.effect import Effect, Parameter, scaling
 
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
@@ -119,6 +122,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             one_is_like=("yaw_asymmetry",),
             all_are_like=("hull_fouling", "towed_load", "wake_fraction"),
         ),
+        *astern_thrust(names, "pod"),
         Effect(
             "wake_fraction",
             family="propulsion",
@@ -173,7 +177,7 @@ AZIMUTH = Kind(
     alike=(0.3, 0.0),
     drives=drives,
     effects=effects,
-    slots={"thrust_loss": 0.0, "angle_offset_rad": 0.0},
+    slots=SLOTS,
     shared=frozenset(SHARED),
     keeps_sign=("thrust_nn", "thrust_nu", "side_nv", "side_uv"),
     adapted=("x_m",),

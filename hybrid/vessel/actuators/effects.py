@@ -49,6 +49,17 @@ def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s")
     )  # fmt: skip
 
 
+def astern_thrust(names: tuple[str, ...], what: str) -> tuple[Effect, ...]:
+    """``astern_thrust_NAME`` and that of all: thrust while the shaft turns astern, the slot ``astern_factor``."""
+    return for_each_and_all(
+        "astern_thrust", names, times, "astern_factor",
+        family="propulsion",
+        what=f"Thrust of the {{names}} {what} while its shaft turns astern: times a factor",
+        source="Scatter of four-quadrant propeller data; cf. van Lammeren et al., Trans. SNAME 77 (1969)",
+        parameter=Parameter("factor", "1", 1.0, 0.0, 3.0, 1.2, 0.05),
+    )  # fmt: skip
+
+
 def for_each_and_all(
     stem: str,
     names: tuple[str, ...],

@@ -199,7 +199,7 @@ def drives(entry: _Blades) -> tuple[Drive, ...]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, times
+    from hybrid.vessel.actuators.effects import FRACTION, astern_thrust, for_each_and_all, lag, loss, times
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -220,13 +220,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             parameter=Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03),
             all_are_like=("hull_fouling", "towed_load", *_named("thrust_loss", names)),
         ),
-        *for_each_and_all(
-            "astern_thrust", names, times, "astern_factor",
-            family="propulsion",
-            what="Thrust of the {names} propeller while its shaft turns astern: times a factor",
-            source="Scatter of four-quadrant propeller data; cf. van Lammeren et al., Trans. SNAME 77 (1969)",
-            parameter=Parameter("factor", "1", 1.0, 0.0, 3.0, 1.2, 0.05),
-        ),
+        *astern_thrust(names, "propeller"),
         *lag(names, "propellers", "shaft"),
     )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """The tunnel thruster (paper, eq. 7): a side force that goes with the shaft alone. Control: shaft [rpm].
 
-``cubic_n n^3 + quadratic_n n|n| + linear_n n``, positive to starboard; no loss with speed is modelled.
+``cubic_n n^3 + quadratic_n n|n| + linear_n n``, positive to starboard; an effect makes it fade with speed ahead.
 """
 
 from __future__ import annotations
@@ -32,8 +32,9 @@ class Tunnel:
     shaft_lag_s: Number
 
 
-NUMBERS = ("x_m", "cubic_n", "quadratic_n", "linear_n")
-X_M, CUBIC_N, QUADRATIC_N, LINEAR_N = columns(NUMBERS)
+SLOTS = {"speed_loss": 0.0}
+NUMBERS = ("x_m", "cubic_n", "quadratic_n", "linear_n", *SLOTS)
+X_M, CUBIC_N, QUADRATIC_N, LINEAR_N, SPEED_LOSS = columns(NUMBERS)
 FORCE_N = 0
 """The working number: the side force while the control holds."""
 
@@ -47,8 +48,9 @@ def hold(p: Record, row: Floats, control: Floats, first: int, work: Floats) -> N
 
 @compiled
 def force(p: Record, i: int, work: Floats, u: float, v: float, r: float) -> tuple[float, float, float]:
-    """Force and moment X [N], Y [N], N [N m], whatever the motion."""
-    return 0.0, work[i, FORCE_N], p.actuators[i, X_M] * work[i, FORCE_N]
+    """Force and moment X [N], Y [N], N [N m]; with its ``speed_loss`` [s2/m2] the jet bends away under way."""
+    Y = work[i, FORCE_N] / (1.0 + p.actuators[i, SPEED_LOSS] * u * u)
+    return 0.0, Y, p.actuators[i, X_M] * Y
 
 
 def drives(entry: Tunnel) -> tuple[Drive]:
@@ -57,9 +59,21 @@ def drives(entry: Tunnel) -> tuple[Drive]:
 
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Lost side force of each thruster."""
+    """Lost side force of each thruster, and what it loses under way."""
     from hybrid.vessel.actuators.effects import FRACTION
-    from hybrid.vessel.effect import Effect
+    from hybrid.vessel.effect import Effect, Parameter
+
+    def fading(name: str) -> Effect:
+        return Effect(
+            f"speed_loss_{name}",
+            family="propulsion",
+            kind="actuator",
+            what=f"Side force of the {name.replace('_', ' ')} thruster fades under way, by half at a speed",
+            source="Brix, Manoeuvring Technical Manual (1993): side force of tunnel thrusters over speed ahead",
+            parameters=(Parameter("half_speed_mps", "m/s", float("inf"), 0.2, float("inf"), 2.0, 6.0),),
+            change=lambda plant, values: plant.shifted(**{f"{name}_speed_loss": values["half_speed_mps"] ** -2.0}),
+            chart="inverse_square",
+        )
 
     def loss(name: str) -> Effect:
         return Effect(
@@ -74,7 +88,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             ),
         )
 
-    return tuple(loss(name) for name in names)
+    return tuple(effect(name) for name in names for effect in (loss, fading))
 
 
 TUNNEL = Kind(
@@ -90,6 +104,7 @@ TUNNEL = Kind(
     alike=(10.0,),
     drives=drives,
     effects=effects,
+    slots=SLOTS,
     adapted=("cubic_n", "quadratic_n", "linear_n"),
     positive=("limit_rpm",),
 )
