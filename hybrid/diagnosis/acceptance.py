@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 from scipy.stats import chi2, t
 
 from acquisition.core.arrays import Floats, Ints
@@ -96,7 +97,7 @@ def acceptance_tests(evidence: Evidence, names: tuple[str, ...], name: str) -> A
     p_value = evidence.chance(gain / spread, len(own))
     said = _noncentrality(evidence, together, name)
     gains, telling = unseen_gains(evidence, others, names), _informative_legs(said)
-    p_unseen = _chance_of_gains(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
+    p_unseen = chance_of_gains(gains[telling] / np.sqrt(np.maximum(said[telling], 1e-300)))
     return AcceptanceTests(name, gain, p_value, spread, p_unseen, _large_enough(evidence, together, name))
 
 
@@ -115,7 +116,7 @@ def _informative_legs(said: Floats) -> Ints:
     return np.asarray(order[:needed])
 
 
-def _chance_of_gains(gains: Floats) -> float:
+def chance_of_gains(gains: Floats) -> float:
     """The chance of such gains of legs where there is no effect (Student 1908).
 
     They are in units of their scatter, which grows with the root of what a leg says: else a leg that says more than
@@ -196,6 +197,7 @@ INTERACTION_CHANCE = 0.01
 """The chance that effects that are named rightly seem to have another form."""
 
 _RANK = 1e-5
+_CLOSE_TO_LIKELIEST = 0.03  # of the tolerance's size: its own error is some tenth
 _NOTHING = 1e-6  # of a column's squares
 
 
@@ -308,19 +310,20 @@ def _tested_family(
 
 
 def _of_tolerance(equations: NormalEquations, evidence: Evidence, names: Sequence[str], tests: int) -> LackOfFit:
-    """Whether the forces of speeds and thrusters are off by more than is granted: at twice and four times that."""
+    """Whether the forces of speeds and thrusters are off by more than is granted; the likeliest size."""
     nuisance, scale = equations.nuisance, equations.nuisance_scale
     wider = np.isin(nuisance, np.concatenate([equations.layout.axis(axis) for axis in range(3)]))
-    best, gains = 1.0, [0.0]
-    tolerated = _log_density(evidence, names, scale)
-    for factor in (2.0, 4.0, 8.0):
-        gains.append(_log_density(evidence, names, scale * np.where(wider, factor, 1.0)) - tolerated)
-        if gains[-1] == max(gains):
-            best = factor
-    gain = 2.0 * max(gains)
+
+    def cost(log_factor: float) -> float:
+        return -_log_density(evidence, names, scale * np.where(wider, np.exp(log_factor), 1.0))
+
+    most = np.log(1.0 / equations.tolerance)  # the whole range
+    found = minimize_scalar(cost, bounds=(0.0, most), method="bounded", options={"xatol": _CLOSE_TO_LIKELIEST})
+    gain = 2.0 * max(cost(0.0) - float(found.fun), 0.0)
+    factor = float(np.exp(found.x)) if gain > 0.0 else 1.0
     return LackOfFit(
         OPERATION, "force", min(1.0, tests * float(chi2.sf(gain, 1))) if gain > 0.0 else 1.0, gain,
-        best * equations.tolerance, best > 1.0,
+        factor * equations.tolerance, factor > 1.0,
     )  # fmt: skip
 
 
@@ -398,6 +401,7 @@ class Acceptance:
     ``names`` are the effects, ``tests`` how each stands, ``evidence`` is linear about them and has every leg.
     ``rival_deficits`` has, by name and rival, the log evidence that a rival lacks where the equations are linear
     about it; ``lack_of_fit`` the families of the nuisance basis that stand out and matter, the surest first.
+    ``beside_remainder`` says that the effects stay named all the same (:mod:`.coarse_model`).
     """
 
     names: tuple[str, ...]
@@ -405,6 +409,7 @@ class Acceptance:
     evidence: Evidence
     rival_deficits: Mapping[tuple[str, str], float] = field(default_factory=dict)
     lack_of_fit: tuple[LackOfFit, ...] = ()
+    beside_remainder: bool = False
 
 
 def accept(selection: Selection) -> Acceptance:
@@ -418,7 +423,7 @@ def accept(selection: Selection) -> Acceptance:
         equations = accepted.evidence.equations
         again = normal_equations(equations, equations.noise, interactions=accepted.names)
         accepted = replace(accepted, evidence=evidence_of(again, by_leg=True))
-    return replace(accepted, lack_of_fit=_lack_of_fit_that_matters(accepted))
+    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
 def accept_names(selection: Selection) -> Acceptance:
@@ -446,7 +451,7 @@ def _drop_failures(
         names = search_effects(evidence, barred)
 
 
-def _lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
+def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
     """What remains beside the named effects and is no mere trace of their own form."""
     evidence = accepted.evidence
     fit = evidence.fit(accepted.names)

@@ -35,7 +35,7 @@ from hybrid.diagnosis.evidence import (
 )
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, linearise, sensor_readings
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
-from hybrid.diagnosis.nuisance_basis import wind_error_mps
+from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
 from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
 from hybrid.effects.size import growth
 
@@ -62,7 +62,6 @@ _ROUNDS = 2
 _STEPS = (5, 12)
 _SMALL_WAVES = (0.03, 0.03, 0.003)
 _PRICE_OF_WAVES, _PRICE_OF_DRIFT = 12.0, 12.0  # log likelihood that seven, or six, more levels have to bring
-_FEW = 50  # features are enough where nothing is decided
 
 _ENOUGH_S = 600.0  # of the log: how settings are held shows in every turn
 _PLAIN = 20.0  # log likelihood by which steps have to be better than lines
@@ -77,7 +76,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
     noise: Noise | None = None
     for round_ in range(2):
         log, model = linearisation.log, linearisation.model
-        design = design_matrix(linearisation, _FEW)
+        design = design_matrix(linearisation, FEW)
         noise = _likeliest_noise(design, noise)
         progress(0.3 + 0.5 * round_)
         rest, sensors = _without_effects(design, noise, seed=None)

@@ -201,12 +201,14 @@ def normal_equations(
     noise: Noise,
     interactions: Sequence[str] = (),
     progress: Progress = lambda share: None,
+    number: int = FEATURES,
 ) -> NormalEquations:
     """The regression of a log's whitened data on effects and nuisances, by the Gram matrices of its columns.
 
-    ``interactions`` are effects that may change with the operating point (:mod:`.nuisance_basis`).
+    ``interactions`` are effects that may change with the operating point (:mod:`.nuisance_basis`); the tolerance
+    has ``number`` features a force axis.
     """
-    design = design_matrix(linearisation, interactions=interactions)
+    design = design_matrix(linearisation, number, interactions)
     gram = gram_matrices(design.log, design.linear, design.columns, noise, progress)
     return NormalEquations(
         design.log, design.model, design.tolerance, design.linear, design.effects, design.layout,

@@ -80,54 +80,97 @@ def measured_tracks(log: Log, plant: Plant, origin: Floats, starts: Ints, horizo
     return at_seconds[starts[:, None] + np.arange(horizon_s + 1), :3]
 
 
-def gap_on_unseen_legs(
-    log: Log, evidence: Evidence, names: Sequence[str], final: Coordinates, barred: frozenset[str] = frozenset()
-) -> HeldOutGap:
-    """The gap on windows of legs that took no part, for what is named; ``final`` is what all legs together give.
+@dataclass(frozen=True, slots=True)
+class UnseenWindows:
+    """Windows of a log to judge models by, each by what the legs of the other folds say.
 
-    ``barred`` is what the other legs must not name either.
+    ``model`` has no effects added; ``starts`` and ``fold`` [N] say where windows begin and which fold they are in,
+    ``measured`` and ``before`` [N, H+1, 3] are the measured tracks and those of the model as it is.
     """
-    starts, model = window_starts(log), replace(evidence.equations.model, at={})
-    base = model.plant()
-    origin = true_states(log, base)
-    seen, before = measured_tracks(log, base, origin, starts), predicted_tracks(log, base, origin, starts)
-    after, lacking, without = _by_the_other_folds(log, evidence, names, starts, before, barred)
-    best = _predicted_with(log, model, final, starts)
-    known = np.all([np.isfinite(distances(track, seen)) for track in (before, after, best)], axis=0)
 
-    def mean(track: Floats) -> float:
-        return float(np.nanmean(distances(track, seen)[known])) if known.any() else 0.0
+    log: Log
+    model: Model
+    starts: Ints
+    fold: Ints
+    measured: Floats
+    before: Floats
 
-    floor = best if mean(best) < mean(after) else after
-    gap = Gap(mean(before), mean(after), mean(floor), int(known.any(axis=1).sum()), HORIZON_S)
-    shares = _shares(gap, {name: mean(track) for name, track in lacking.items()})
+    def predicted(self, at: Coordinates, mine: NDArray[np.bool_] | None = None) -> Floats:
+        """What the model with the effects ``at`` these sizes, and no others, predicts over the windows ``mine``."""
+        plant = replace(self.model, at=at).plant()
+        starts = self.starts if mine is None else self.starts[mine]
+        return predicted_tracks(self.log, plant, true_states(self.log, plant), starts)
+
+    def legs_of(self, fold: int) -> NDArray[np.bool_]:
+        """Which legs are in a fold [L]."""
+        return np.isin(np.arange(self.log.legs), self.log.leg[fold_of(self.log) == fold])
+
+    def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
+        """Tracks with the effects that are given for each fold, which its own legs had no part in."""
+        after = self.before.copy()
+        for fold, at in without.items():
+            mine = self.fold == fold
+            after[mine] = self.predicted(at, mine)
+        return after
+
+    def mean_m(self, *tracks: Floats) -> list[float]:
+        """The mean distance of each of ``tracks``, over what all of them are known for [m]."""
+        off = [distances(each, self.measured) for each in (self.before, *tracks)]
+        known = np.isfinite(off).all(axis=0)
+        return [float(each[known].mean()) if known.any() else 0.0 for each in off[1:]]
+
+    def by_leg_m(self, track: Floats) -> Floats:
+        """The mean distance of ``track`` [legs with windows], or of ``before`` where it is not known [m]."""
+        off, usual = distances(track, self.measured), distances(self.before, self.measured)
+        off = np.where(np.isfinite(off), off, usual)
+        legs = self.log.leg[self.starts]
+        means = [np.nanmean(off[legs == leg]) for leg in np.unique(legs) if np.isfinite(off[legs == leg]).any()]
+        return np.array(means)
+
+
+def unseen_windows(log: Log, model: Model) -> UnseenWindows:
+    """The windows of a log, one after the other, and what ``model`` without effects predicts over them."""
+    starts, bare = window_starts(log), replace(model, at={})
+    plant = bare.plant()
+    origin = true_states(log, plant)
+    tracks = [each(log, plant, origin, starts) for each in (measured_tracks, predicted_tracks)]
+    return UnseenWindows(log, bare, starts, fold_of(log)[starts], tracks[0], tracks[1])
+
+
+def gap_on_unseen_legs(
+    windows: UnseenWindows, names: Sequence[str], final: Coordinates, without: Mapping[int, Coordinates]
+) -> HeldOutGap:
+    """The gap for what is named: ``final`` is what all legs give, ``without`` what all but each fold's give."""
+    after, best = windows.by_other_folds(without), windows.predicted(final)
+    lacking = [windows.by_other_folds({fold: _less(at, name) for fold, at in without.items()}) for name in names]
+    off = windows.mean_m(windows.before, after, best, *lacking)
+    floor = best if off[2] < off[1] else after
+    off_m = np.array([distances(each, windows.measured) for each in (windows.before, after, best)])
+    judged = np.isfinite(off_m).all(axis=0).any(axis=1)
+    gap = Gap(off[0], off[1], min(off[1:3]), int(judged.sum()), HORIZON_S)
+    shares = _shares(gap, dict(zip(names, off[3:], strict=True)))
+    log, starts = windows.log, windows.starts
     present = present_motion_held(log.nominal[starts], HORIZON_S)
-    tracks = Tracks(seen, before, after, floor, present, log.leg[starts], log.time_s[starts])
+    tracks = Tracks(windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts])
     return HeldOutGap(gap, shares, tracks, without)
 
 
-def _by_the_other_folds(
-    log: Log, evidence: Evidence, names: Sequence[str], starts: Ints, before: Floats, barred: frozenset[str]
-) -> tuple[Floats, dict[str, Floats], dict[int, Coordinates]]:
-    """Tracks with what other folds name, the same lacking each effect, and what is named without each fold."""
-    dealt, model = fold_of(log), evidence.equations.model
-    after, lacking = before.copy(), {name: before.copy() for name in names}
-    without: dict[int, Coordinates] = {}
-    for number in np.unique(dealt[starts]).tolist():
-        mine = dealt[starts] == number
-        legs = np.isin(np.arange(log.legs), log.leg[dealt == number])
-        at = without[number] = _named_without(evidence, legs, barred)
-        after[mine] = _predicted_with(log, model, at, starts[mine])
-        for name in names:
-            less = {other: free for other, free in at.items() if other != name}
-            lacking[name][mine] = _predicted_with(log, model, less, starts[mine])
-    return after, lacking, without
+def _less(at: Coordinates, name: str) -> Coordinates:
+    return {other: free for other, free in at.items() if other != name}
 
 
-def _predicted_with(log: Log, model: Model, at: Coordinates, starts: Ints) -> Floats:
-    """What the model with the effects ``at`` these sizes, and no others, predicts over each window."""
-    plant = replace(model, at=at).plant()
-    return predicted_tracks(log, plant, true_states(log, plant), starts)
+def named_without(
+    windows: UnseenWindows, evidence: Evidence, barred: frozenset[str] = frozenset()
+) -> dict[int, Coordinates]:
+    """What all legs but those of each fold ask for, and how much of it; nothing of what is ``barred``."""
+    return {fold: _named_without(rest, barred) for fold, rest in evidence_without(windows, evidence).items()}
+
+
+def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
+    """The evidence of all legs but those of each fold."""
+    equations = evidence.equations
+    folds = np.unique(windows.fold).tolist()
+    return {fold: evidence_of(replace(equations, gram=equations.gram[~windows.legs_of(fold)])) for fold in folds}
 
 
 def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
@@ -143,10 +186,7 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
     return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
 
 
-def _named_without(evidence: Evidence, legs: NDArray[np.bool_], barred: frozenset[str]) -> Coordinates:
-    """What the other legs ask for, and how much of it."""
-    equations = evidence.equations
-    rest = evidence_of(replace(equations, gram=equations.gram[~legs]))
+def _named_without(rest: Evidence, barred: frozenset[str]) -> Coordinates:
     names = search_effects(rest, barred)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}

@@ -102,6 +102,15 @@ class Model:
             raise ConfigurationError(f"effect {name} is not defined below zero")
         return effect.checked(effect.values(free))
 
+    def bounded(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+        """The nearest free coordinates that, added to what is given, are in bounds."""
+        result = {}
+        for name, added in at.items():
+            given = self.given.get(name, (0.0,) * len(added))
+            whole = self.catalogue[name].bounded([a + b for a, b in zip(given, added, strict=True)])
+            result[name] = tuple(a - b for a, b in zip(whole, given, strict=True))
+        return result
+
     def plant_with_step(self, name: str, coordinate: int, by: float) -> Plant | None:
         """The plant with one coordinate moved, or None where the effect is not defined there."""
         free = list(self.at.get(name, (0.0,) * len(self.catalogue[name].free_scale)))

@@ -94,7 +94,7 @@ def _drives(actuators: Actuators, mean: Mapping[str, Floats]) -> dict[str, Float
     turning = {name: mean[f"{name}_rpm"] for name in names}
     pitches = [np.abs(values) for name, values in mean.items() if name.endswith("_pitch_percent")]
     return {
-        "rpm": np.mean([np.abs(each) for each in turning.values()], axis=0),
+        "rpm": np.mean(list(turning.values()), axis=0),  # signed: thrust astern is another than ahead
         **{f"{one}_less_{other}_rpm": turning[one] - turning[other] for one, other in itertools.pairwise(names)},
         **({"pitch_percent": np.mean(pitches, axis=0)} if pitches else {}),
     }

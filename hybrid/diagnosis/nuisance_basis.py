@@ -181,6 +181,9 @@ def _hinges(log: Log) -> Floats:
 FEATURES = 200
 """So many a force: with 40 the tolerance is too poor a family, and every second trial shows a false effect."""
 
+FEW = 50
+"""So many are enough for the noise, and where a model is off by far more than it is granted."""
+
 _FEATURES_SEED = 20260901
 _LEAST_SHARE = 0.3
 

@@ -46,6 +46,14 @@ class Suspect:
 
 
 @dataclass(frozen=True, slots=True)
+class Replication:
+    """In how many of so many disjoint parts of a trial an effect is found by itself, with its sign in the whole."""
+
+    parts: int
+    found: int
+
+
+@dataclass(frozen=True, slots=True)
 class NamedEffect:
     """An effect that was named, with its share of the gap on windows that took no part."""
 
@@ -56,6 +64,7 @@ class NamedEffect:
     p_value: Number
     sentence: str
     parameters: Mapping[str, Estimate]
+    replicated: Replication
     evidence: Annotated[Number, Field(exclude=True)]
 
 
@@ -75,6 +84,17 @@ class UnknownCause:
     share_of_gap: Number
     where: tuple[str, ...]
     looks_like: str
+
+
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """What stays unexplained beside effects that are named: its share of the force range and of the gap, on what it
+    depends, what it looks like."""
+
+    share_of_range: Number
+    share_of_gap: Number
+    where: tuple[str, ...]
+    looks_like: Annotated[str, Field(exclude=True)] = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +216,7 @@ class Diagnosis:
     suspects: Annotated[tuple[Suspect, ...], Field(exclude=True)] = ()
     tracks: Annotated[Tracks | None, Field(exclude=True)] = None
     remarks: tuple[str, ...] = ()
+    remainder: Remainder | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
@@ -214,6 +235,8 @@ class Diagnosis:
         lines += ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
         if self.unknown is not None:
             lines.append(f"unknown: {self.unknown.looks_like}")
+        if self.remainder is not None:
+            lines.append(f"remains: {self.remainder.looks_like}")
         gap = self.gap
         lines.append(
             f"mean distance over {gap.horizon_s} s: {gap.before_m:.3f} m before, {gap.after_m:.3f} m after, "

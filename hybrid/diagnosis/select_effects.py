@@ -22,7 +22,9 @@ CLOSE = 4.5
 
 _PAIRS_OF = 8
 _SETTLED, _SETTLED_SHARE = 0.3, 0.01  # of a standard error, of the size
-_MOST = 6
+MOST = 6
+"""Effects at once that a search looks for."""
+
 LOOKS = 10
 """So often the equations are made linear anew at most."""
 
@@ -33,23 +35,24 @@ Coordinates = Mapping[str, tuple[float, ...]]
 """Free coordinates of effects by name."""
 
 
-def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """The set of effects with the highest evidence that steps from nothing, or from any good pair, lead to."""
+def search_effects(evidence: Evidence, barred: frozenset[str] = frozenset(), most: int = MOST) -> tuple[str, ...]:
+    """The set of at most ``most`` effects with the highest evidence that steps from nothing, or any good pair, lead
+    to."""
     allowed = [name for name in evidence.names if name not in barred]
     singles = sorted(allowed, key=lambda name: -evidence.log_odds([name]))
     starts: list[tuple[str, ...]] = [()]
     pairs = [pair for pair in combinations(singles[:_PAIRS_OF], 2) if evidence.possible(pair)]
     if pairs:
         starts.append(max(pairs, key=evidence.log_odds))
-    ends = [_stepwise(evidence, start, allowed) for start in starts]
+    ends = [_stepwise(evidence, start, allowed, most) for start in starts]
     return max(ends, key=evidence.log_odds)
 
 
-def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]) -> tuple[str, ...]:
+def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str], most: int) -> tuple[str, ...]:
     """Adding, dropping and swapping one effect at a time, the best step first, until no step gains."""
     best = evidence.log_odds(names) if evidence.possible(names) else -np.inf
     while True:
-        steps = _steps(names, allowed)
+        steps = _steps(names, allowed, most)
         judged = sorted(((evidence.log_odds(step), step) for step in steps), reverse=True)
         better = next((each for each in judged if each[0] > best + 1e-9 and evidence.possible(each[1])), None)
         if better is None or better[0] <= best:
@@ -57,9 +60,9 @@ def _stepwise(evidence: Evidence, names: tuple[str, ...], allowed: Sequence[str]
         best, names = better
 
 
-def _steps(names: tuple[str, ...], allowed: Sequence[str]) -> list[tuple[str, ...]]:
+def _steps(names: tuple[str, ...], allowed: Sequence[str], most: int) -> list[tuple[str, ...]]:
     outside = [name for name in allowed if name not in names]
-    added = [(*names, name) for name in outside] if len(names) < _MOST else []
+    added = [(*names, name) for name in outside] if len(names) < most else []
     dropped = [tuple(other for other in names if other != name) for name in names]
     swapped = [(*rest, name) for rest in dropped for name in outside]
     return added + dropped + swapped
@@ -84,9 +87,10 @@ def log_density(evidence: Evidence, names: Sequence[str]) -> float:
 
 
 def fitted_coordinates(evidence: Evidence, names: Sequence[str]) -> Coordinates:
-    """The free coordinates at which the equations are to be made linear next."""
+    """The free coordinates at which the equations are to be made linear next, within their bounds."""
     fit = evidence.fit(names, prior=True)
-    return {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in names}
+    values = {name: tuple(fit.values[evidence.places(fit, name)].tolist()) for name in names}
+    return evidence.equations.model.bounded(values)
 
 
 def has_converged(
@@ -110,7 +114,7 @@ class Selection:
 
     ``names`` are the effects and ``evidence`` is linear about ``at``, their free coordinates; ``barred`` may not be
     selected any more. ``tried`` has the log density of the data with each set that the search began from, linear
-    about itself; ``looks`` counts how often the equations were made linear.
+    about itself; ``looks`` counts how often the equations were made linear. At most ``most`` effects are selected.
     """
 
     names: tuple[str, ...]
@@ -119,6 +123,7 @@ class Selection:
     barred: frozenset[str] = frozenset()
     tried: Mapping[tuple[str, ...], float] = field(default_factory=dict)
     looks: int = 0
+    most: int = MOST
 
 
 def select_effects(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
@@ -132,7 +137,7 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
     evidence, at = selection.evidence, selection.at
     for number in range(selection.looks + 1, LOOKS + 1):
         evidence = linear_about(evidence, at) if at else evidence
-        names = search_effects(evidence, selection.barred)
+        names = search_effects(evidence, selection.barred, selection.most)
         progress(min(0.9, number / 4.0))
         if number == LOOKS or has_converged(evidence, names, at, _SETTLED, _SETTLED_SHARE):
             break
@@ -143,8 +148,8 @@ def search_on(selection: Selection, progress: Progress = lambda share: None) -> 
 def linear_about(evidence: Evidence, at: Coordinates) -> Evidence:
     """The evidence of the same data with the equations linear about effects ``at`` these free coordinates."""
     equations = evidence.equations
-    model = replace(equations.model, at=at)
-    return evidence_of(normal_equations(linearise(equations.log, model, equations.tolerance), equations.noise))
+    linearisation = linearise(equations.log, replace(equations.model, at=at), equations.tolerance)
+    return evidence_of(normal_equations(linearisation, equations.noise, number=equations.layout.features))
 
 
 def _starting_point(evidence: Evidence) -> tuple[Coordinates, dict[tuple[str, ...], float]]:

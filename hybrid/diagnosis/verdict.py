@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import atan2, degrees, exp, hypot
 
@@ -11,11 +11,19 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
+from hybrid.diagnosis.coarse_model import is_coarse, name_of_coarse_model, replications, sizes_without
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
-from hybrid.diagnosis.gap import HeldOutGap, gap_on_unseen_legs, with_noise_floor
-from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.gap import (
+    HeldOutGap,
+    UnseenWindows,
+    evidence_without,
+    gap_on_unseen_legs,
+    named_without,
+    unseen_windows,
+    with_noise_floor,
+)
 from hybrid.diagnosis.map import map_of
-from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Rival, Suspect, Verdict
+from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
 from hybrid.diagnosis.select_effects import CLOSE, fitted_coordinates, linear_about, rivals_of
 from hybrid.diagnosis.sensor_consistency import find_contradictions
 from hybrid.effects import Effect
@@ -29,7 +37,7 @@ WEAK = 9.0
 
 _WIDTH = 1.96
 CREDIBLE = 3
-"""Effects at once; more are as a rule what imitates one that is missing in the catalogue."""
+"""Effects at once; more are as a rule what imitates one that is missing in the catalogue, unless all replicate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +48,8 @@ class Conclusion:
     the effects with which the sensors contradict each other, None where they agree. ``gap`` is measured on legs
     left out [m]; ``rivals`` could stand in the place of a named effect, by the log odds that they lack;
     ``composites`` are groups that may be one effect which is not in the catalogue, ``tied`` all groups that these
-    data cannot tell apart. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
+    data cannot tell apart; ``replicated`` says of each named effect in how many parts of the trial it is found by
+    itself. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
     """
 
     verdict: Verdict
@@ -51,6 +60,7 @@ class Conclusion:
     rivals: tuple[Rival, ...]
     composites: tuple[tuple[str, ...], ...]
     tied: tuple[tuple[str, ...], ...]
+    replicated: Mapping[str, Replication]
     next_manoeuvre: Manoeuvre | None
     suspects: tuple[Suspect, ...]
     maps: tuple[Map, Map]
@@ -65,18 +75,21 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     """The sixth stage: what stays named, how far that closes the gap, and what could stand in its place."""
     equations, found = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
+    windows = unseen_windows(equations.log, equations.model)
     accepted = first
     if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
-        accepted = sensors or replace(first, names=(), tests={})
-    progress(0.2)
-    gap = _gap(accepted, equations.log, found)
+        named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
+        accepted = named or sensors or replace(first, names=(), tests={})
+    progress(0.5)
+    gap = _gap(accepted, windows, found)
     if found:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    unknown = bool(found) or len(accepted.names) > CREDIBLE
-    composites = [] if unknown else composite_effects(accepted.evidence, accepted.names)
+    replicated = replications(accepted.evidence, accepted.names, windows)
+    unknown = _is_unknown(accepted, found, replicated)
+    composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites]
-    progress(0.5)
+    progress(0.6)
     return Conclusion(
         verdict=verdict_of(accepted.names, tied, unknown),
         first=first,
@@ -86,10 +99,18 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         rivals=tuple(rivals),
         composites=tuple(composites),
         tied=tuple(tied),
+        replicated=replicated,
         next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(_last_look(accepted, first), with_effects=True)),
     )
+
+
+def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
+    """Whether something is missing that the named effects may only imitate."""
+    if found:
+        return not accepted.beside_remainder
+    return len(accepted.names) > CREDIBLE and any(each.found < each.parts for each in replicated.values())
 
 
 def estimates(accepted: Acceptance, name: str) -> dict[str, Estimate]:
@@ -99,7 +120,7 @@ def estimates(accepted: Acceptance, name: str) -> dict[str, Estimate]:
     places = evidence.places(fit, name)
     covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
     given = accepted.evidence.equations.model.given.get(name, (0.0,) * len(places))
-    return intervals(effect, fit.values[places] + np.array(given), covariance)
+    return intervals(effect, np.array(effect.bounded(fit.values[places] + np.array(given))), covariance)
 
 
 def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
@@ -136,8 +157,9 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     found = []
     for name in accepted.names:
+        scatter = accepted.tests[name].spread if accepted.beside_remainder else 1.0  # evidence counts for less
         for rival, less in rivals_of(accepted.evidence, accepted.names, name).items():
-            less = min(less, accepted.rival_deficits.get((name, rival), less))
+            less = min(less, accepted.rival_deficits.get((name, rival), less)) / scatter
             if less < 3.0 * CLOSE:
                 found.append(Rival(name, rival, float(less)))
     return sorted(found, key=lambda each: each.evidence)
@@ -170,16 +192,19 @@ def _last_look(accepted: Acceptance, first: Acceptance) -> NormalEquations:
     return linear_about(first.evidence, fitted_coordinates(accepted.evidence, accepted.names)).equations
 
 
-def _gap(accepted: Acceptance, log: Log, found: Sequence[LackOfFit]) -> HeldOutGap:
+def _gap(accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]) -> HeldOutGap:
     """The gap on legs left out.
 
     Other legs name what they ask for; but only of what is named in the end, where that is nothing or not all.
+    Beside a remainder they size what is named: the search is of the whole trial.
     """
-    others = frozenset(accepted.evidence.names) - set(accepted.names)
-    barred = others if found or not accepted.names else frozenset[str]()
-    return gap_on_unseen_legs(
-        log, accepted.evidence, accepted.names, fitted_coordinates(accepted.evidence, accepted.names), barred
-    )
+    evidence, names = accepted.evidence, accepted.names
+    if accepted.beside_remainder:
+        without = sizes_without(evidence_without(windows, evidence), names)
+    else:
+        others = frozenset(evidence.names) - set(names)
+        without = named_without(windows, evidence, others if found or not names else frozenset())
+    return gap_on_unseen_legs(windows, names, fitted_coordinates(evidence, names), without)
 
 
 def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> Manoeuvre | None:

@@ -102,6 +102,10 @@ def _astern(subject: _Subject) -> tuple[str, str]:
     )
 
 
+def _speed_loss(subject: _Subject) -> tuple[str]:
+    return (f"{subject.does('loses', 'lose')} half the side force at {{}} m/s ahead",)
+
+
 def _lag(subject: _Subject) -> tuple[str]:
     return (f"{subject.does('follows', 'follow')} what is recorded with a lag of {{}} s",)
 
@@ -114,7 +118,8 @@ _TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]]
     "rudder_loss": (("rudder",), _rudder_loss),
     "rudder_offset": (("rudder",), _rudder_offset),
     "wake": (_PROPELLERS, _wake),
-    "astern_thrust": (_PROPELLERS, _astern),
+    "astern_thrust": (("azimuth", *_PROPELLERS), _astern),
+    "speed_loss": (("tunnel",), _speed_loss),
     "lag": (("rudder", *_PROPELLERS, "waterjet"), _lag),
 }
 """By the effect's stem: the kinds that have it, and its texts."""

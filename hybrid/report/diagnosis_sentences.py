@@ -15,7 +15,16 @@ from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
-from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Estimate, Extras, NamedEffect, UnknownCause
+from hybrid.diagnosis.result import (
+    Consistency,
+    Correlation,
+    Diagnosis,
+    Estimate,
+    Extras,
+    NamedEffect,
+    Remainder,
+    UnknownCause,
+)
 from hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
 from hybrid.effects import Effect
@@ -186,13 +195,16 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
         indistinguishable=conclusion.tied,
         unknown=unknown_cause(
             first.lack_of_fit, [equations.model.catalogue[name] for name in accepted.names], conclusion.left_open
-        ),
+        )
+        if conclusion.verdict == "unknown"
+        else None,
         where=notable_places(conclusion.maps[0].places),
         gap=gap.gap,
         next_manoeuvre=conclusion.next_manoeuvre,
         suspects=conclusion.suspects,
         tracks=gap.tracks,
         remarks=_remarks(conclusion, effects),
+        remainder=remainder_of(conclusion),
         provenance={**(provenance or {}), **_provenance(first)},
     )
     sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
@@ -208,7 +220,17 @@ def _named_effect(conclusion: Conclusion, name: str) -> NamedEffect:
         [n for n in accepted.names if n != name]
     )
     words = sentence(effect, parameters, share, accepted.evidence.equations.log.actuators)
-    return NamedEffect(name, effect.family, effect.kind, share, test.p_value, words, parameters, log_odds)
+    return NamedEffect(
+        name,
+        effect.family,
+        effect.kind,
+        share,
+        test.p_value,
+        words,
+        parameters,
+        conclusion.replicated[name],
+        log_odds,
+    )
 
 
 def unknown_cause(
@@ -226,6 +248,22 @@ def unknown_cause(
         f"{len(effects)} effects at once ({families}): rather one that is not in the catalogue and like all of them"
     )
     return UnknownCause(share_of_gap, (OPERATION,), words)
+
+
+def remainder_of(conclusion: Conclusion) -> Remainder | None:
+    """What stays unexplained beside what is named, and how large that is; None where nothing does."""
+    accepted = conclusion.accepted
+    if not (accepted.beside_remainder and accepted.lack_of_fit):
+        return None
+    cause = unknown_cause(accepted.lack_of_fit, (), conclusion.left_open)
+    assert cause is not None
+    extent = accepted.evidence.equations.force_range
+    shares = [
+        each.size if each.what == "force" else each.size / extent[AXES.index(each.what)]
+        for each in accepted.lack_of_fit
+        if each.what in ("force", *AXES)
+    ]
+    return Remainder(max(shares, default=0.0), cause.share_of_gap, cause.where, cause.looks_like)
 
 
 def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:

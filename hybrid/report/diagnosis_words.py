@@ -135,10 +135,12 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
         return "Nothing is missing that this trial could show"
     if diagnosis.verdict == "unknown":
         return f"{named + ', and s' if named else 'S'}omething is missing that no effect of the catalogue explains"
-    if diagnosis.verdict == "indistinguishable":
+    if diagnosis.verdict == "indistinguishable" and diagnosis.remainder is None:
         groups = [alternatives(group, _names(diagnosis)) for group in diagnosis.indistinguishable]
         return f"This trial cannot say which is missing: {'; '.join(groups)}"
-    return named
+    left = diagnosis.remainder
+    rest = f"; forces of {percent(left.share_of_range)} of the range remain unexplained" if left is not None else ""
+    return named + rest
 
 
 def _names(diagnosis: Diagnosis) -> list[str]:
@@ -185,6 +187,13 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
         "is not given to it, because none fits.",
         "indistinguishable": "What is listed together explains the trial equally well.",
     }
+    if diagnosis.remainder is not None:
+        says |= dict.fromkeys(
+            ("named", "indistinguishable"),
+            "The model is coarse: it lacks more than has a name here. What is named is found in most parts of the "
+            "trial by itself and brings predictions closer on legs that had no part in its size; what remains "
+            "stands below.",
+        )
     after = " The manoeuvre that would separate it best stands below." if diagnosis.next_manoeuvre else ""
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
@@ -212,7 +221,8 @@ def certainty(effect: NamedEffect) -> str:
     family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
     return (
         f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
-        f"log evidence {number(effect.evidence)}"
+        f"log evidence {number(effect.evidence)}; found in {effect.replicated.found} of "
+        f"{effect.replicated.parts} parts of the trial by itself"
     )
 
 
@@ -377,8 +387,9 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
         Text(f"These data cannot tell {alternatives(group, names, 'from')}.")
         for group in diagnosis.indistinguishable
     ]
-    if diagnosis.unknown is not None:
-        lines.append(Text(f"What remains looks like {diagnosis.unknown.looks_like}."))
+    left = diagnosis.unknown or diagnosis.remainder
+    if left is not None:
+        lines.append(Text(f"What remains looks like {left.looks_like}."))
     gap = diagnosis.gap
     if gap.held_out_windows:
         lines.append(

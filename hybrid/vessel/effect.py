@@ -131,6 +131,16 @@ class Effect:
             return {name: number**-0.5 if number > 0.0 else inf for name, number in zip(names, free, strict=True)}
         return {p.name: p.neutral + number for p, number in zip(self.parameters, free, strict=True)}
 
+    def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
+        """The nearest free coordinates whose values are in bounds."""
+        if self.chart == "polar":
+            share = min(1.0, self.parameters[0].high / max(hypot(*free), 1e-300))
+            return tuple(share * number for number in free)
+        ends = [
+            sorted(self.free({p.name: end})[i] for end in (p.low, p.high)) for i, p in enumerate(self.parameters)
+        ]
+        return tuple(min(max(number, low), high) for number, (low, high) in zip(free, ends, strict=True))
+
     @property
     def free_scale(self) -> tuple[float, ...]:
         """The ordinary size of each free coordinate: the standard deviation of its prior."""

@@ -75,7 +75,7 @@ def test_both_engines_are_the_textbook_filter(laws: tuple[Law, ...], engine: str
 
 
 def test_rounding_leaves_the_covariance_symmetric() -> None:
-    """Else it drifts apart step by step where sensors are exact, until variances are negative and speeds run away."""
+    """Else it drifts apart where sensors are exact, until variances are negative and speeds run away."""
     random = np.random.default_rng(5)
     P, Q, work = (np.zeros((9, WIDTH)) for _ in range(3))
     root = random.standard_normal((9, 9)) * 10.0 ** random.uniform(-6.0, 2.0, 9)

@@ -17,6 +17,7 @@ from hybrid.diagnosis.result import (
     NamedEffect,
     Place,
     Ratio,
+    Replication,
     Rival,
     Suspect,
     Tracks,
@@ -27,11 +28,12 @@ from hybrid.prediction.scores import Interval
 CURRENT = NamedEffect(
     "ocean_current", "environment", "physics",
     0.6, 1e-9, "The ship drifts with a current of 0.350 m/s towards 205 deg (0.340-0.360; 203-207).",
-    {"speed_mps": Estimate(0.35, 0.34, 0.36, "m/s"), "direction_deg": Estimate(205.0, 203.0, 207.0, "deg")}, 812.0,
+    {"speed_mps": Estimate(0.35, 0.34, 0.36, "m/s"), "direction_deg": Estimate(205.0, 203.0, 207.0, "deg")},
+    Replication(4, 4), 812.0,
 )  # fmt: skip
 BIAS = NamedEffect(
     "heading_bias", "sensor", "sensor", 0.3, 2e-4, "The compass reads 1.50 deg too little (-1.70 to -1.30).",
-    {"angle_deg": Estimate(-1.5, -1.7, -1.3, "deg")}, 31.0,
+    {"angle_deg": Estimate(-1.5, -1.7, -1.3, "deg")}, Replication(4, 3), 31.0,
 )  # fmt: skip
 SUSPECTS = (
     Suspect("ocean_current", "environment", 800.0, 1e-9, 0.01, "m/s"),

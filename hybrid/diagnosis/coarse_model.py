@@ -1,0 +1,164 @@
+"""A coarse model: what may be named of it beside forces that stay unexplained.
+
+A model whose forces of speeds and thrusters are off by far more than it is granted, as with a sister ship's
+coefficients, lacks many things at once. Some of them are effects of the catalogue, and what is left over says
+nothing against these. So a larger set is searched, and an effect of it is named where it holds its sign over
+disjoint parts of the trial and brings predicted tracks closer to the measured ones on legs that had no part in
+its size. That last test is in metres: where predictions err by far more than the noise, the evidence alone would
+take in effects without end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from acquisition.core.arrays import Floats
+from acquisition.core.progress import Progress
+from hybrid.diagnosis.acceptance import (
+    UNSEEN,
+    Acceptance,
+    acceptance_tests,
+    chance_of_gains,
+    lack_of_fit_that_matters,
+)
+from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from hybrid.diagnosis.gap import UnseenWindows, evidence_without
+from hybrid.diagnosis.linearise import linearise
+from hybrid.diagnosis.nuisance_basis import FEW, OPERATION
+from hybrid.diagnosis.result import Replication
+from hybrid.diagnosis.select_effects import (
+    LOOKS,
+    Coordinates,
+    Selection,
+    fitted_coordinates,
+    linear_about,
+    search_on,
+)
+
+COARSE = 3.0
+"""So many times the tolerance are the forces of a coarse model off by."""
+
+MOST = 14
+"""Effects at once: of a hull's coefficients data tell some ten groups apart (Abkowitz 1980, SNAME Trans. 88)."""
+
+_LOOKS, _ROUNDS = 4, 3  # at the equations made linear anew, in the search and in choosing
+_WORTH = 0.01  # of the distance on legs left out: what brings less is not worth a name
+_TRIED = 12  # effects beside those that are named, the likeliest
+_SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
+_MOST_PARTS = 0.75
+
+
+def is_coarse(accepted: Acceptance) -> bool:
+    """Whether forces of speeds and thrusters are off by far more than the model is granted."""
+    granted = accepted.evidence.equations.tolerance
+    return any(each.depends == OPERATION and each.size > COARSE * granted for each in accepted.lack_of_fit)
+
+
+def name_of_coarse_model(
+    first: Acceptance, windows: UnseenWindows, progress: Progress = lambda share: None
+) -> Acceptance | None:
+    """What is named beside a remainder, and that remainder; None where nothing is, or predictions are no better."""
+    bare = _linear_about_nothing(first.evidence)
+    selection = search_on(Selection((), bare, looks=LOOKS - _LOOKS, most=MOST), progress)
+    names, evidence = selection.names, selection.evidence
+    for _ in range(_ROUNDS):
+        evidence = linear_about(evidence, fitted_coordinates(evidence, names))
+        choice = _Choice(windows, evidence, evidence_without(windows, evidence))
+        kept = choice.with_more(choice.without_idle(names))
+        if kept == names:
+            break
+        names = kept
+    if not choice.better(names):
+        return None
+    evidence = evidence_of(evidence.equations, by_leg=True)
+    tests = {name: acceptance_tests(evidence, names, name) for name in names}
+    accepted = Acceptance(names, tests, evidence, beside_remainder=True)
+    return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
+
+
+def _linear_about_nothing(evidence: Evidence) -> Evidence:
+    equations = evidence.equations
+    bare = linearise(equations.log, replace(equations.model, at={}), equations.tolerance)
+    return evidence_of(normal_equations(bare, equations.noise, number=FEW))
+
+
+def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[int, Coordinates]:
+    """The sizes of ``names`` that all legs but those of each fold give."""
+    return {fold: fitted_coordinates(rest, names) for fold, rest in rests.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """Sets of effects judged by tracks on legs left out; ``rests`` is the evidence of all but each fold's legs."""
+
+    windows: UnseenWindows
+    evidence: Evidence
+    rests: Mapping[int, Evidence]
+
+    def off_m(self, names: Sequence[str]) -> Floats:
+        """The mean distance by leg of what is predicted with ``names`` [legs with windows]."""
+        windows = self.windows
+        return windows.by_leg_m(windows.by_other_folds(sizes_without(self.rests, names)))
+
+    def worth(self, without_m: Floats, with_m: Floats) -> bool:
+        """Whether the second of two distances by leg is the smaller, by enough and on legs throughout."""
+        gains = without_m - with_m
+        return bool(gains.mean() > _WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
+
+    def better(self, names: Sequence[str]) -> bool:
+        """Whether predictions are better with ``names`` than with none."""
+        return bool(names) and self.worth(self.windows.by_leg_m(self.windows.before), self.off_m(names))
+
+    def without_idle(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Without effects that bring nothing on legs left out or do not replicate, the least missed first."""
+        while names:
+            parts, whole_m = replications(self.evidence, names, self.windows), self.off_m(names)
+            lacking_m = {name: self.off_m([each for each in names if each != name]) for name in names}
+            idle = [
+                name
+                for name in names
+                if parts[name].found < _MOST_PARTS * parts[name].parts or not self.worth(lacking_m[name], whole_m)
+            ]
+            if not idle:
+                break
+            least = min(idle, key=lambda name: lacking_m[name].mean())
+            names = tuple(each for each in names if each != least)
+        return names
+
+    def with_more(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """With effects beside that are likely, replicate and bring most, one after the other."""
+        while len(names) < MOST:
+            sets = [(*names, name) for name in self.evidence.names if name not in names]
+            likely = sorted(filter(self.evidence.possible, sets), key=lambda some: -self.evidence.log_odds(some))
+            off_m = {some: self.off_m(some) for some in likely[:_TRIED]}
+            best = min(off_m, key=lambda some: off_m[some].mean(), default=None)
+            if best is None or not self.worth(self.off_m(names), off_m[best]):
+                break
+            found = replications(self.evidence, best, self.windows)[best[-1]]
+            if found.found < _MOST_PARTS * found.parts:
+                break
+            names = best
+        return names
+
+
+def replications(evidence: Evidence, names: Sequence[str], windows: UnseenWindows) -> dict[str, Replication]:
+    """How ``names``, fitted to each fold's legs alone, agree in sign with the fit to all."""
+    equations, whole = evidence.equations, fitted_coordinates(evidence, names)
+    found = dict.fromkeys(names, 0)
+    folds = np.unique(windows.fold).tolist()
+    for fold in folds:
+        part = evidence_of(replace(equations, gram=equations.gram[windows.legs_of(fold)]))
+        fit = part.fit(names, prior=True) if names else None
+        for name in names:
+            assert fit is not None
+            places = part.places(fit, name)
+            along = np.array(whole[name]) / max(float(np.linalg.norm(whole[name])), 1e-300)
+            size, error = (
+                along @ fit.values[places],
+                np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along),
+            )
+            found[name] += bool(size > _SURE * error)
+    return {name: Replication(len(folds), count) for name, count in found.items()}
