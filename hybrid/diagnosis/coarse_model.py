@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
@@ -24,7 +25,7 @@ from hybrid.diagnosis.acceptance import (
     chance_of_gains,
     lack_of_fit_that_matters,
 )
-from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_without
 from hybrid.diagnosis.linearise import linearise
 from hybrid.diagnosis.nuisance_basis import FEW, OPERATION
@@ -115,7 +116,7 @@ class _Choice:
     def without_idle(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Without effects that bring nothing on legs left out or do not replicate, the least missed first."""
         while names:
-            parts, whole_m = replications(self.evidence, names, self.windows), self.off_m(names)
+            parts, whole_m = replications(self.evidence, names, self.windows.parts), self.off_m(names)
             lacking_m = {name: self.off_m([each for each in names if each != name]) for name in names}
             idle = [
                 name
@@ -137,28 +138,30 @@ class _Choice:
             best = min(off_m, key=lambda some: off_m[some].mean(), default=None)
             if best is None or not self.worth(self.off_m(names), off_m[best]):
                 break
-            found = replications(self.evidence, best, self.windows)[best[-1]]
+            found = replications(self.evidence, best, self.windows.parts)[best[-1]]
             if found.found < _MOST_PARTS * found.parts:
                 break
             names = best
         return names
 
 
-def replications(evidence: Evidence, names: Sequence[str], windows: UnseenWindows) -> dict[str, Replication]:
-    """How ``names``, fitted to each fold's legs alone, agree in sign with the fit to all."""
+def replications(
+    evidence: Evidence, names: Sequence[str], parts: Sequence[NDArray[np.bool_]]
+) -> dict[str, Replication]:
+    """How ``names``, fitted to the legs [L] of each part alone, agree in sign with the fit to all."""
     equations, whole = evidence.equations, fitted_coordinates(evidence, names)
-    found = dict.fromkeys(names, 0)
-    folds = np.unique(windows.fold).tolist()
-    for fold in folds:
-        part = evidence_of(replace(equations, gram=equations.gram[windows.legs_of(fold)]))
-        fit = part.fit(names, prior=True) if names else None
-        for name in names:
-            assert fit is not None
-            places = part.places(fit, name)
-            along = np.array(whole[name]) / max(float(np.linalg.norm(whole[name])), 1e-300)
-            size, error = (
-                along @ fit.values[places],
-                np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along),
-            )
-            found[name] += bool(size > _SURE * error)
-    return {name: Replication(len(folds), count) for name, count in found.items()}
+    alone = [evidence_of(replace(equations, gram=equations.gram[legs])) for legs in parts] if names else []
+    fits = [(part, part.fit(names, prior=True)) for part in alone]
+
+    def found(name: str) -> int:
+        along = np.array(whole[name]) / max(float(np.linalg.norm(whole[name])), 1e-300)
+        return sum(_stands_out(part, fit, name, along) for part, fit in fits)
+
+    return {name: Replication(len(parts), found(name)) for name in names}
+
+
+def _stands_out(part: Evidence, fit: Fit, name: str, along: Floats) -> bool:
+    """Whether an effect is there in a part of a trial, in the direction that it has in the whole."""
+    places = part.places(fit, name)
+    error = np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along)
+    return bool(along @ fit.values[places] > _SURE * error)

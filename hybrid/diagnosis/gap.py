@@ -105,6 +105,11 @@ class UnseenWindows:
         """Which legs are in a fold [L]."""
         return np.isin(np.arange(self.log.legs), self.log.leg[fold_of(self.log) == fold])
 
+    @property
+    def parts(self) -> list[NDArray[np.bool_]]:
+        """The legs of each fold [L]: disjoint parts of the trial."""
+        return [self.legs_of(fold) for fold in np.unique(self.fold).tolist()]
+
     def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
         """Tracks with the effects that are given for each fold, which its own legs had no part in."""
         after = self.before.copy()

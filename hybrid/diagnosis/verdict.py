@@ -85,7 +85,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     if found:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    replicated = replications(accepted.evidence, accepted.names, windows)
+    replicated = replications(accepted.evidence, accepted.names, windows.parts)
     unknown = _is_unknown(accepted, found, replicated)
     composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites]

@@ -83,7 +83,16 @@ def test_the_json_has_the_keys_of_the_contract(done: tuple[dict[str, Any], Path]
     assert set(said) >= KEYS
     assert json.loads((folder / "diagnosis.json").read_text()) == said
     effect = said["effects"][0]
-    assert set(effect) == {"name", "family", "kind", "parameters", "share_of_gap", "p_value", "sentence"}
+    assert set(effect) == {
+        "name",
+        "family",
+        "kind",
+        "parameters",
+        "share_of_gap",
+        "p_value",
+        "sentence",
+        "replicated",
+    }
     assert all(set(each) == {"value", "low", "high", "unit"} for each in effect["parameters"].values())
     assert all(set(each) == {"channel", "cell", "windows", "error", "z"} for each in said["where"])
     assert set(said["gap"]) == {"before_m", "after_m", "floor_m", "closed", "held_out_windows"}

@@ -89,13 +89,13 @@ def test_named_effects_take_their_part_away(design: Design) -> None:
 
 
 def test_a_model_that_is_off_by_more_than_granted_is_told_so(design: Design) -> None:
-    """Forces of speeds and thrusters eight times what is granted."""
+    """Forces of speeds and thrusters fifteen times what is granted, each feature's drawn anew."""
     random = np.random.default_rng(59)
     features = np.concatenate([design.layout.axis(axis) for axis in range(3)])
     data = design.data(random) + design.columns[:, :, features] @ (30.0 * random.standard_normal(len(features)))
     off = next(each for each in judged(design, data) if each.depends == "operating point")
     assert off.found
-    assert off.size > 0.01
+    assert off.size == pytest.approx(0.15, rel=0.5)  # of twelve features: known to some 20 %
 
 
 @pytest.fixture(scope="module")

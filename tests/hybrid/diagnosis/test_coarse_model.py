@@ -1,0 +1,66 @@
+"""Effects of a coarse model: found part by part, named beside what remains, and predictions come closer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
+from hybrid.diagnosis.coarse_model import is_coarse, replications
+from hybrid.diagnosis.diagnose import diagnose
+from hybrid.diagnosis.evidence import evidence_of
+from hybrid.diagnosis.nuisance_basis import OPERATION
+from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.hulls.polynomial import NUMBERS
+from hybrid.vessel.plant import Plant
+from tests.hybrid.diagnosis.examination_by_hand import a_design
+
+PARTS = [np.arange(8) % 4 == part for part in range(4)]
+
+
+def test_what_is_there_throughout_is_found_in_every_part_and_what_changes_sign_is_not(plant: Plant) -> None:
+    design = a_design(plant, 8, 71, sigmas=60.0)
+    data = design.data(np.random.default_rng(72), {"heading_bias": (1.5,)})
+    turning = design.columns[:, :, design.layout.of("sway_bias")[0]]
+    data += 0.3 * np.where(PARTS[1] | PARTS[2], -1.0, 1.2)[:, None] * turning
+    evidence = evidence_of(design.equations(data))
+    found = replications(evidence, ("heading_bias", "sway_bias"), PARTS)
+    assert (found["heading_bias"].parts, found["heading_bias"].found) == (4, 4)
+    assert found["sway_bias"].found == 2
+
+
+def test_nothing_replicates_of_nothing(plant: Plant) -> None:
+    design = a_design(plant, 8, 73)
+    evidence = evidence_of(design.equations(design.data(np.random.default_rng(74))))
+    assert replications(evidence, (), PARTS) == {}
+    assert replications(evidence, ("yaw_inertia",), PARTS)["yaw_inertia"].found < 4
+
+
+@pytest.mark.parametrize(("depends", "times", "coarse"), [
+    (OPERATION, 8.0, True), (OPERATION, 2.0, False), ("heading", 8.0, False),
+])  # fmt: skip
+def test_only_a_model_whose_own_forces_are_far_off_is_coarse(
+    plant: Plant, depends: str, times: float, coarse: bool
+) -> None:
+    """What depends on heading, place or time is no error of coefficients: it may be anything."""
+    evidence = evidence_of(a_design(plant, 8, 75).equations(np.zeros((8, 60))))
+    left = LackOfFit(depends, "force", 1e-9, 90.0, times * evidence.equations.tolerance, matters=True)
+    assert is_coarse(Acceptance((), {}, evidence, lack_of_fit=(left,))) == coarse
+
+
+@pytest.mark.slow
+def test_a_ship_with_other_coefficients_than_her_model_gets_names_that_bring_predictions_closer() -> None:
+    """Every coefficient of the hull off by up to 40 % at random."""
+    model = load_vessel("gunnerus_long")
+    random = np.random.default_rng(76)
+    hull = {name: getattr(model.hull, name) * random.uniform(0.6, 1.4) for name in NUMBERS}
+    table, _ = simulate_trial(
+        replace(model, hull=replace(model.hull, **hull)), "calm", "programme", 1800.0, seed=77
+    )
+    conclusion = diagnose([table], model)
+    assert conclusion.accepted.names
+    assert conclusion.verdict in ("named", "indistinguishable")
+    assert conclusion.gap.gap.after_m < 0.75 * conclusion.gap.gap.before_m
