@@ -39,6 +39,9 @@ from hybrid.diagnosis.select_effects import (
     search_on,
 )
 
+CREDIBLE = 3
+"""Effects at once; more are as a rule what imitates one that is missing in the catalogue, unless they replicate."""
+
 COARSE = 3.0
 """So many times the tolerance are the forces of a coarse model off by."""
 
@@ -53,9 +56,10 @@ _MOST_PARTS = 0.75
 
 
 def is_coarse(accepted: Acceptance) -> bool:
-    """Whether forces of speeds and thrusters are off by far more than the model is granted."""
+    """Whether many things are missing at once, or the model's own forces are off by far more than granted."""
     granted = accepted.evidence.equations.tolerance
-    return any(each.depends == OPERATION and each.size > COARSE * granted for each in accepted.lack_of_fit)
+    off = any(each.depends == OPERATION and each.size > COARSE * granted for each in accepted.lack_of_fit)
+    return off or len(accepted.names) > CREDIBLE
 
 
 def name_of_coarse_model(

@@ -11,7 +11,7 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
-from hybrid.diagnosis.coarse_model import is_coarse, name_of_coarse_model, replications, sizes_without
+from hybrid.diagnosis.coarse_model import CREDIBLE, is_coarse, name_of_coarse_model, replications, sizes_without
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import (
     HeldOutGap,
@@ -36,8 +36,6 @@ WEAK = 9.0
 """A name stands whose rival lacks more than ``CLOSE``; below this another trial is worth its time."""
 
 _WIDTH = 1.96
-CREDIBLE = 3
-"""Effects at once; more are as a rule what imitates one that is missing in the catalogue, unless all replicate."""
 
 
 @dataclass(frozen=True, slots=True)

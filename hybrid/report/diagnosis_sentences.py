@@ -11,6 +11,7 @@ import numpy as np
 from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.serialisation import to_json
 from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
+from hybrid.diagnosis.coarse_model import CREDIBLE
 from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places
@@ -26,7 +27,7 @@ from hybrid.diagnosis.result import (
     UnknownCause,
 )
 from hybrid.diagnosis.select_effects import CLOSE, rivals_of
-from hybrid.diagnosis.verdict import CREDIBLE, Conclusion, estimates
+from hybrid.diagnosis.verdict import Conclusion, estimates
 from hybrid.effects import Effect
 from hybrid.effects.catalogue import VERSION
 from hybrid.report.actuator_sentences import actuator_texts
