@@ -21,8 +21,10 @@ from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import (
     UNSEEN,
     Acceptance,
+    AcceptanceTests,
     acceptance_tests,
     chance_of_gains,
+    lack_of_fit,
     lack_of_fit_that_matters,
 )
 from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, normal_equations
@@ -57,9 +59,20 @@ _MOST_PARTS = 0.75
 
 def is_coarse(accepted: Acceptance) -> bool:
     """Whether many things are missing at once, or the model's own forces are off by far more than granted."""
-    granted = accepted.evidence.equations.tolerance
-    off = any(each.depends == OPERATION and each.size > COARSE * granted for each in accepted.lack_of_fit)
-    return off or len(accepted.names) > CREDIBLE
+    surest = max(accepted.lack_of_fit, key=lambda each: each.gain, default=None)
+    if surest is None or surest.depends != OPERATION:  # what goes with place, time or heading may be anything
+        return False
+    return surest.size > COARSE * accepted.evidence.equations.tolerance or len(accepted.names) > CREDIBLE
+
+
+def untested_if_coarse(selection: Selection) -> Acceptance | None:
+    """Nothing accepted, for a model that is off by so much that tests against its noise would say nothing.
+
+    None where it is not so far off.
+    """
+    found = tuple(each for each in lack_of_fit(selection.evidence, selection.names) if each.found)
+    nothing = Acceptance((), {}, selection.evidence, lack_of_fit=found)
+    return nothing if is_coarse(nothing) else None
 
 
 def name_of_coarse_model(
@@ -76,12 +89,24 @@ def name_of_coarse_model(
         if kept == names:
             break
         names = kept
+    evidence = evidence_of(evidence.equations, by_leg=True)
+    names, tests = _without_chance(evidence, names)
     if not choice.better(names):
         return None
-    evidence = evidence_of(evidence.equations, by_leg=True)
-    tests = {name: acceptance_tests(evidence, names, name) for name in names}
     accepted = Acceptance(names, tests, evidence, beside_remainder=True)
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
+
+
+def _without_chance(
+    evidence: Evidence, names: tuple[str, ...]
+) -> tuple[tuple[str, ...], dict[str, AcceptanceTests]]:
+    """Without what may be there by chance, by the scatter from leg to leg, the likeliest to be so first."""
+    while True:
+        tests = {name: acceptance_tests(evidence, names, name) for name in names}
+        worst = max(names, key=lambda name: tests[name].p_value, default=None)
+        if worst is None or tests[worst].p_value < UNSEEN:
+            return names, tests
+        names = tuple(name for name in names if name != worst)
 
 
 def _linear_about_nothing(evidence: Evidence) -> Evidence:

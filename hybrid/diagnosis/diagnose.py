@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import accept
+from hybrid.diagnosis.coarse_model import untested_if_coarse
 from hybrid.diagnosis.estimate_noise import choose_input_hold, estimate_noise
 from hybrid.diagnosis.evidence import weigh_evidence
 from hybrid.diagnosis.linearise import linearise, model_of
@@ -51,5 +52,5 @@ def diagnose(
         estimate = choose_input_hold(estimate, part(0.3, 0.4))
         evidence = weigh_evidence(estimate)
         selection = select_effects(evidence, part(0.4, 0.6))
-        acceptance = accept(selection)
+        acceptance = untested_if_coarse(selection) or accept(selection)
         return reach_verdict(acceptance, part(0.6, 1.0))

@@ -22,16 +22,18 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
 from analysis.estimation.likelihood import Prior, ScoringSettings, most_likely, robust_cost
 from hybrid.diagnosis.acceptance import accept_names
+from hybrid.diagnosis.coarse_model import untested_if_coarse
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, NoiseEstimate, smooth_state, whiten
 from hybrid.diagnosis.evidence import (
     DesignMatrix,
     design_matrix,
     draw_columns,
+    evidence_of,
     fit_columns,
     gram_matrices,
+    normal_equations,
     subset_of,
     tolerated_forces,
-    weigh_evidence,
 )
 from hybrid.diagnosis.linearise import Linearisation, LinearModel, linearise, sensor_readings
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
@@ -108,9 +110,10 @@ def _log_density(estimate: NoiseEstimate, hold: InputHold) -> float:
     as_it_is = hold == known.log.input_hold
     log = known.log if as_it_is else known.log.with_input_hold(hold)
     part = linearise(log.subset(_spread_blocks(log, _ENOUGH_S)), known.model, known.tolerance)
-    evidence = weigh_evidence(NoiseEstimate(part, estimate.noise))
+    evidence = evidence_of(normal_equations(part, estimate.noise, number=FEW))
     if log.setting_step_s > SELDOM_S:
-        found = accept_names(select_effects(evidence))
+        selection = select_effects(evidence)
+        found = selection if untested_if_coarse(selection) else accept_names(selection)
         density = log_density(found.evidence, found.names)
     else:
         density = log_density(evidence, search_effects(evidence))

@@ -155,12 +155,30 @@ def close_rivals(accepted: Acceptance) -> list[Rival]:
     """Effects that explain almost as much in the place of a named one, the closest first."""
     found = []
     for name in accepted.names:
-        scatter = accepted.tests[name].spread if accepted.beside_remainder else 1.0  # evidence counts for less
-        for rival, less in rivals_of(accepted.evidence, accepted.names, name).items():
-            less = min(less, accepted.rival_deficits.get((name, rival), less)) / scatter
+        rivals = _deficits_beside_remainder if accepted.beside_remainder else _deficits
+        for rival, less in rivals(accepted, name).items():
             if less < 3.0 * CLOSE:
                 found.append(Rival(name, rival, float(less)))
     return sorted(found, key=lambda each: each.evidence)
+
+
+def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
+    """The log evidence that each rival lacks in the place of ``name``, the least where it was looked at twice."""
+    found = rivals_of(accepted.evidence, accepted.names, name)
+    return {rival: min(less, accepted.rival_deficits.get((name, rival), less)) for rival, less in found.items()}
+
+
+def _deficits_beside_remainder(accepted: Acceptance, name: str) -> dict[str, float]:
+    """What ``name`` still brings beside each rival, over the scatter from leg to leg.
+
+    The search left out some that would bring something: these are no rivals of whatever they could replace.
+    """
+    evidence, names, scatter = accepted.evidence, accepted.names, accepted.tests[name].spread
+    others = [each for each in names if each != name]
+    return {
+        rival: (evidence.log_odds([*names, rival]) - evidence.log_odds([*others, rival])) / scatter
+        for rival in rivals_of(evidence, names, name)
+    }
 
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:

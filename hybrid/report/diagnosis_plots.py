@@ -72,18 +72,18 @@ def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> list[Artis
     for axes, (effect, name, estimate) in zip(
         figure.subplots(len(every), 1, squeeze=False)[:, 0], every, strict=True
     ):
-        artists += _interval(axes, estimate, FAMILY_COLOUR.get(effect.family, INK))
+        absent = 1.0 if name.endswith("factor") else 0.0
+        artists += _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
         axes.set_yticks([0.0], [f"{plain(effect.name)}\n{title}"])
     return artists
 
 
-def _interval(axes: Axes, estimate: Estimate, colour: str) -> list[Artist]:
+def _interval(axes: Axes, estimate: Estimate, absent: float, colour: str) -> list[Artist]:
     reach = np.maximum([[estimate.value - estimate.low], [estimate.high - estimate.value]], 0.0)
     drawn = axes.errorbar(estimate.value, 0.0, xerr=reach, fmt="o", color=colour, capsize=4, markersize=6)
-    neutral = 1.0 if estimate.unit == "1" else 0.0
     if estimate.unit != "deg" or estimate.low <= 0.0 <= estimate.high or abs(estimate.value) < 30.0:
-        axes.axvline(neutral, color=INK, linewidth=1.0)  # a direction has no neutral value
+        axes.axvline(absent, color=INK, linewidth=1.0)  # a direction has no neutral value
     axes.margins(x=0.15)
     axes.set_ylim(-1.0, 1.0)
     axes.locator_params(axis="x", nbins=7)

@@ -17,6 +17,7 @@ from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places
 from hybrid.diagnosis.nuisance_basis import AXES, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import (
+    FORCES,
     Consistency,
     Correlation,
     Diagnosis,
@@ -31,7 +32,7 @@ from hybrid.diagnosis.verdict import Conclusion, estimates
 from hybrid.effects import Effect
 from hybrid.effects.catalogue import VERSION
 from hybrid.report.actuator_sentences import actuator_texts
-from hybrid.report.diagnosis_words import DEPENDS, number, parameter_title
+from hybrid.report.diagnosis_words import DEPENDS, cell_row, number, parameter_title, percent
 from hybrid.report.words import join_words, plain
 
 Parameters = Mapping[str, Estimate]
@@ -252,19 +253,19 @@ def unknown_cause(
 
 
 def remainder_of(conclusion: Conclusion) -> Remainder | None:
-    """What stays unexplained beside what is named, and how large that is; None where nothing does."""
-    accepted = conclusion.accepted
+    """What stays unexplained beside what is named: how large, and where it is surest; None where nothing does."""
+    accepted, left = conclusion.accepted, conclusion.maps[1]
     if not (accepted.beside_remainder and accepted.lack_of_fit):
         return None
-    cause = unknown_cause(accepted.lack_of_fit, (), conclusion.left_open)
-    assert cause is not None
-    extent = accepted.evidence.equations.force_range
-    shares = [
-        each.size if each.what == "force" else each.size / extent[AXES.index(each.what)]
-        for each in accepted.lack_of_fit
-        if each.what in ("force", *AXES)
-    ]
-    return Remainder(max(shares, default=0.0), cause.share_of_gap, cause.where, cause.looks_like)
+    shares = np.sqrt((left.force**2).mean(axis=0)) / accepted.evidence.equations.force_range
+    axis = int(np.argmax(shares))
+    kind = "moment" if AXES[axis] == "yaw" else "force"
+    words = f"a {AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
+    surest = next((each for each in notable_places(left.places) if each.channel == FORCES[axis]), None)
+    if surest is not None:
+        words += f", surest at {cell_row(surest)[1]}: {surest.error:+.2g} {_UNIT[AXES[axis]]}"
+    where = tuple(dict.fromkeys(each.depends for each in accepted.lack_of_fit))
+    return Remainder(float(shares[axis]), conclusion.left_open, where, words.replace("-", "\u2212"))
 
 
 def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:

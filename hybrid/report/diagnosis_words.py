@@ -166,7 +166,7 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
         "what noise alone leaves": f"{gap.floor_m:.2f} m",
     }
     if diagnosis.effects:
-        figures["of what could be closed is closed"] = f"{percent(gap.closed)}"
+        figures["of what could be closed is closed"] = percent(gap.closed) if gap.closed > 0.0 else "nothing"
     figures["of the force range: error granted to the model"] = f"{percent(diagnosis.tolerance)}"
     return figures
 
