@@ -62,7 +62,7 @@ def chosen(name: str, ships: set[str], trials: Trials) -> ChosenModel:
     one = "the recording names" if len(named) == 1 else "the recordings name"
     others = sorted({Path(each).stem if each.endswith(".toml") else each for each in named if each} - ships)
     if others:
-        return ChosenModel(name, f", which is not the ship that {one} ({', '.join(others)})")
+        return ChosenModel(name, f", not the ship that {one} ({', '.join(others)})")
     return ChosenModel(name, "" if all(named) else f"; {one} no ship" if not any(named) else "; some name no ship")
 
 

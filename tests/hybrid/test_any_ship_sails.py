@@ -161,11 +161,6 @@ def test_kvlcc2_turns_as_published() -> None:
         assert indices[name].lengths == pytest.approx(3.2, rel=0.08), name
 
 
-def test_a_rough_sea_for_a_model_is_refused_in_words() -> None:
-    with pytest.raises(ConfigurationError, match="sea state moderate is too rough for a ship of 2 m"):
-        simulate_trial("otter_2m", "moderate", "zigzag", 60.0)
-
-
 @pytest.mark.parametrize("name", ["kvlcc2", "otter", "twin_screw"])
 def test_a_rehearsal_stays_in_her_range_and_its_map_names_her_settings(name: str, tmp_path) -> None:  # type: ignore[no-untyped-def]
     ship = SHIPS[name](tmp_path)

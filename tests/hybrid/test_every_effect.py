@@ -22,12 +22,17 @@ BY_NAME = pytest.mark.parametrize("effect", EFFECTS, ids=lambda each: each.name)
 DT_S = 0.5
 
 
-def weaving(plant: Plant) -> Floats:
-    """What is measured [61, 6] of half a minute in which shafts, both helms and the tunnel thruster all move."""
+def weaving(plant: Plant, effect: Effect) -> Floats:
+    """What is measured [61, 6] of half a minute in which shafts, both helms and the tunnel thruster all move.
+
+    The shafts turn astern, slowly, where the effect is of that.
+    """
+    sense = -0.5 if "astern" in effect.name else 1.0
     phase = np.linspace(0.0, 2.0 * np.pi, 60)
     swing = 0.5 - 0.5 * np.cos(phase)
     controls = np.column_stack([
-        2.0 + swing, 0.1 + 0.2 * np.sin(phase) * swing, 2.2 + 0.5 * swing, 0.15 - 0.1 * swing, 300.0 * swing
+        sense * (2.0 + swing), 0.1 + 0.2 * np.sin(phase) * swing,
+        sense * (2.2 + 0.5 * swing), 0.15 - 0.1 * swing, 300.0 * swing,
     ])  # fmt: skip
     wind = np.tile([0.8, 9.0], (60, 1))
     return measure(simulate(plant, [0.0, 0.0, 0.2, 4.0, 0.1, 0.01], controls, wind, DT_S), plant, DT_S)
@@ -52,7 +57,7 @@ def test_neutral_changes_not_a_bit(effect: Effect, plant: Plant) -> None:
 @BY_NAME
 def test_an_ordinary_size_shows_in_what_is_measured(effect: Effect, plant: Plant) -> None:
     """More than the mean of many samples errs: 2 cm, 0.1 degree, 0.02 m/s or 0.025 deg/s."""
-    changed = np.abs(weaving(effect.apply(plant, effect.typical)) - weaving(plant)).max(axis=0)
+    changed = np.abs(weaving(effect.apply(plant, effect.typical), effect) - weaving(plant, effect)).max(axis=0)
     assert (changed / [0.02, 0.02, 0.0017, 0.02, 0.02, 0.0004]).max() > 1.0
 
 
@@ -64,10 +69,10 @@ def test_effects_begin_smoothly(effect: Effect, which: int, plant: Plant) -> Non
     """From neutral an effect grows in proportion, either way where it has two: nothing jumps, nothing bends."""
     step = np.zeros(len(effect.parameters))
     step[which] = effect.free_scale[which] * 1e-3
-    base = weaving(plant)
+    base = weaving(plant, effect)
 
     def slope(share: float) -> Floats:
-        return (weaving(effect.apply(plant, at(effect, share * step))) - base) / share
+        return (weaving(effect.apply(plant, at(effect, share * step)), effect) - base) / share
 
     forward = slope(1.0)
     one_sided = effect.parameters[0].neutral in (effect.parameters[0].low, effect.parameters[0].high)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from acquisition.core.errors import ConfigurationError, InputError
+from acquisition.core.errors import InputError
 from acquisition.tables.import_table import import_table
 from hybrid.calibrators.artefact import save
 from hybrid.vessel.files import load_vessel, save_vessel
@@ -93,11 +93,13 @@ def test_diagnosis_names_the_actuator_that_lost_force(ship: tuple[Path, str]) ->
 
 
 def test_model_of_another_ship_is_refused_by_name(ship: tuple[Path, str]) -> None:
-    """Without --vessel the model is R/V Gunnerus'; the message says whose actuators are whose."""
+    """A recording that names no ship has no model without --vessel; one of another ship is refused by actuators."""
     trial = ship[0].parent / "1.mcap"
     for use in (st.validate, st.diagnose):
-        with pytest.raises(InputError, match=rf"{ship[1]} \(azimuth\).* port \(azimuth\)"):
+        with pytest.raises(InputError, match="names no ship; say with --vessel"):
             use(trial)
+        with pytest.raises(InputError, match=rf"{ship[1]} \(azimuth\).* port \(azimuth\)"):
+            use(trial, vessel="gunnerus_short")
 
 
 def test_table_of_another_ship_needs_no_word_but_a_misspelt_one_is_found(

@@ -75,12 +75,12 @@ def test_a_file_of_her_beside_the_recording_or_here_is_hers(
 def test_another_model_is_used_when_asked_for_and_said_first(tmp_path: Path) -> None:
     long = recording_of("gunnerus_long", tmp_path / "long.mcap")
     found = model_of(long, vessel="gunnerus_short")
-    said = "model: gunnerus_short, which is not the ship that the recording names (gunnerus_long)"
+    said = "model: gunnerus_short, not the ship that the recording names (gunnerus_long)"
     assert found.file == "gunnerus_short"
     assert str(found.said) == said
     assert found.said.remarks == {"remarks": [said]}
     both = model_of(long, recording_of("kvlcc2_7m", tmp_path / "b.mcap", "kvlcc2_7m"), vessel="gunnerus_long")
-    assert str(both.said).endswith("which is not the ship that the recordings name (kvlcc2_7m)")
+    assert str(both.said).endswith("not the ship that the recordings name (kvlcc2_7m)")
 
 
 def test_a_model_made_from_hers_is_hers(tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_commands_say_the_model_first(tmp_path: Path, command: Command) -> None:
     assert "remarks" not in command("validate", path, "--any", "--horizon", "10", "--json").json
     (tmp_path / "other.toml").write_text(TANKER.replace("0.3278", "0.36"))
     told = command("predict", path, "--at", "+60", "--vessel", tmp_path / "other.toml")
-    said = "model: tanker (other.toml), which is not the ship that the recording names (esso_osaka_3m)"
+    said = "model: tanker (other.toml), not the ship that the recording names (esso_osaka_3m)"
     assert told.out.startswith(said + "\n")
     plain = command("predict", path, "--at", "+60", "--vessel", tmp_path / "other.toml", "--json").json
     assert next(iter(plain.items())) == ("remarks", [said])

@@ -226,7 +226,7 @@ def test_json_has_the_contracts_keys() -> None:
 
 def test_the_page_says_first_that_the_model_is_another_ship() -> None:
     """As a note above all else, and once; nothing where it is hers."""
-    said = "model: gunnerus_short, which is not the ship that the recording names (gunnerus_long)"
+    said = "model: gunnerus_short, not the ship that the recording names (gunnerus_long)"
     assert model_line(named()) == "model: gunnerus_short"
     other = replace(named(), remarks=(said, *named().remarks))
     assert model_line(other) == said
