@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import seatrial as st
-from acquisition.core.errors import InputError
+from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.tables.import_table import import_table
 from hybrid.calibrators.artefact import save
 from hybrid.vessel.files import load_vessel, save_vessel
