@@ -174,9 +174,10 @@ def headline(diagnosis: Diagnosis) -> dict[str, str]:
 def verdict_meaning(diagnosis: Diagnosis) -> str:
     """What the verdict means, and how errors are judged."""
     gap = diagnosis.gap
+    part = "naming or fitting" if diagnosis.remainder is None else "sizing; which effects to name was seen on all"
     judged = (
         f"Errors are mean distances between predicted and measured tracks over {gap.held_out_windows} windows of "
-        f"{gap.horizon_s} s that took no part in naming or fitting."
+        f"{gap.horizon_s} s that took no part in {part}."
     )
     says = {
         "named": "Every effect named stands by itself: it is no chance among all that were tried, and it predicts "
