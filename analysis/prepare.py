@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from acquisition.recording.reader import Recording
+from analysis.quality.findings import Finding
 from analysis.tables.export import SIGMA_SUFFIX, add_flags
 from analysis.tables.resample import resample, resample_recording
 from analysis.tables.table import add_step, remove_delays, table_of
@@ -48,19 +49,28 @@ def prepare(recording: Recording, how: Preparation, *, rebuild_positions: bool =
     raw = table_of(recording)
     if not (how.repair or how.flags or how.remove_delays):
         return _at_rate(raw, how, {})
-    from analysis.quality.check import check_recording
     from analysis.quality.motion.checks import delays_of
-    from analysis.quality.repairs import repair
 
-    quality = check_recording(recording, raw)
-    flags, table, left = quality.flags, raw, quality.findings
-    if how.repair:
-        repaired = repair(raw, left, flags, recording, rebuild_positions=rebuild_positions)
-        flags = repaired.flags if repaired.flags is not None else flags
-        table, left = repaired.table, tuple(each for each in left if not each.certain)
+    table, flags, findings = checked_table(recording, raw, repaired=how.repair, rebuild_positions=rebuild_positions)
+    left = [each for each in findings if not (how.repair and each.certain)]
     delays = delays_of(left, raw) if how.remove_delays else {}
     result = _at_rate(table, how, delays)
     return add_flags(result, flags, delays) if how.flags else result
+
+
+def checked_table(
+    recording: Recording, raw: pd.DataFrame, *, repaired: bool = False, rebuild_positions: bool = False
+) -> tuple[pd.DataFrame, pd.DataFrame, tuple[Finding, ...]]:
+    """The recording's table, ``repaired`` or as it is, its flags, and all that a check of it finds."""
+    from analysis.quality.check import check_recording
+    from analysis.quality.repairs import repair
+
+    quality = check_recording(recording, raw)
+    table, flags = raw, quality.flags
+    if repaired:
+        done = repair(raw, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
+        table, flags = done.table, flags if done.flags is None else done.flags
+    return table, flags, quality.findings
 
 
 def _at_rate(table: pd.DataFrame, how: Preparation, delays: Mapping[str, float]) -> pd.DataFrame:

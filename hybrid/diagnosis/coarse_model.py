@@ -10,11 +10,10 @@ take in effects without end.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress
@@ -28,7 +27,7 @@ from hybrid.diagnosis.acceptance import (
     lack_of_fit_that_matters,
 )
 from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, normal_equations
-from hybrid.diagnosis.gap import UnseenWindows, evidence_without
+from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without
 from hybrid.diagnosis.linearise import linearise
 from hybrid.diagnosis.nuisance_basis import FEW, OPERATION
 from hybrid.diagnosis.result import Replication
@@ -84,7 +83,8 @@ def name_of_coarse_model(
     names, evidence = selection.names, selection.evidence
     for _ in range(_ROUNDS):
         evidence = linear_about(evidence, fitted_coordinates(evidence, names))
-        choice = _Choice(windows, evidence, evidence_without(windows, evidence))
+        parts = tuple(evidence_within(windows, evidence).values())
+        choice = _Choice(windows, evidence, evidence_without(windows, evidence), parts)
         kept = choice.with_more(choice.without_idle(names))
         if kept == names:
             break
@@ -122,36 +122,36 @@ def sizes_without(rests: Mapping[int, Evidence], names: Sequence[str]) -> dict[i
 
 @dataclass(frozen=True, slots=True)
 class _Choice:
-    """Sets of effects judged by tracks on legs left out; ``rests`` is the evidence of all but each fold's legs."""
+    """Sets of effects judged by tracks on legs left out.
+
+    ``rests`` is the evidence of all but each fold's legs, ``parts`` that of each fold's alone.
+    """
 
     windows: UnseenWindows
     evidence: Evidence
     rests: Mapping[int, Evidence]
+    parts: tuple[Evidence, ...]
 
     def off_m(self, names: Sequence[str]) -> Floats:
         """The mean distance by leg of what is predicted with ``names`` [legs with windows]."""
         windows = self.windows
         return windows.by_leg_m(windows.by_other_folds(sizes_without(self.rests, names)))
 
-    def worth(self, without_m: Floats, with_m: Floats) -> bool:
-        """Whether the second of two distances by leg is the smaller, by enough and on legs throughout."""
-        gains = without_m - with_m
-        return bool(gains.mean() > _WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
-
     def better(self, names: Sequence[str]) -> bool:
         """Whether predictions are better with ``names`` than with none."""
-        return bool(names) and self.worth(self.windows.by_leg_m(self.windows.before), self.off_m(names))
+        return bool(names) and _worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
+
+    def replicating(self, names: Sequence[str]) -> set[str]:
+        """Those that are found by themselves in most parts."""
+        found = replications(self.evidence, names, self.parts)
+        return {name for name, each in found.items() if each.found >= _MOST_PARTS * each.parts}
 
     def without_idle(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Without effects that bring nothing on legs left out or do not replicate, the least missed first."""
         while names:
-            parts, whole_m = replications(self.evidence, names, self.windows.parts), self.off_m(names)
+            stay, whole_m = self.replicating(names), self.off_m(names)
             lacking_m = {name: self.off_m([each for each in names if each != name]) for name in names}
-            idle = [
-                name
-                for name in names
-                if parts[name].found < _MOST_PARTS * parts[name].parts or not self.worth(lacking_m[name], whole_m)
-            ]
+            idle = [name for name in names if name not in stay or not _worth_it(lacking_m[name], whole_m)]
             if not idle:
                 break
             least = min(idle, key=lambda name: lacking_m[name].mean())
@@ -160,27 +160,28 @@ class _Choice:
 
     def with_more(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """With effects beside that are likely, replicate and bring most, one after the other."""
+        before_m = self.off_m(names)
         while len(names) < MOST:
             sets = [(*names, name) for name in self.evidence.names if name not in names]
             likely = sorted(filter(self.evidence.possible, sets), key=lambda some: -self.evidence.log_odds(some))
             off_m = {some: self.off_m(some) for some in likely[:_TRIED]}
             best = min(off_m, key=lambda some: off_m[some].mean(), default=None)
-            if best is None or not self.worth(self.off_m(names), off_m[best]):
+            if best is None or not _worth_it(before_m, off_m[best]) or best[-1] not in self.replicating(best):
                 break
-            found = replications(self.evidence, best, self.windows.parts)[best[-1]]
-            if found.found < _MOST_PARTS * found.parts:
-                break
-            names = best
+            names, before_m = best, off_m[best]
         return names
 
 
-def replications(
-    evidence: Evidence, names: Sequence[str], parts: Sequence[NDArray[np.bool_]]
-) -> dict[str, Replication]:
-    """How ``names``, fitted to the legs [L] of each part alone, agree in sign with the fit to all."""
-    equations, whole = evidence.equations, fitted_coordinates(evidence, names)
-    alone = [evidence_of(replace(equations, gram=equations.gram[legs])) for legs in parts] if names else []
-    fits = [(part, part.fit(names, prior=True)) for part in alone]
+def _worth_it(without_m: Floats, with_m: Floats) -> bool:
+    """Whether the second of two distances by leg is the smaller, by enough and on legs throughout."""
+    gains = without_m - with_m
+    return bool(gains.mean() > _WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
+
+
+def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:
+    """How ``names``, fitted to each of ``parts`` alone, agree in sign with the fit to all."""
+    whole = fitted_coordinates(evidence, names)
+    fits = [(part, part.fit(names, prior=True)) for part in parts]
 
     def found(name: str) -> int:
         along = np.array(whole[name]) / max(float(np.linalg.norm(whole[name])), 1e-300)

@@ -105,11 +105,6 @@ class UnseenWindows:
         """Which legs are in a fold [L]."""
         return np.isin(np.arange(self.log.legs), self.log.leg[fold_of(self.log) == fold])
 
-    @property
-    def parts(self) -> list[NDArray[np.bool_]]:
-        """The legs of each fold [L]: disjoint parts of the trial."""
-        return [self.legs_of(fold) for fold in np.unique(self.fold).tolist()]
-
     def by_other_folds(self, without: Mapping[int, Coordinates]) -> Floats:
         """Tracks with the effects that are given for each fold, which its own legs had no part in."""
         after = self.before.copy()
@@ -117,12 +112,6 @@ class UnseenWindows:
             mine = self.fold == fold
             after[mine] = self.predicted(at, mine)
         return after
-
-    def mean_m(self, *tracks: Floats) -> list[float]:
-        """The mean distance of each of ``tracks``, over what all of them are known for [m]."""
-        off = [distances(each, self.measured) for each in (self.before, *tracks)]
-        known = np.isfinite(off).all(axis=0)
-        return [float(each[known].mean()) if known.any() else 0.0 for each in off[1:]]
 
     def by_leg_m(self, track: Floats) -> Floats:
         """The mean distance of ``track`` [legs with windows], or of ``before`` where it is not known [m]."""
@@ -148,12 +137,12 @@ def gap_on_unseen_legs(
     """The gap for what is named: ``final`` is what all legs give, ``without`` what all but each fold's give."""
     after, best = windows.by_other_folds(without), windows.predicted(final)
     lacking = [windows.by_other_folds({fold: _less(at, name) for fold, at in without.items()}) for name in names]
-    off = windows.mean_m(windows.before, after, best, *lacking)
-    floor = best if off[2] < off[1] else after
-    off_m = np.array([distances(each, windows.measured) for each in (windows.before, after, best)])
-    judged = np.isfinite(off_m).all(axis=0).any(axis=1)
-    gap = Gap(off[0], off[1], min(off[1:3]), int(judged.sum()), HORIZON_S)
-    shares = _shares(gap, dict(zip(names, off[3:], strict=True)))
+    off_m = np.array([distances(each, windows.measured) for each in (windows.before, after, best, *lacking)])
+    known = np.isfinite(off_m[:3]).all(axis=0)
+    mean_m = np.nanmean(off_m[:, known], axis=1).tolist() if known.any() else [0.0] * len(off_m)
+    floor = best if mean_m[2] < mean_m[1] else after
+    gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), int(known.any(axis=1).sum()), HORIZON_S)
+    shares = _shares(gap, dict(zip(names, mean_m[3:], strict=True)))
     log, starts = windows.log, windows.starts
     present = present_motion_held(log.nominal[starts], HORIZON_S)
     tracks = Tracks(windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts])
@@ -168,14 +157,23 @@ def named_without(
     windows: UnseenWindows, evidence: Evidence, barred: frozenset[str] = frozenset()
 ) -> dict[int, Coordinates]:
     """What all legs but those of each fold ask for, and how much of it; nothing of what is ``barred``."""
-    return {fold: _named_without(rest, barred) for fold, rest in evidence_without(windows, evidence).items()}
+    return {fold: _asked_for(rest, barred) for fold, rest in evidence_without(windows, evidence).items()}
 
 
 def evidence_without(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
     """The evidence of all legs but those of each fold."""
-    equations = evidence.equations
-    folds = np.unique(windows.fold).tolist()
-    return {fold: evidence_of(replace(equations, gram=equations.gram[~windows.legs_of(fold)])) for fold in folds}
+    return _evidence_by_fold(windows, evidence, left_out=True)
+
+
+def evidence_within(windows: UnseenWindows, evidence: Evidence) -> dict[int, Evidence]:
+    """The evidence of each fold's legs alone: of disjoint parts of the trial."""
+    return _evidence_by_fold(windows, evidence, left_out=False)
+
+
+def _evidence_by_fold(windows: UnseenWindows, evidence: Evidence, *, left_out: bool) -> dict[int, Evidence]:
+    equations, folds = evidence.equations, np.unique(windows.fold).tolist()
+    kept = {fold: windows.legs_of(fold) != left_out for fold in folds}
+    return {fold: evidence_of(replace(equations, gram=equations.gram[legs])) for fold, legs in kept.items()}
 
 
 def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
@@ -191,7 +189,8 @@ def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap
     return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
 
 
-def _named_without(rest: Evidence, barred: frozenset[str]) -> Coordinates:
+def _asked_for(rest: Evidence, barred: frozenset[str]) -> Coordinates:
+    """What some legs ask for, and how much of it."""
     names = search_effects(rest, barred)
     while names:
         gain = {name: rest.fit(names).gain - rest.fit([n for n in names if n != name]).gain for name in names}

@@ -68,15 +68,17 @@ def _steps(names: tuple[str, ...], allowed: Sequence[str], most: int) -> list[tu
     return added + dropped + swapped
 
 
+def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
+    """Effects that could stand in the place of ``name``."""
+    others = tuple(each for each in names if each != name)
+    return [each for each in evidence.names if each not in names and evidence.possible((*others, each))]
+
+
 def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:
     """Effects that would explain almost as much in the place of ``name``: by how much less, in log evidence."""
     others = tuple(each for each in names if each != name)
     mine = evidence.log_odds(names)
-    result = {}
-    for rival in evidence.names:
-        if rival not in names and evidence.possible((*others, rival)):
-            result[rival] = mine - evidence.log_odds((*others, rival))
-    return result
+    return {rival: mine - evidence.log_odds((*others, rival)) for rival in possible_rivals(evidence, names, name)}
 
 
 def log_density(evidence: Evidence, names: Sequence[str]) -> float:

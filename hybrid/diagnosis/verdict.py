@@ -16,6 +16,7 @@ from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import (
     HeldOutGap,
     UnseenWindows,
+    evidence_within,
     evidence_without,
     gap_on_unseen_legs,
     named_without,
@@ -24,7 +25,7 @@ from hybrid.diagnosis.gap import (
 )
 from hybrid.diagnosis.map import map_of
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
-from hybrid.diagnosis.select_effects import CLOSE, fitted_coordinates, linear_about, rivals_of
+from hybrid.diagnosis.select_effects import CLOSE, fitted_coordinates, linear_about, possible_rivals, rivals_of
 from hybrid.diagnosis.sensor_consistency import find_contradictions
 from hybrid.effects import Effect
 from hybrid.planning.information import limits
@@ -83,7 +84,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     if found:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
-    replicated = replications(accepted.evidence, accepted.names, windows.parts)
+    replicated = _replicated(accepted, windows)
     unknown = _is_unknown(accepted, found, replicated)
     composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites]
@@ -102,6 +103,12 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(_last_look(accepted, first), with_effects=True)),
     )
+
+
+def _replicated(accepted: Acceptance, windows: UnseenWindows) -> dict[str, Replication]:
+    if not accepted.names:
+        return {}
+    return replications(accepted.evidence, accepted.names, evidence_within(windows, accepted.evidence).values())
 
 
 def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Mapping[str, Replication]) -> bool:
@@ -177,7 +184,7 @@ def _deficits_beside_remainder(accepted: Acceptance, name: str) -> dict[str, flo
     others = [each for each in names if each != name]
     return {
         rival: (evidence.log_odds([*names, rival]) - evidence.log_odds([*others, rival])) / scatter
-        for rival in rivals_of(evidence, names, name)
+        for rival in possible_rivals(evidence, names, name)
     }
 
 

@@ -12,13 +12,13 @@ import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from acquisition.core.arrays import Floats
-from acquisition.core.progress import Progress, part_of
+from acquisition.core.progress import Progress
 from acquisition.core.result import ModelResult
 from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from analysis.estimation.likelihood import UNKNOWN, correlated_pairs
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.identification.coefficients import Coefficient, coefficients_of, values_at, with_values
+from hybrid.identification.coefficients import Coefficient, coefficients_of
 from hybrid.identification.fit import Fit, fit
 from hybrid.identification.next_trial import Candidate, rank_trials
 from hybrid.identification.response import Model, model_of
@@ -146,11 +146,11 @@ def identify_tables(
 
 def _identification(model: Model, found: Fit, candidates: Sequence[Candidate]) -> Identification:
     kept = len(model.coefficients)
-    share = np.minimum(np.sqrt(np.diag(found.covariance))[:kept], 1.0)
+    deviation = np.sqrt(np.diag(found.covariance))[:kept]
+    share = np.minimum(deviation, 1.0)
     estimates = [
         _estimate(each, at, own) for each, at, own in zip(model.coefficients, found.z[:kept], share, strict=True)
     ]
-    deviation = np.sqrt(np.diag(found.covariance))[:kept]
     around, segments = model.around(found.z), model.segments
     return Identification(
         vessel=identified_vessel(model, found.z, estimates),
@@ -186,9 +186,7 @@ def _estimate(coefficient: Coefficient, at: float, share: float) -> Estimate:
 
 def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) -> Vessel:
     """The vessel with the numbers at ``z``; what is known of each stands in its ``estimated``."""
-    kept = len(model.coefficients)
-    vessel = with_values(model.vessel, values_at(model.coefficients, z[:kept]))
-    errors = dict(model.vessel.estimated)
+    vessel, errors = model.vessel_at(z), dict(model.vessel.estimated)
     for coefficient, each in zip(model.coefficients, estimates, strict=True):
         if not coefficient.name.startswith("effects.") and each.value != 0.0:
             own = abs(coefficient.start / each.value) if not coefficient.keeps_sign else 1.0
@@ -201,6 +199,3 @@ def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) ->
         "identified_start": model.vessel.name,
     }
     return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **said})
-
-
-__all__ = ["Estimate", "Identification", "Judgement", "identify_tables", "part_of"]

@@ -18,10 +18,9 @@ from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from analysis.tables.table import select
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.identification.coefficients import values_at, with_values
 from hybrid.identification.fit import Fit, fit
 from hybrid.identification.identify import Judgement
-from hybrid.identification.response import Model, model_of
+from hybrid.identification.response import Model
 from hybrid.identification.segments import segments_of
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.dataset import Dataset, load_dataset
@@ -106,9 +105,6 @@ def _fold(
 
 def _fitted_plant(tables: Mapping[str, pd.DataFrame], model: Model, found: Fit) -> Plant:
     """The plant by these tables alone; the search begins where that of all ended."""
-    kept = len(model.coefficients)
     segments = segments_of(tables, vessel_plant(model.vessel), model.segments.duration_s)
-    own = model_of(model.vessel, model.coefficients, segments)
-    z = np.concatenate([found.z[:kept], np.zeros(own.size - kept)])
-    again = fit(own, z, levels=found.levels, rounds=_ROUNDS)
-    return vessel_plant(with_values(model.vessel, values_at(model.coefficients, again.z[:kept])))
+    own, z = model.on_segments(segments, found.z)
+    return vessel_plant(own.vessel_at(fit(own, z, levels=found.levels, rounds=_ROUNDS).z))

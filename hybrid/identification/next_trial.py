@@ -16,9 +16,8 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ModelRangeError, SeatrialError
 from analysis.estimation.likelihood import UNKNOWN
 from hybrid.effects.catalogue import vessel_plant
-from hybrid.identification.coefficients import values_at, with_values
 from hybrid.identification.fit import Fit, information_at
-from hybrid.identification.response import Model, model_of
+from hybrid.identification.response import Model
 from hybrid.identification.segments import segments_of
 from hybrid.simulation.sea_state import sea_state_named
 from hybrid.simulation.trial import Noise, simulate_trial
@@ -66,16 +65,15 @@ def rank_trials(model: Model, found: Fit, names: Sequence[str]) -> list[Candidat
 
 def _information(model: Model, found: Fit, name: str) -> Floats:
     """What a rehearsal says of the coefficients [P, P], its own surroundings unknown."""
-    ship = with_values(model.vessel, values_at(model.coefficients, found.z[: len(model.coefficients)]))
+    ship = model.vessel_at(found.z)
     lasting = model.segments.duration_s
     silent = Noise().scaled(0.0)
     table, _ = simulate_trial(
         ship, sea_state_named("calm"), name, (SEGMENTS + 0.5) * lasting, 1.0 / model.segments.dt_s, noise=silent
     )
     rehearsed = segments_of({name: table}, vessel_plant(ship), lasting)
-    own = model_of(model.vessel, model.coefficients, rehearsed)
+    own, z = model.on_segments(rehearsed, found.z)
     kept = len(model.coefficients)
-    z = np.concatenate([found.z[:kept], np.zeros(own.size - kept)])
     whole = information_at(own, z, rehearsed.start, found.levels)
     if not np.isfinite(whole).all():
         raise ModelRangeError("the rehearsal leaves the model's range")

@@ -91,9 +91,18 @@ class Model:
         around = kept + self.segments.recording[:, None] * each + np.arange(each)
         return np.concatenate([np.tile(np.arange(kept), (len(around), 1)), around], axis=1)
 
+    def vessel_at(self, z: Floats) -> Vessel:
+        """The vessel with the coefficients of ``z``."""
+        return with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)]))
+
+    def on_segments(self, segments: Segments, z: Floats) -> tuple[Model, Floats]:
+        """The same coefficients on other segments, and ``z`` there: nothing is known of their surroundings."""
+        own, kept = model_of(self.vessel, self.coefficients, segments), len(self.coefficients)
+        return own, np.concatenate([z[:kept], np.zeros(own.size - kept)])
+
     def plant(self, z: Floats) -> Plant:
         """The plant at the coefficients of ``z``; wider in its range, as a search needs."""
-        plant = vessel_plant(with_values(self.vessel, values_at(self.coefficients, z[: len(self.coefficients)])))
+        plant = vessel_plant(self.vessel_at(z))
         high = _WIDER * max(plant.surge_high_mps, -plant.surge_low_mps)
         return plant.replaced(
             surge_low_mps=-high, surge_high_mps=high, sway_limit_mps=high,

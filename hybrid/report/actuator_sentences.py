@@ -57,18 +57,11 @@ def _subject(which: str, actuators: Actuators, kinds: tuple[str, ...]) -> _Subje
 
 
 def _loss(subject: _Subject) -> tuple[str, str]:
-    force, whose = "side force" if subject.kind == "tunnel" else "thrust", "their" if subject.several else "its"
+    force = {"tunnel": "side force", "rudder": "force"}.get(subject.kind, "thrust")
+    whose = "their" if subject.several else "its"
     return (
         f"{subject.does('lacks', 'lack')} {{}} % of {whose} {force}",
         f"{subject.does('has', 'have')} {{}} % more {force} than the model's",
-    )
-
-
-def _rudder_loss(subject: _Subject) -> tuple[str, str]:
-    whose = "their" if subject.several else "its"
-    return (
-        f"{subject.does('lacks', 'lack')} {{}} % of {whose} force",
-        f"{subject.does('has', 'have')} {{}} % more force than the model's",
     )
 
 
@@ -115,7 +108,7 @@ _TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]]
     "thrust_loss": (("azimuth", *_PROPELLERS, "waterjet"), _loss),
     "azimuth_offset": (("azimuth",), _beyond("azimuth")),
     "nozzle_offset": (("waterjet",), _beyond("nozzle")),
-    "rudder_loss": (("rudder",), _rudder_loss),
+    "rudder_loss": (("rudder",), _loss),
     "rudder_offset": (("rudder",), _rudder_offset),
     "wake": (_PROPELLERS, _wake),
     "astern_thrust": (("azimuth", *_PROPELLERS), _astern),

@@ -263,9 +263,10 @@ def remainder_of(conclusion: Conclusion) -> Remainder | None:
     words = f"a {AXES[axis]} {kind} of {percent(float(shares[axis]))} of its range (root mean square)"
     surest = next((each for each in notable_places(left.places) if each.channel == FORCES[axis]), None)
     if surest is not None:
-        words += f", surest at {cell_row(surest)[1]}: {surest.error:+.2g} {_UNIT[AXES[axis]]}"
+        _, cell, _, size, _ = cell_row(surest)
+        words += f", surest at {cell}: {size} {_UNIT[AXES[axis]]}"
     where = tuple(dict.fromkeys(each.depends for each in accepted.lack_of_fit))
-    return Remainder(float(shares[axis]), conclusion.left_open, where, words.replace("-", "\u2212"))
+    return Remainder(float(shares[axis]), conclusion.left_open, where, words)
 
 
 def _told(found: Sequence[LackOfFit]) -> list[LackOfFit]:

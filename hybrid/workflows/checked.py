@@ -17,10 +17,9 @@ from acquisition.core.angles import unwrap
 from acquisition.core.channels import ENVIRONMENT, VELOCITY
 from acquisition.core.frames import Quality
 from acquisition.recording.reader import Recording
-from analysis.quality.check import check_recording
+from analysis.prepare import checked_table
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS
-from analysis.quality.repairs import repair
 from analysis.tables.table import select, table_controls, table_of, utc_index
 from hybrid.diagnosis.log import BLOCK_S
 from hybrid.effects import Catalogue
@@ -51,15 +50,12 @@ def checked_tables(
 
     ``repaired`` puts right before what is certainly wrong, delays too, ``rebuild_positions`` the positions with it.
     """
-    table = table_of(recording)
-    quality = check_recording(recording, table)
-    flags = quality.flags
-    if repaired:
-        done = repair(table, quality.findings, flags, recording, rebuild_positions=rebuild_positions)
-        table, flags = done.table, flags if done.flags is None else done.flags
-    table, remarks = without_frozen(select(table, part_percent), select(flags, part_percent), quality.findings)
+    table, flags, findings = checked_table(
+        recording, table_of(recording), repaired=repaired, rebuild_positions=rebuild_positions
+    )
+    table, remarks = without_frozen(select(table, part_percent), select(flags, part_percent), findings)
     dead = dead_sensors(table)
-    parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), quality.findings)
+    parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
     return Checked(parts, (*remarks, *gone, *more))
 

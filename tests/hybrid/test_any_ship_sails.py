@@ -136,6 +136,12 @@ def test_a_shaft_of_controllable_pitch_never_reverses(tmp_path) -> None:  # type
     assert orders[:, :2] == pytest.approx(np.array([[400.0 / 60.0, 1.0], [300.0 / 60.0, -1.0]]))
 
 
+def test_a_sea_that_would_throw_her_about_is_refused() -> None:
+    """Named seas are scaled for a model; a given one is as it is, here waves of 2 m for a boat of 2 m."""
+    with pytest.raises(ConfigurationError, match="too rough for a ship of 2 m"):
+        simulate_trial(load_vessel("otter_2m"), sea_state_named("moderate"), "zigzag", 60.0)
+
+
 def test_a_ship_of_one_propeller_and_nothing_else_cannot_be_steered() -> None:
     vessel = load_vessel("kvlcc2_7m")
     alone = replace(vessel, name="log", actuator=vessel.actuator[:1])

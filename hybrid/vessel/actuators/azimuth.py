@@ -106,7 +106,7 @@ def drives(entry: Azimuth) -> tuple[Drive, Drive]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust and offset angle of each thruster and of all alike; inflow, side force and angle of all."""
-    from hybrid.vessel.actuators.effects import FRACTION, astern_thrust, for_each_and_all, loss, offset
+    from hybrid.vessel.actuators.effects import FRACTION, WAKE, astern_thrust, for_each_and_all, loss, offset
     from hybrid.vessel.effect import Effect, Parameter, scaling
 
     number = {1: "The azimuth turns more than it reports", 2: "Both azimuths turn more than they report"}
@@ -129,7 +129,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             kind="physics",
             what="The hull's wake at the pods: axial inflow u_a times (1 - fraction), hence more thrust under way",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameters=(Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03),),
+            parameters=(WAKE,),
             change=lambda plant, values: plant.scaled(
                 1.0 - values["fraction"], "thrust_nu", "side_uv"
             ).scaled((1.0 - values["fraction"]) ** 2, "thrust_uu"),

@@ -11,6 +11,9 @@ from hybrid.vessel.plant import Plant
 FRACTION = Parameter("fraction", "1", 0.0, -0.5, 1.0, 0.1, 0.03)
 """The share of a force that is lost."""
 
+WAKE = Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03)
+"""The share by which the hull's wake slows the inflow more than the model has it."""
+
 Change = Callable[[Plant, str, float], Plant]
 """The plant with its number of that name changed by a parameter's value."""
 

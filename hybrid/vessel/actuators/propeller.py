@@ -199,8 +199,7 @@ def drives(entry: _Blades) -> tuple[Drive, ...]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, astern_thrust, for_each_and_all, lag, loss, times
-    from hybrid.vessel.effect import Parameter
+    from hybrid.vessel.actuators.effects import FRACTION, WAKE, astern_thrust, for_each_and_all, lag, loss, times
 
     return (
         *for_each_and_all(
@@ -217,7 +216,7 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             family="propulsion",
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
-            parameter=Parameter("fraction", "1", 0.0, -0.5, 0.8, 0.1, 0.03),
+            parameter=WAKE,
             all_are_like=("hull_fouling", "towed_load", *_named("thrust_loss", names)),
         ),
         *astern_thrust(names, "propeller"),

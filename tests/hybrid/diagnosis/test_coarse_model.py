@@ -10,7 +10,7 @@ import pytest
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
 from hybrid.diagnosis.coarse_model import is_coarse, replications
 from hybrid.diagnosis.diagnose import diagnose
-from hybrid.diagnosis.evidence import evidence_of
+from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.nuisance_basis import OPERATION
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -21,13 +21,19 @@ from tests.hybrid.diagnosis.examination_by_hand import a_design
 PARTS = [np.arange(8) % 4 == part for part in range(4)]
 
 
+def parts_of(evidence: Evidence) -> list[Evidence]:
+    """Two legs each."""
+    equations = evidence.equations
+    return [evidence_of(replace(equations, gram=equations.gram[legs])) for legs in PARTS]
+
+
 def test_what_is_there_throughout_is_found_in_every_part_and_what_changes_sign_is_not(plant: Plant) -> None:
     design = a_design(plant, 8, 71, sigmas=60.0)
     data = design.data(np.random.default_rng(72), {"heading_bias": (1.5,)})
     turning = design.columns[:, :, design.layout.of("sway_bias")[0]]
     data += 0.3 * np.where(PARTS[1] | PARTS[2], -1.0, 1.2)[:, None] * turning
     evidence = evidence_of(design.equations(data))
-    found = replications(evidence, ("heading_bias", "sway_bias"), PARTS)
+    found = replications(evidence, ("heading_bias", "sway_bias"), parts_of(evidence))
     assert (found["heading_bias"].parts, found["heading_bias"].found) == (4, 4)
     assert found["sway_bias"].found == 2
 
@@ -35,8 +41,8 @@ def test_what_is_there_throughout_is_found_in_every_part_and_what_changes_sign_i
 def test_nothing_replicates_of_nothing(plant: Plant) -> None:
     design = a_design(plant, 8, 73)
     evidence = evidence_of(design.equations(design.data(np.random.default_rng(74))))
-    assert replications(evidence, (), PARTS) == {}
-    assert replications(evidence, ("yaw_inertia",), PARTS)["yaw_inertia"].found < 4
+    assert replications(evidence, (), parts_of(evidence)) == {}
+    assert replications(evidence, ("yaw_inertia",), parts_of(evidence))["yaw_inertia"].found < 4
 
 
 @pytest.mark.parametrize(("depends", "times", "coarse"), [
