@@ -358,7 +358,7 @@ def _akin(one: Effect, other: Effect) -> bool:
     """Whether one cause may well show as both."""
     if one.family != other.family or one.kind != other.kind or any(_comes_along(each) for each in (one, other)):
         return False
-    return one.family == "clock" or other.name in one.confused_with or one.name in other.confused_with
+    return one.family == "clock" or other.base in one.confused_with or one.base in other.confused_with
 
 
 def _comes_along(effect: Effect) -> bool:
@@ -454,11 +454,12 @@ def _drop_failures(
 def lack_of_fit_that_matters(accepted: Acceptance) -> tuple[LackOfFit, ...]:
     """What remains beside the named effects and is no mere trace of their own form."""
     evidence = accepted.evidence
-    fit = evidence.fit(accepted.names)
+    fit, catalogue = evidence.fit(accepted.names), evidence.equations.model.catalogue
 
     def matters(each: LackOfFit) -> bool:
-        if each.what in accepted.names:  # a named effect that is uneven: by how much of itself
-            whole = np.take(fit.values, evidence.places(fit, each.what))
+        if named := [name for name in accepted.names if catalogue[name].base == each.what.split(",")[0]]:
+            # a named effect that is uneven: by how much of itself
+            whole = np.take(fit.values, evidence.places(fit, named[0]))
             least = _OWN_FORM if each.depends in INTERACTIONS else _UNEVEN
             return each.size > least * float(np.linalg.norm(whole))
         return each.gain > _NEGLIGIBLE * fit.gain

@@ -11,6 +11,7 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress
 from hybrid.diagnosis.acceptance import accept
 from hybrid.diagnosis.coarse_model import untested_if_coarse
+from hybrid.diagnosis.course import with_recordings
 from hybrid.diagnosis.estimate_noise import choose_input_hold, estimate_noise
 from hybrid.diagnosis.evidence import weigh_evidence
 from hybrid.diagnosis.linearise import linearise, model_of
@@ -47,7 +48,8 @@ def diagnose(
 
     with threadpool_limits(1, user_api="blas"):  # the filter has its own threads, and more only wait for each other
         every = catalogue_of(vessel) if catalogue is None else catalogue
-        linearisation = linearise(log_of(tables), model_of(vessel, every), tolerance)
+        log = log_of(tables)
+        linearisation = linearise(log, model_of(vessel, with_recordings(every, log)), tolerance)
         estimate = estimate_noise(linearisation, part(0.1, 0.3))
         estimate = choose_input_hold(estimate, part(0.3, 0.4))
         evidence = weigh_evidence(estimate)

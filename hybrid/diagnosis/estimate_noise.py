@@ -35,7 +35,7 @@ from hybrid.diagnosis.evidence import (
     subset_of,
     tolerated_forces,
 )
-from hybrid.diagnosis.linearise import Linearisation, LinearModel, linearise, sensor_readings
+from hybrid.diagnosis.linearise import Linearisation, LinearModel, by_stage, linearise, sensor_readings
 from hybrid.diagnosis.log import INPUT_HOLDS, SELDOM_S, InputHold, Log
 from hybrid.diagnosis.nuisance_basis import FEW, wind_error_mps
 from hybrid.diagnosis.select_effects import log_density, search_effects, select_effects
@@ -83,7 +83,7 @@ def estimate_noise(linearisation: Linearisation, progress: Progress = lambda sha
         progress(0.3 + 0.5 * round_)
         rest, sensors = _without_effects(design, noise, seed=None)
         moved = design.linear.origin + smooth_state(design.linear, rest, noise, log.edges)[0][:, :6]
-        log = replace(log, nominal=sensor_readings(log, model.plant(), moved) + sensors)
+        log = replace(log, nominal=by_stage(log, model, sensor_readings, moved) + sensors)
         # the motion moves so little that effects stay what they are, for a draw of them
         known = None if round_ else linearisation.effects
         linearisation = linearise(log, model, linearisation.tolerance, known)

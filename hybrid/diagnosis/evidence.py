@@ -346,9 +346,15 @@ class Evidence:
         return [fit.columns.index(column) for column in self.columns([name])]
 
     def possible(self, names: Sequence[str]) -> bool:
-        """Whether these effects can be at work together: few enough clocks are wrong, all values within bounds."""
-        late = [name for name in names if self.equations.model.catalogue[name].family == "clock"]
-        return len(late) <= _CLOCKS and all(value is not None for value in self.values(names).values())
+        """Whether these effects can be at work together: few enough clocks are wrong, all values within bounds.
+
+        No effect can be both the same in all of a trial and another in some part of it.
+        """
+        effects = [self.equations.model.catalogue[name] for name in names]
+        late = sum(each.family == "clock" for each in effects)
+        if late > _CLOCKS or len({each.base for each in effects}) < len(effects):
+            return False
+        return all(value is not None for value in self.values(names).values())
 
     def values(self, names: Sequence[str]) -> dict[str, dict[str, float] | None]:
         """The fitted parameters of each, None where they are out of bounds."""

@@ -18,7 +18,15 @@ from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
 from hybrid.diagnosis.disturbance_model import FORCE_UNITS, Columns, Noise, smooth_state
 from hybrid.diagnosis.evidence import Evidence, NormalEquations, evidence_of
-from hybrid.diagnosis.linearise import DT_S, Model, acting_settings, one_second_paths, sampling_offset, true_states
+from hybrid.diagnosis.linearise import (
+    DT_S,
+    Model,
+    acting_settings,
+    by_stage,
+    one_second_paths,
+    sampling_offset,
+    true_states,
+)
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.result import Gap, Tracks
 from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
@@ -97,9 +105,14 @@ class UnseenWindows:
 
     def predicted(self, at: Coordinates, mine: NDArray[np.bool_] | None = None) -> Floats:
         """What the model with the effects ``at`` these sizes, and no others, predicts over the windows ``mine``."""
-        plant = replace(self.model, at=at).plant()
+        log, model = self.log, replace(self.model, at=at)
         starts = self.starts if mine is None else self.starts[mine]
-        return predicted_tracks(self.log, plant, true_states(self.log, plant), starts)
+        origin = by_stage(log, model, true_states)
+        tracks = np.empty((len(starts), HORIZON_S + 1, 3))
+        for rows, each in model.stages(log):
+            own = rows[starts]
+            tracks[own] = predicted_tracks(log, each.plant(), origin, starts[own])
+        return tracks
 
     def legs_of(self, fold: int) -> NDArray[np.bool_]:
         """Which legs are in a fold [L]."""

@@ -13,14 +13,16 @@ that is far off costs nothing: its error stands in the defect f(x0[k]) - x0[k+1]
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.effects import Catalogue, apply_effects
 from hybrid.effects.size import growth, scale_of
@@ -84,8 +86,25 @@ class Model:
         """How many times as long the ship is as the usual one, in powers of two (:mod:`hybrid.effects.size`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
+    def stages(self, log: Log) -> list[tuple[NDArray[np.bool_], Model]]:
+        """The seconds [T] in which what is added stays as it is, and the model there; one stage where all does."""
+        changing = courses(self.at, self.catalogue)
+        if not changing:
+            return [(np.ones(len(log), dtype=np.bool_), self)]
+        shares = [each.course.shares(log) for each in changing]
+        kinds, which = np.unique(np.hstack(shares), axis=0, return_inverse=True)
+        found = []
+        for number, kind in enumerate(kinds):
+            at, first = {name: free for name, free in self.at.items() if name not in {c.name for c in changing}}, 0
+            for each in changing:
+                part = kind[first : first + each.course.pieces]
+                at[each.base] = tuple((part @ np.array(each.pieces(self.at[each.name]))).tolist())
+                first += each.course.pieces
+            found.append((which.reshape(-1) == number, replace(self, at=at)))
+        return found
+
     def plant(self) -> Plant:
-        """The plant with the effects."""
+        """The plant with the effects; where some of them change, of one of the :meth:`stages`."""
         names = [*self.given, *(name for name in self.at if name not in self.given)]
         values = {name: self.values(name, self.at.get(name)) for name in names}
         return apply_effects(self.base, values, self.catalogue)
@@ -95,18 +114,27 @@ class Model:
 
         Raises :class:`ConfigurationError` where they are out of bounds.
         """
+        return self.piecewise(name, added)[-1]
+
+    def piecewise(self, name: str, added: Sequence[float] | None = None) -> list[dict[str, float]]:
+        """The same in each piece of the trial in which the effect has a size of its own."""
         effect = self.catalogue[name]
-        none = (0.0,) * len(effect.free_scale)
-        free = [a + b for a, b in zip(self.given.get(name, none), added or none, strict=True)]
-        if effect.chart == "inverse_square" and free[0] < 0.0:
-            raise ConfigurationError(f"effect {name} is not defined below zero")
-        return effect.checked(effect.values(free))
+        pieces = effect.pieces(added or (0.0,) * len(effect.free_scale))
+        given = self.given.get(effect.base, (0.0,) * len(pieces[0]))
+        found = []
+        for piece in pieces:
+            free = [a + b for a, b in zip(given, piece, strict=True)]
+            if effect.chart == "inverse_square" and free[0] < 0.0:
+                raise ConfigurationError(f"effect {effect.base} is not defined below zero")
+            found.append(effect.checked(effect.values(free)))
+        return found
 
     def bounded(self, at: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
         """The nearest free coordinates that, added to what is given, are in bounds."""
         result = {}
         for name, added in at.items():
-            given = self.given.get(name, (0.0,) * len(added))
+            pieces = self.catalogue[name].pieces(added)
+            given = self.given.get(self.catalogue[name].base, (0.0,) * len(pieces[0])) * len(pieces)
             whole = self.catalogue[name].bounded([a + b for a, b in zip(given, added, strict=True)])
             result[name] = tuple(a - b for a, b in zip(whole, given, strict=True))
         return result
@@ -156,9 +184,35 @@ def linearise(
     :class:`InputError` for a log of a ship with other actuators than the model's.
     """
     check_ship(log.actuators, model.base)
-    linear = linear_model(log, model.plant())
+    linear = _linear_by_stages(log, model)
     known = effects or signatures(log, model, linear.origin, list(model.catalogue))
     return Linearisation(log, model, tolerance, linear, tuple(known))
+
+
+def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
+    """What ``of`` a log, a plant and parts of ``arrays`` [T, ...] comes to in each stage of a model, [T, ...]."""
+    stages = model.stages(log)
+    if len(stages) == 1:
+        return of(log, stages[0][1].plant(), *arrays)
+    parts = [of(log.subset(rows), each.plant(), *(some[rows] for some in arrays)) for rows, each in stages]
+    return _joined([rows for rows, _ in stages], parts)
+
+
+def _joined(rows: Sequence[NDArray[np.bool_]], parts: Sequence[Floats]) -> Floats:
+    result = np.empty((len(rows[0]), *parts[0].shape[1:]))
+    for some, part in zip(rows, parts, strict=True):
+        result[some] = part
+    return result
+
+
+def _linear_by_stages(log: Log, model: Model) -> LinearModel:
+    stages = model.stages(log)
+    if len(stages) == 1:
+        return linear_model(log, stages[0][1].plant())
+    parts = [linear_model(log.subset(rows), each.plant()) for rows, each in stages]
+    rows = [rows for rows, _ in stages]
+    names = [each.name for each in fields(LinearModel)]
+    return LinearModel(*(_joined(rows, [getattr(part, name) for part in parts]) for name in names))
 
 
 def linear_model(log: Log, plant: Plant) -> LinearModel:
@@ -200,11 +254,39 @@ def sampling_offset(log: Log, ways: Floats) -> Floats:
 
 def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> list[Signature]:
     """What each free coordinate of each effect does about ``origin``, by differences of simulator and sensors."""
-    return [
-        _signature(log, model, origin, name, coordinate)
-        for name in names
-        for coordinate in range(len(model.catalogue[name].free_scale))
-    ]
+    stages, names = model.stages(log), list(names)
+    plain = [name for name in names if not isinstance(model.catalogue[name], Varied)]
+    whole = stages[0][1]
+    if len(stages) == 1:
+        known = [_signature(log, whole, origin, *each) for each in _coordinates(whole, plain)]
+    else:
+        known = [_signature_by_stages(log, stages, origin, *each) for each in _coordinates(whole, plain)]
+    return [*known, *varied_signatures(log, courses(names, model.catalogue), known)]
+
+
+def _coordinates(model: Model, names: Iterable[str]) -> list[tuple[str, int]]:
+    return [(name, each) for name in names for each in range(len(model.catalogue[name].free_scale))]
+
+
+def varied_signatures(log: Log, changing: Sequence[Varied], known: Sequence[Signature]) -> list[Signature]:
+    """The signatures of effects with a course, from those ``known`` of the effects that they are of."""
+    result = []
+    for each in changing:
+        own = [signature for signature in known if signature.effect == each.base]
+        for number, share in enumerate(each.course.shares(log).T[:, :, None]):
+            first = number * len(own)
+            result += [Signature(each.name, first + s.coordinate, s.D * share, s.E * share) for s in own]
+    return result
+
+
+def _signature_by_stages(
+    log: Log, stages: Sequence[tuple[NDArray[np.bool_], Model]], origin: Floats, name: str, coordinate: int
+) -> Signature:
+    parts = [_signature(log.subset(rows), each, origin[rows], name, coordinate) for rows, each in stages]
+    rows = [rows for rows, _ in stages]
+    return Signature(
+        name, coordinate, _joined(rows, [part.D for part in parts]), _joined(rows, [part.E for part in parts])
+    )
 
 
 def _signature(log: Log, model: Model, origin: Floats, name: str, coordinate: int) -> Signature:

@@ -50,10 +50,10 @@ class Log:
     [T, 6, 5] says which, as weights of the quarters of a second from half a second before to half a second after;
     ``nominal`` [T, 6] is the smoothed state; ``controls`` [T, 4, 5] and ``wind`` [T, 2] (direction FROM [rad],
     speed [m/s]) act in the second after each; ``time_s`` [T] is UTC since 1970. ``block`` and ``leg`` [T] count up
-    from 0. All SI, angles in radians, heading without jumps. ``refused`` counts samples that lay off by themselves,
-    ``setting_step_s`` is how often thruster settings were recorded, ``input_hold`` what they are taken to do
-    between, ``held`` has the controls [T, 4, 5] under other holds; ``levels`` is what the smoother thought of
-    noise.
+    from 0; ``recording`` [T] counts the recordings, which are called ``names``. All SI, angles in radians, heading
+    without jumps. ``refused`` counts samples that lay off by themselves, ``setting_step_s`` is how often thruster
+    settings were recorded, ``input_hold`` what they are taken to do between, ``held`` has the controls [T, 4, 5]
+    under other holds; ``levels`` is what the smoother thought of noise.
     """
 
     measured: Floats
@@ -71,6 +71,7 @@ class Log:
     levels: tuple[NoiseLevels, ...] = ()
     input_hold: InputHold = "line"
     held: Mapping[InputHold, Floats] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -134,6 +135,7 @@ def log_of(tables: Sequence[pd.DataFrame]) -> Log:
         setting_step_s=max(each.setting_step_s for each in joined),
         levels=tuple(level for each in joined for level in each.levels),
         actuators=joined[0].actuators,
+        names=tuple(recordings),
     )
 
 

@@ -24,7 +24,7 @@ from numba import njit
 from acquisition.core.actuators import KINDS as CHANNEL_KINDS
 from acquisition.core.arrays import Floats, Ints
 from analysis.compiling import FAST, Record
-from hybrid.diagnosis.linearise import Model, Signature, next_states
+from hybrid.diagnosis.linearise import Model, Signature, by_stage, next_states
 from hybrid.diagnosis.log import Log
 from hybrid.effects import Catalogue
 from hybrid.effects.size import growth
@@ -259,7 +259,7 @@ def tolerances(log: Log, catalogue: Catalogue, signatures: Sequence[Signature]) 
     result = []
     for each in signatures:
         effect = catalogue[each.effect]
-        size = effect.parameters[each.coordinate].tolerance
+        size = effect.parameters[each.coordinate % len(effect.parameters)].tolerance
         of_setting = effect.family == "clock" and effect.kind == "actuator"
         if of_setting and log.input_hold == "line":  # it may have changed at any time between two records
             size = max(size, 0.5 * log.setting_step_s)
@@ -273,8 +273,8 @@ def wind_error_mps(model: Model) -> float:
 
 
 def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
-    """Signatures of 1 m/s more wind from the north, the east, ahead and starboard."""
-    plant, none, step_mps = model.plant(), np.zeros_like(origin), wind_error_mps(model)
+    """Signatures of 1 m/s more wind from the north, the east, ahead and starboard, by recording."""
+    none, step_mps = np.zeros_like(origin), wind_error_mps(model)
     north, east = log.wind[:, 1] * np.cos(log.wind[:, 0]), log.wind[:, 1] * np.sin(log.wind[:, 0])
     cosine, sine = np.cos(origin[:, 2]), np.sin(origin[:, 2])
     one, nil = np.ones(len(log)), np.zeros(len(log))
@@ -285,6 +285,9 @@ def wind_errors(log: Log, model: Model, origin: Floats) -> list[Signature]:
         for side in (step_mps, -step_mps):
             n, e = north + side * to_north, east + side * to_east
             air = np.column_stack([np.arctan2(e, n), np.hypot(n, e)])
-            ends.append(next_states(replace(log, wind=air), plant, origin))
+            ends.append(by_stage(replace(log, wind=air), model, next_states, origin))
         result.append(Signature("wind_error", number, (ends[0] - ends[1]) / (2.0 * step_mps), none))
-    return result
+    recordings = np.unique(log.recording).tolist()
+    if len(recordings) == 1:
+        return result
+    return [replace(each, D=each.D * (log.recording == one)[:, None]) for one in recordings for each in result]

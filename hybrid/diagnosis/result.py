@@ -54,8 +54,36 @@ class Replication:
 
 
 @dataclass(frozen=True, slots=True)
+class When:
+    """The part of a trial in which an effect has the size that is given: a recording, until or since a time (UTC).
+
+    ``low`` and ``high`` are the ends of the 95 % interval of that time.
+    """
+
+    recording: str | None = None
+    since: str | None = None
+    until: str | None = None
+    low: str | None = None
+    high: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """What an effect drifted from, evenly ``since`` a time ``until`` another (UTC), to the size that is given."""
+
+    since: str
+    until: str
+    parameters: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True, slots=True)
 class NamedEffect:
-    """An effect that was named, with its share of the gap on windows that took no part."""
+    """An effect that was named, with its share of the gap on windows that took no part.
+
+    Its ``scope`` says whether it is the ship's, the day's or a recording's. Where it is not the same in all of the
+    trial, there is one for each part, each with its ``when``; the share of the gap, the chance and the replication
+    are those of the whole. ``in_vessel`` says whether it is still there at the end and the ship's to keep.
+    """
 
     name: str
     family: str
@@ -66,6 +94,10 @@ class NamedEffect:
     parameters: Mapping[str, Estimate]
     replicated: Replication
     evidence: Annotated[Number, Field(exclude=True)]
+    scope: str = "ship"
+    when: When | None = None
+    drift: Drift | None = None
+    in_vessel: bool = True
 
 
 @dataclass(frozen=True, slots=True)

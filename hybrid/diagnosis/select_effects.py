@@ -69,9 +69,11 @@ def _steps(names: tuple[str, ...], allowed: Sequence[str], most: int) -> list[tu
 
 
 def possible_rivals(evidence: Evidence, names: tuple[str, ...], name: str) -> list[str]:
-    """Effects that could stand in the place of ``name``."""
-    others = tuple(each for each in names if each != name)
-    return [each for each in evidence.names if each not in names and evidence.possible((*others, each))]
+    """Effects that could stand in the place of ``name``: others than itself over the same or another part of the
+    trial."""
+    others, catalogue = tuple(each for each in names if each != name), evidence.equations.model.catalogue
+    every = [each for each in evidence.names if each not in names and catalogue[each].base != catalogue[name].base]
+    return [each for each in every if evidence.possible((*others, each))]
 
 
 def rivals_of(evidence: Evidence, names: tuple[str, ...], name: str) -> dict[str, float]:

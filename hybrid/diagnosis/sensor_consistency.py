@@ -14,6 +14,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, acceptance_tests
+from hybrid.diagnosis.course import Varied, courses
 from hybrid.diagnosis.disturbance_model import Noise, columns_of
 from hybrid.diagnosis.evidence import ColumnLayout, Evidence, NormalEquations, evidence_of, gram_matrices
 from hybrid.diagnosis.linearise import (
@@ -21,9 +22,11 @@ from hybrid.diagnosis.linearise import (
     LinearModel,
     Model,
     Signature,
+    by_stage,
     linear_model,
     sensor_readings,
     signatures,
+    varied_signatures,
 )
 from hybrid.diagnosis.log import STEPS_PER_SECOND, Log
 from hybrid.diagnosis.nuisance_basis import tolerances
@@ -126,7 +129,7 @@ def _normal_equations(log: Log, model: Model, noise: Noise) -> NormalEquations:
     """
     plain = replace(model, at={}).plant()
     linear = linear_model(log, plain)
-    seen = sensor_readings(log, model.plant(), linear.origin) + _between(log, linear.origin)
+    seen = by_stage(log, model, sensor_readings, linear.origin) + _between(log, linear.origin)
     linear = replace(linear, observed=log.measured - seen)
     effects, shared = _signatures(log, model, linear.origin)
     tolerated = tolerances(log, model.catalogue, effects)
@@ -156,9 +159,11 @@ def _signatures(log: Log, model: Model, origin: Floats) -> tuple[list[Signature]
     """What each sensor effect does, and what all sensors may share; what hangs on the motion, by kinematics."""
     none, known = np.zeros_like(origin), _by_kinematics(log, origin)
     effects = []
-    for each in signatures(log, model, origin, list(model.catalogue)):
+    steady = [name for name, effect in model.catalogue.items() if not isinstance(effect, Varied)]
+    for each in signatures(log, model, origin, steady):
         own = known.get((each.effect, each.coordinate))
         effects.append(each if own is None else replace(each, D=none, E=own))
+    effects += varied_signatures(log, courses(model.catalogue, model.catalogue), effects)
     shared = [
         ("all_late", np.sum([known[name, 0] for name in _DELAYS], axis=0)),
         ("all_ahead", known["position_antenna_offset", 0] + known["speed_sensor_offset", 0]),

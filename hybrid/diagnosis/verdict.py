@@ -12,6 +12,7 @@ from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
 from hybrid.diagnosis.coarse_model import CREDIBLE, is_coarse, name_of_coarse_model, replications, sizes_without
+from hybrid.diagnosis.course import base_names, courses
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import (
     HeldOutGap,
@@ -118,14 +119,18 @@ def _is_unknown(accepted: Acceptance, found: Sequence[LackOfFit], replicated: Ma
     return len(accepted.names) > CREDIBLE and any(each.found < each.parts for each in replicated.values())
 
 
-def estimates(accepted: Acceptance, name: str) -> dict[str, Estimate]:
-    """The parameters of a named effect with their 95 % intervals."""
-    evidence, effect = accepted.evidence, accepted.evidence.equations.model.catalogue[name]
-    fit = evidence.fit(accepted.names, prior=True)
-    places = evidence.places(fit, name)
-    covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
-    given = accepted.evidence.equations.model.given.get(name, (0.0,) * len(places))
-    return intervals(effect, np.array(effect.bounded(fit.values[places] + np.array(given))), covariance)
+def estimates(accepted: Acceptance, name: str) -> list[dict[str, Estimate]]:
+    """The parameters of a named effect with their 95 % intervals, in each part of the trial that has its own."""
+    evidence, model = accepted.evidence, accepted.evidence.equations.model
+    effect, fit = model.catalogue[name], evidence.fit(accepted.names, prior=True)
+    found = []
+    for piece in effect.pieces(evidence.places(fit, name)):
+        places = [int(each) for each in piece]
+        covariance = fit.covariance[np.ix_(places, places)] * accepted.tests[name].spread
+        given = model.given.get(effect.base, (0.0,) * len(places))
+        bounded = Effect.bounded(effect, fit.values[places] + np.array(given))
+        found.append(intervals(effect, np.array(bounded), covariance))
+    return found
 
 
 def intervals(effect: Effect, free: Floats, covariance: Floats) -> dict[str, Estimate]:
@@ -233,8 +238,8 @@ def _gap(accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit
 def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Progress) -> Manoeuvre | None:
     """What to do next where a rival is close; where it is not, but not far either, too."""
     pairs = [pair for name in accepted.names for pair in _pairs(accepted, name, rivals)]
-    vessel = accepted.evidence.equations.model.vessel
-    if not pairs or vessel is None:
+    vessel, catalogue = accepted.evidence.equations.model.vessel, accepted.evidence.equations.model.catalogue
+    if not pairs or vessel is None or courses(accepted.names, catalogue):
         return None
     values = {name: each for name, each in accepted.evidence.values(accepted.names).items() if each is not None}
     return next_manoeuvre(accepted.evidence.equations, vessel, values, pairs, progress)
@@ -243,7 +248,9 @@ def _next_manoeuvre(accepted: Acceptance, rivals: Sequence[Rival], progress: Pro
 def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pair]:
     """A named effect and its closest rivals, each against each: whichever is true, by how likely it is."""
     others = tuple(each for each in accepted.names if each != name)
-    close = {each.name: each.evidence for each in rivals if each.instead_of == name and each.evidence < WEAK}
+    steady = set(base_names(accepted.evidence.names, accepted.evidence.equations.model.catalogue))
+    mine = [each for each in rivals if each.instead_of == name and each.name in steady]
+    close = {each.name: each.evidence for each in mine if each.evidence < WEAK}
     group = {name: 0.0, **dict(list(close.items())[:_RIVALS])}
     found = {each: accepted.evidence.values((*others, each))[each] for each in group}
     return [
@@ -257,8 +264,9 @@ def _pairs(accepted: Acceptance, name: str, rivals: Sequence[Rival]) -> list[Pai
 def suspects(evidence: Evidence) -> tuple[Suspect, ...]:
     """Every effect of the catalogue by how much better the model is with it alone."""
     smallest, result = limits(evidence.equations), []
-    for name in evidence.names:
-        effect = evidence.equations.model.catalogue[name]
+    catalogue = evidence.equations.model.catalogue
+    for name in base_names(evidence.names, catalogue):
+        effect = catalogue[name]
         fit = evidence.fit([name], prior=True)  # of some these data say nothing at all
         chance, unit = evidence.chance(fit.gain, len(fit.columns)), effect.parameters[0].unit
         result.append(Suspect(name, effect.family, evidence.log_odds([name]), chance, smallest[name], unit))

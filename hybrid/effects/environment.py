@@ -47,6 +47,7 @@ EFFECTS = (
         change=_current,
         chart="polar",
         confused_with=("heading_bias", "speed_scale", "wave_drift"),
+        scope="day",
     ),
     Effect(
         "wave_drift",
@@ -58,6 +59,7 @@ EFFECTS = (
         change=_drift,
         chart="polar",
         confused_with=("ocean_current", "wind_direction_bias", "wind_load", "wind_side_load", "wind_speed_scale"),
+        scope="day",
     ),
     scaling(
         "wind_load",

@@ -271,6 +271,7 @@ EFFECTS = (
         parameters=(Parameter("force_n", "N", 0.0, -50e3, 50e3, 3e3, 500.0),),
         change=lambda plant, values: plant.shifted(constant_X_n=-values["force_n"]),
         confused_with=("hull_fouling",),
+        scope="day",
     ),
     Effect(
         "hull_lengthening",

@@ -22,6 +22,7 @@ def _delay(
         parameters=(Parameter("seconds", "s", 0.0, -5.0, 5.0, 0.5, 0.1, _TOLERANCE_S),),
         change=lambda plant, values: plant.shifted(**{slot: values["seconds"]}),
         confused_with=confused_with,
+        scope="recording",
     )
 
 
@@ -41,7 +42,9 @@ def _sensor(
             return plant.scaled(value, slot)
         return plant.shifted(**{slot: radians(value) if degrees else value})
 
-    return Effect(name, "sensor", "sensor", what, source, (parameter,), change, confused_with=confused_with)
+    return Effect(
+        name, "sensor", "sensor", what, source, (parameter,), change, confused_with=confused_with, scope="recording"
+    )
 
 
 def _point(name: str, slots: str, what: str, source: str, confused_with: tuple[str, ...]) -> Effect:
@@ -60,6 +63,7 @@ def _point(name: str, slots: str, what: str, source: str, confused_with: tuple[s
             f"{slots}_forward_m": values["forward_m"], f"{slots}_starboard_m": values["starboard_m"]
         }),
         confused_with=confused_with,
+        scope="recording",
     )  # fmt: skip
 
 

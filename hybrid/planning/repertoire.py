@@ -400,7 +400,7 @@ def append_rehearsals(first: Log, others: Sequence[Log]) -> Log:
                 other, measured=seen, nominal=other.nominal + shift,
                 time_s=other.time_s - other.time_s[0] + last.time_s[-1] + BLOCK_S,
                 block=other.block + last.block[-1] + 1, leg=other.leg + last.leg[-1] + 1,
-                recording=other.recording + last.recording[-1] + 1,
+                recording=np.full_like(other.recording, last.recording[-1]),
             )
         )  # fmt: skip
     arrays = [name for name in Log.__slots__ if isinstance(getattr(first, name), np.ndarray)]

@@ -17,7 +17,7 @@ from hybrid.diagnosis.result import Diagnosis, Estimate, NamedEffect, Rival, Sus
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.effects import FAMILIES
 from hybrid.prediction.scores import Interval, distances
-from hybrid.report.diagnosis_words import parameter_title
+from hybrid.report.diagnosis_words import parameter_title, title_of
 from hybrid.report.plots import interval_bar, logarithmic, plain_numbers, start_frame
 from hybrid.report.words import plain
 
@@ -75,7 +75,7 @@ def parameters(figure: FigureBase, effects: Sequence[NamedEffect]) -> list[Artis
         absent = 1.0 if name.endswith("factor") else 0.0
         artists += _interval(axes, estimate, absent, FAMILY_COLOUR.get(effect.family, INK))
         title = parameter_title(name, estimate.unit) + ("" if estimate.unit == "1" else f" [{estimate.unit}]")
-        axes.set_yticks([0.0], [f"{plain(effect.name)}\n{title}"])
+        axes.set_yticks([0.0], [f"{title_of(effect)}\n{title}"])
     return artists
 
 

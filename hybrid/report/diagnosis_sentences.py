@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +15,7 @@ from acquisition.core.actuators import DEFAULT, Actuators
 from acquisition.core.serialisation import to_json
 from hybrid.diagnosis.acceptance import Acceptance, AcceptanceTests, LackOfFit
 from hybrid.diagnosis.coarse_model import CREDIBLE
+from hybrid.diagnosis.course import Course, Varied, base_names
 from hybrid.diagnosis.evidence import Evidence
 from hybrid.diagnosis.log import Log
 from hybrid.diagnosis.map import notable_places
@@ -21,18 +25,21 @@ from hybrid.diagnosis.result import (
     Consistency,
     Correlation,
     Diagnosis,
+    Drift,
     Estimate,
     Extras,
     NamedEffect,
     Remainder,
+    Rival,
     UnknownCause,
+    When,
 )
 from hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from hybrid.diagnosis.verdict import Conclusion, estimates
-from hybrid.effects import Effect
+from hybrid.effects import Catalogue, Effect
 from hybrid.effects.catalogue import VERSION
 from hybrid.report.actuator_sentences import actuator_texts
-from hybrid.report.diagnosis_words import DEPENDS, cell_row, number, parameter_title, percent
+from hybrid.report.diagnosis_words import DEPENDS, cell_row, clock, number, parameter_title, percent, when_words
 from hybrid.report.words import join_words, plain
 
 Parameters = Mapping[str, Estimate]
@@ -43,13 +50,17 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
 
     ``actuators`` are the ship's, by default R/V Gunnerus'.
     """
-    if effect.name in _TWO:
-        what, ends = _of_two(_TWO[effect.name], parameters)
-    elif texts := _ONE.get(effect.name) or actuator_texts(effect.name, actuators):
-        what, ends = _of_one(effect, texts, next(iter(parameters.values())))
-    else:
-        what, ends = _of_any(effect, parameters)
+    what, ends = _sized(effect, parameters, actuators)
     return f"{what} ({ends}); it explains {100.0 * share_of_gap:.0f} % of the gap on legs not used to find it."
+
+
+def _sized(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
+    """An effect and its size, and the ends of its intervals."""
+    if effect.base in _TWO:
+        return _of_two(_TWO[effect.base], parameters)
+    if texts := _ONE.get(effect.base) or actuator_texts(effect.base, actuators):
+        return _of_one(effect, texts, next(iter(parameters.values())))
+    return _of_any(effect, parameters)
 
 
 def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple[str, str]:
@@ -82,7 +93,7 @@ def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:
         for name, each in parameters.items()
     )
     ends = "; ".join(span(each.low, each.high) for each in parameters.values())
-    return f"The model lacks {plain(effect.name)}: {sizes}", ends
+    return f"The model lacks {plain(effect.base)}: {sizes}", ends
 
 
 def span(low: float, high: float, unit: str = "") -> str:
@@ -188,16 +199,15 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     """A conclusion as the contract's diagnosis, in words where it has words, and what a report shows beside it."""
     first, accepted, gap = conclusion.first, conclusion.accepted, conclusion.gap
     equations = first.evidence.equations
-    effects = tuple(_named_effect(conclusion, name) for name in accepted.names)
+    effects = tuple(each for name in accepted.names for each in _named_effects(conclusion, name))
+    catalogue = equations.model.catalogue
     diagnosis = Diagnosis(
         verdict=conclusion.verdict,
         tolerance=equations.tolerance,
         effects=effects,
-        rivals=conclusion.rivals,
-        indistinguishable=conclusion.tied,
-        unknown=unknown_cause(
-            first.lack_of_fit, [equations.model.catalogue[name] for name in accepted.names], conclusion.left_open
-        )
+        rivals=_rivals(conclusion.rivals, catalogue),
+        indistinguishable=tuple(dict.fromkeys(base_names(group, catalogue) for group in conclusion.tied)),
+        unknown=unknown_cause(first.lack_of_fit, [catalogue[name] for name in accepted.names], conclusion.left_open)
         if conclusion.verdict == "unknown"
         else None,
         where=notable_places(conclusion.maps[0].places),
@@ -213,26 +223,75 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
     return diagnosis, Extras(*conclusion.maps, sensors, correlation=correlation_of(accepted))
 
 
-def _named_effect(conclusion: Conclusion, name: str) -> NamedEffect:
+def _rivals(rivals: Sequence[Rival], catalogue: Catalogue) -> tuple[Rival, ...]:
+    """Rivals as the catalogue names them, the closest form of each."""
+    found = dict[tuple[str, str], Rival]()
+    for each in rivals:
+        pair = catalogue[each.instead_of].base, catalogue[each.name].base
+        found.setdefault(pair, Rival(*pair, each.evidence))
+    return tuple(found.values())
+
+
+def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
+    """A named effect, once for each part of the trial in which it has a size of its own."""
     accepted, gap = conclusion.accepted, conclusion.gap
-    effect, test = accepted.evidence.equations.model.catalogue[name], accepted.tests[name]
-    parameters = estimates(accepted, name)
-    share = float(gap.shares.get(name, 0.0))
+    equations = accepted.evidence.equations
+    effect, test = equations.model.catalogue[name], accepted.tests[name]
+    sizes, share = estimates(accepted, name), float(gap.shares.get(name, 0.0))
     log_odds = accepted.evidence.log_odds(accepted.names) - accepted.evidence.log_odds(
         [n for n in accepted.names if n != name]
     )
-    words = sentence(effect, parameters, share, accepted.evidence.equations.log.actuators)
-    return NamedEffect(
-        name,
-        effect.family,
-        effect.kind,
-        share,
-        test.p_value,
-        words,
-        parameters,
-        conclusion.replicated[name],
-        log_odds,
-    )
+    whole = NamedEffect(
+        effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
+        log_odds, effect.scope,
+    )  # fmt: skip
+    if isinstance(effect, Varied):
+        return in_parts(whole, effect, sizes, equations.log)
+    return [replace(whole, sentence=sentence(effect, sizes[0], share, equations.log.actuators))]
+
+
+def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], log: Log) -> list[NamedEffect]:
+    """An effect that is not the same in all of a trial, by its parts."""
+
+    def said(parameters: Parameters, when: str, then: str = "") -> str:
+        what, ends = _sized(effect, parameters, log.actuators)
+        return f"{when}: {what[:1].lower()}{what[1:]} ({ends}){then}"
+
+    part = f"it explains {100.0 * whole.share_of_gap:.0f} % of the gap on legs not used to find it."
+    if effect.course.shape == "drift":
+        since, until = map(_utc, effect.course.times_s)
+        drift = Drift(since, until, sizes[0])
+        words = f"{said(sizes[0], f'At {clock(drift.since)}')}, drifting evenly; "
+        words += f"{said(sizes[1], f'at {clock(drift.until)}')}; {part}"
+        return [replace(whole, drift=drift, sentence=words)]
+    found = []
+    for size, when in zip(sizes, _parts_of(effect.course, log), strict=True):
+        last = part if len(sizes) == 1 else f"with its other sizes {part}"
+        words = f"{said(size, when_words(when))}; {last}"
+        kept = _kept(effect, when, log)
+        found.append(replace(whole, parameters=size, when=when, in_vessel=kept, sentence=words))
+    return found
+
+
+def _parts_of(course: Course, log: Log) -> list[When]:
+    if course.shape == "recordings":
+        return [When(recording=Path(log.names[int(number)]).name) for number in course.times_s]
+    (at,) = map(_utc, course.times_s)
+    low, high = map(_utc, course.interval_s or course.times_s * 2)
+    ends = {"until": When(until=at, low=low, high=high), "since": When(since=at, low=low, high=high)}
+    return [ends[course.shape]] if course.shape in ends else list(ends.values())
+
+
+def _kept(effect: Varied, when: When, log: Log) -> bool:
+    """Whether it is there at the end of the trial, and the ship's own where it differs between recordings."""
+    if when.recording is None:
+        return when.until is None
+    latest = Path(log.names[int(log.recording[np.argmax(log.time_s)])]).name
+    return effect.scope == "ship" and when.recording == latest
+
+
+def _utc(time_s: float) -> str:
+    return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
 
 
 def unknown_cause(
@@ -288,7 +347,7 @@ def looks_like(remainder: LackOfFit) -> str:
         kind = "moment" if remainder.what == "yaw" else "force"
         size = f"{remainder.size:.2g} {_UNIT[remainder.what]}"
         return f"a {remainder.what} {kind} of some {size} that varies with {DEPENDS[remainder.depends]}"
-    varies = f"{plain(remainder.what)} that varies with {DEPENDS[remainder.depends]}"
+    varies = f"{plain(remainder.what.split(',')[0])} that varies with {DEPENDS[remainder.depends]}"
     return (
         f"{varies}: rather a relative that is not in the catalogue" if remainder.depends in INTERACTIONS else varies
     )
@@ -300,9 +359,9 @@ def correlation_of(accepted: Acceptance) -> Correlation:
     deviation = np.sqrt(np.diag(fit.covariance))
     titles, order = list[str](), list[int]()
     for name in accepted.names:
-        places = accepted.evidence.places(fit, name)
+        places, base = accepted.evidence.places(fit, name), accepted.evidence.equations.model.catalogue[name].base
         titles += [
-            f"{plain(name)}, {number}" if len(places) > 1 else plain(name) for number, _ in enumerate(places, 1)
+            f"{plain(base)}, {number}" if len(places) > 1 else plain(base) for number, _ in enumerate(places, 1)
         ]
         order += places
     matrix = fit.covariance / np.outer(deviation, deviation)
@@ -323,19 +382,21 @@ def _contradiction(evidence: Evidence, names: tuple[str, ...], test: AcceptanceT
     free = tuple(float(fit.values[place]) for place in places)
     errors = tuple(float(np.sqrt(fit.covariance[place, place])) for place in places)
     rivals = sorted((less, rival) for rival, less in rivals_of(evidence, names, test.name).items() if less < CLOSE)
-    alike = tuple(rival for _, rival in rivals)
-    values = model.values(test.name, free)
-    words = ", ".join(
-        f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
-        f"{'' if each.unit == '1' else each.unit}".rstrip()
-        for each, error in zip(effect.parameters, errors, strict=True)
+    alike = base_names((rival for _, rival in rivals), model.catalogue)
+    words = "; then ".join(
+        ", ".join(
+            f"{parameter_title(each.name, each.unit)} {number(values[each.name])} ± {number(1.96 * error)} "
+            f"{'' if each.unit == '1' else each.unit}".rstrip()
+            for each, error in zip(effect.parameters, some, strict=True)
+        )
+        for values, some in zip(model.piecewise(test.name, free), effect.pieces(errors), strict=True)
     )
-    sentence = f"The sensors contradict each other as with {plain(test.name)}: {words}"
+    sentence = f"The sensors contradict each other as with {plain(effect.base)}: {words}"
     if alike:
         sentence += (
             f"; without a ship model {join_words([plain(each) for each in alike], 'or')} would look the same"
         )
-    return Consistency(test.name, free, errors, test.p_value, alike, sentence + ".")
+    return Consistency(effect.base, free, errors, test.p_value, alike, sentence + ".")
 
 
 def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[str, ...]:
@@ -347,7 +408,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     remarks += _about_settings(log)
     if log.refused:
         remarks.append(f"{log.refused} samples lay off by themselves and were refused")
-    for group in conclusion.composites:
+    for group in {base_names(group, equations.model.catalogue): None for group in conclusion.composites}:
         family = next(each.family for each in effects if each.name in group)
         remarks.append(
             f"{join_words([plain(name) for name in group])} are of one family, {family}: together they may be one "
@@ -358,7 +419,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
             "predictions are no better with what was named: what the model lacks besides is larger, and hides it"
         )
     for each in effects:
-        if vessel is not None and each.name in vessel.effects:
+        if vessel is not None and each.name in vessel.effects and each.in_vessel:
             remarks.append(
                 f"{each.name} stands in the vessel's file already: its value here takes that one's place"
             )
@@ -380,7 +441,7 @@ def _provenance(first: Acceptance) -> dict[str, Any]:
     extent = first.evidence.equations.force_range.tolist()
     return {
         "catalogue_version": VERSION,
-        "effects_in_catalogue": len(first.evidence.names),
+        "effects_in_catalogue": len(base_names(first.evidence.names, first.evidence.equations.model.catalogue)),
         "force_range": dict(zip(("surge_n", "sway_n", "yaw_nm"), extent, strict=True)),
         "noise": to_json(first.evidence.equations.noise),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from hybrid.diagnosis.result import (
     Place,
     Ratio,
     Suspect,
+    When,
 )
 from hybrid.prediction.scores import FEW_LEGS, Interval
 from hybrid.report.notebook import templates
@@ -144,13 +146,13 @@ def verdict_sentence(diagnosis: Diagnosis) -> str:
 
 
 def _names(diagnosis: Diagnosis) -> list[str]:
-    return [each.name for each in diagnosis.effects]
+    return list(dict.fromkeys(each.name for each in diagnosis.effects))
 
 
 def _lacking(effects: Sequence[NamedEffect]) -> str:
     """What the model lacks and what the sensors show, as a sentence; nothing without effects."""
-    lacks = [plain(each.name) for each in effects if each.kind != "sensor"]
-    shown = [plain(each.name) for each in effects if each.kind == "sensor"]
+    lacks = list(dict.fromkeys(plain(each.name) for each in effects if each.kind != "sensor"))
+    shown = list(dict.fromkeys(plain(each.name) for each in effects if each.kind == "sensor"))
     parts = [f"the model lacks {join_words(lacks)}"] if lacks else []
     parts += [f"the sensors show {join_words(shown)}"] if shown else []
     sentence = ", and ".join(parts)
@@ -199,10 +201,54 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
+def clock(time: str) -> str:
+    """A time of UTC for people, to the minute.
+
+    >>> clock("2026-09-01T12:40:29Z")
+    '12:40 on 1 Sep'
+    """
+    at = datetime.fromisoformat(time)
+    return f"{at:%H:%M} on {at.day} {at:%b}"
+
+
+def when_words(when: When) -> str:
+    """The part of a trial in which an effect has a size, at the beginning of a sentence.
+
+    >>> when_words(When(recording="tuesday.mcap"))
+    'In tuesday.mcap'
+    """
+    if when.recording is not None:
+        return f"In {when.recording}"
+    at = when.until or when.since or ""
+    span = f"{clock(at)} UTC"
+    if when.low is not None and when.high is not None:
+        span += f" ({clock(when.low)[:5]} to {clock(when.high)[:5]})"
+    return f"Until {span}" if when.until is not None else f"From {span} on"
+
+
+def title_of(effect: NamedEffect) -> str:
+    """An effect's name, with the part of the trial that its size is of."""
+    if effect.drift is not None:
+        return f"{plain(effect.name)}, at the end"
+    if effect.when is None:
+        return plain(effect.name)
+    when = when_words(effect.when)
+    return f"{plain(effect.name)}, {when[:1].lower()}{when[1:]}"
+
+
+def left_with_recordings(diagnosis: Diagnosis) -> str:
+    """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
+    gone = [title_of(each) for each in diagnosis.effects if not each.in_vessel]
+    last = [plain(each.name) for each in diagnosis.effects if each.drift is not None]
+    said = [f"not {join_words(gone)}"] if gone else []
+    said += [f"{join_words(last)} as at the end of the trial"] if last else []
+    return f"The vessel file has what is the ship's and is there at the end: {', and '.join(said)}." if said else ""
+
+
 def parameter_rows(diagnosis: Diagnosis) -> list[list[str]]:
     """Each parameter of the named effects with its interval."""
     return [
-        [plain(each.name), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
+        [title_of(each), parameter_title(name, estimate.unit), number(estimate.value), _span(estimate),
          "" if estimate.unit == "1" else estimate.unit]
         for each in diagnosis.effects
         for name, estimate in each.parameters.items()
@@ -336,7 +382,7 @@ def _words(value: Any) -> str:
 
 def names_of(effects: Sequence[NamedEffect]) -> str:
     """The effects' names at the beginning of a sentence."""
-    return join_words([plain(each.name) for each in effects]).capitalize()
+    return join_words(list(dict.fromkeys(plain(each.name) for each in effects))).capitalize()
 
 
 def file_rows(effects: Sequence[NamedEffect]) -> list[list[str]]:

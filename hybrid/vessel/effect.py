@@ -20,6 +20,7 @@ FAMILIES = ("inertia", "hull", "propulsion", "alignment", "environment", "clock"
 
 Kind = Literal["physics", "actuator", "sensor"]
 Chart = Literal["linear", "polar", "inverse_square"]
+Scope = Literal["ship", "day", "recording"]
 Values = Mapping[str, float]
 
 
@@ -53,7 +54,8 @@ class Effect:
     become free coordinates: ``linear`` (value - neutral), ``polar`` (size and direction in degrees become
     two components) or ``inverse_square`` (1 / value^2, for what is absent at infinity and tends to it so).
     ``confused_with`` names the effects that look much the same in many trials; of two such effects each
-    names the other.
+    names the other. ``scope`` says whose it is: the ship's, the same in all her recordings; the day's, as wind and
+    sea are; or that of a recording, as clocks and sensors are.
     """
 
     name: str
@@ -65,6 +67,16 @@ class Effect:
     change: Callable[[Plant, Values], Plant]
     chart: Chart = "linear"
     confused_with: tuple[str, ...] = ()
+    scope: Scope = "ship"
+
+    @property
+    def base(self) -> str:
+        """The name in the catalogue."""
+        return self.name
+
+    def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
+        """Free coordinates by parts of a trial: an effect that stays as it is has one."""
+        return [tuple(free)]
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -160,7 +172,7 @@ class Effect:
 
     def as_dict(self) -> dict[str, Any]:
         """The effect as plain data, without its function; infinite numbers become ``None``."""
-        plain = {key: getattr(self, key) for key in ("name", "family", "kind", "what", "source")}
+        plain = {key: getattr(self, key) for key in ("name", "family", "kind", "scope", "what", "source")}
         parameters = [
             {key: None if value in (inf, -inf) else value for key, value in asdict(each).items()}
             for each in self.parameters

@@ -126,25 +126,24 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
 def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
     """``vessel`` with what was named, and where that comes from.
 
-    A named effect that the vessel has already takes that one's place: its value is what both come to.
+    A named effect that the vessel has already takes that one's place: its value is what both come to. What is not
+    the same in all of the trial stands as it is at the end; the sea and the sensors of each recording stay with it.
     """
-    effects = {
-        each.name: {name: estimate.value for name, estimate in each.parameters.items()}
-        for each in diagnosis.effects
-    }
+    kept = [each for each in diagnosis.effects if each.in_vessel]
+    effects = {each.name: {name: estimate.value for name, estimate in each.parameters.items()} for each in kept}
     notes = {
         f"diagnosis_{each.name}": "; ".join(
             f"{name} {estimate.value:.6g} ({estimate.low:.6g} to {estimate.high:.6g}) {estimate.unit}"
             for name, estimate in each.parameters.items()
         )
-        for each in diagnosis.effects
+        for each in kept
     }
     result = with_effects(vessel, effects, **_plain(diagnosis.provenance), **notes, verdict=diagnosis.verdict)
     return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
 
 
 def _description(vessel: Vessel, diagnosis: Diagnosis) -> str:
-    named = ", ".join(each.name for each in diagnosis.effects) or "nothing"
+    named = ", ".join(each.name for each in diagnosis.effects if each.in_vessel) or "nothing"
     return f"{vessel.description or vessel.name}; a diagnosis added {named}"
 
 

@@ -92,6 +92,10 @@ def test_the_json_has_the_keys_of_the_contract(done: tuple[dict[str, Any], Path]
         "p_value",
         "sentence",
         "replicated",
+        "scope",
+        "when",
+        "drift",
+        "in_vessel",
     }
     assert all(set(each) == {"value", "low", "high", "unit"} for each in effect["parameters"].values())
     assert all(set(each) == {"channel", "cell", "windows", "error", "z"} for each in said["where"])

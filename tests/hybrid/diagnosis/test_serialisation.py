@@ -68,6 +68,7 @@ def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert list(said["effects"][0]) == [
         "name", "family", "kind", "share_of_gap", "p_value", "sentence", "parameters", "replicated",
+        "scope", "when", "drift", "in_vessel",
     ]  # fmt: skip
     assert said["effects"][0]["parameters"]["speed_mps"] == {
         "value": 0.35,

@@ -1,0 +1,121 @@
+"""The course of an effect: one that is not the same in all of a trial.
+
+The current of one day is not that of the next, a tow may be dropped and a tide turn. Such an effect has a size in
+each of some pieces of a trial, and its signatures are those of the effect times what each piece has a part in each
+second. It stands in the catalogue of a trial beside the effect that stays as it is, and the evidence tells which of
+the two the data ask for: a further size has to be worth it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+from acquisition.core.arrays import Floats
+from hybrid.diagnosis.log import Log
+from hybrid.effects import Catalogue
+from hybrid.vessel.effect import Effect
+
+Shape = Literal["recordings", "until", "since", "step", "drift"]
+
+_LEVELS = 24
+"""Steps in which a drift is followed: those of a tide that turns through 0.6 m/s are below the smallest current of
+interest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """How an effect's size goes over a trial.
+
+    A size of its own in each of the ``times_s`` recordings (their numbers); one ``until`` a time, ``since`` a
+    time, or both (``step``); or a ``drift``, even from the first of two times to the second. Times are UTC since
+    1970 [s], ``interval_s`` the ends of the 95 % interval of the time of a change.
+    """
+
+    shape: Shape
+    times_s: tuple[float, ...]
+    interval_s: tuple[float, float] | None = None
+
+    @property
+    def pieces(self) -> int:
+        """In how many pieces it has a size of its own."""
+        return {"recordings": len(self.times_s), "until": 1, "since": 1, "step": 2, "drift": 2}[self.shape]
+
+    def shares(self, log: Log) -> Floats:
+        """The part that the size of each piece has in each second [T, pieces], the same throughout a block."""
+        if self.shape == "recordings":
+            return np.asarray(log.recording[:, None] == np.array(self.times_s), dtype=np.float64)
+        if self.shape == "drift":
+            first, last = self.times_s
+            late = np.clip((log.time_s - first) / max(last - first, 1.0), 0.0, 1.0)
+        else:
+            late = np.asarray(log.time_s >= self.times_s[0], dtype=np.float64)
+        late = (np.bincount(log.block, weights=late) / np.maximum(np.bincount(log.block), 1))[log.block]
+        if self.shape == "drift":
+            late = np.round(late * _LEVELS) / _LEVELS
+        ends = {"until": (1.0 - late,), "since": (late,)}
+        return np.column_stack(ends.get(self.shape, (1.0 - late, late)))
+
+
+@dataclass(frozen=True)
+class Varied(Effect):
+    """An effect, ``of`` the catalogue, whose size has a course: the coordinates of one piece after another."""
+
+    of: str = ""
+    course: Course = Course("since", (0.0,))
+
+    @property
+    def base(self) -> str:
+        """The name in the catalogue."""
+        return self.of
+
+    def pieces(self, free: Sequence[float]) -> list[tuple[float, ...]]:
+        """Free coordinates by pieces of the trial."""
+        width = len(free) // self.course.pieces
+        return [tuple(free[first : first + width]) for first in range(0, len(free), width)]
+
+    def bounded(self, free: Sequence[float]) -> tuple[float, ...]:
+        """The nearest free coordinates whose values are in bounds, piece by piece."""
+        return tuple(each for piece in self.pieces(free) for each in super(Varied, self).bounded(piece))
+
+    @property
+    def free_scale(self) -> tuple[float, ...]:
+        """The ordinary size of each free coordinate."""
+        return super().free_scale * self.course.pieces
+
+    @property
+    def smallest_free(self) -> tuple[float, ...]:
+        """The smallest size of interest in each free coordinate."""
+        return super().smallest_free * self.course.pieces
+
+
+def varied(effect: Effect, course: Course) -> Varied:
+    """An effect with a course, under a name of its own."""
+    known = {each.name: getattr(effect, each.name) for each in fields(Effect)}
+    return Varied(**{**known, "name": f"{effect.name}, {course.shape}"}, of=effect.name, course=course)
+
+
+def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
+    """The catalogue with what may have a size of its own in each of several recordings: the sea's and the sensors'.
+
+    The catalogue itself where there is one recording.
+    """
+    recordings = tuple(np.unique(log.recording).tolist())
+    if len(recordings) < 2:
+        return catalogue
+    course = Course("recordings", recordings)
+    own = [varied(each, course) for each in catalogue.values() if each.scope != "ship"]
+    return {**catalogue, **{each.name: each for each in own}}
+
+
+def courses(names: Iterable[str], catalogue: Catalogue) -> list[Varied]:
+    """Those of ``names`` that have a course."""
+    return [each for each in map(catalogue.__getitem__, names) if isinstance(each, Varied)]
+
+
+def base_names(names: Iterable[str], catalogue: Catalogue) -> tuple[str, ...]:
+    """Names as the catalogue has them, each once."""
+    return tuple(dict.fromkeys(catalogue[name].base for name in names))
