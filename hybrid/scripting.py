@@ -358,42 +358,41 @@ def identify(
     repair: bool = False,
     rebuild_positions: bool = False,
     validation: bool = True,
+    segment_s: float | None = None,
+    part: str = "0..100",
 ) -> Identification:
     """The coefficients of the model of ``vessel`` by recordings, with intervals, judged on what is left out.
 
     The vessel with them goes to ``output`` if that is named. Predictions are judged over ``horizon_s``, under the
     commands as they were recorded; without ``validation`` they are not. ``repair`` puts right before what is
-    certainly wrong, ``rebuild_positions`` with the repairs the positions too.
+    certainly wrong, ``rebuild_positions`` with the repairs the positions too. ``segment_s`` is how long each
+    stretch is that the fit simulates from a start of its own, without it about a ship length. Each recording is
+    checked before: values that stood still are set aside, and no stretch goes over a jump of the positions.
     """
-    from acquisition.recording.reader import read_recording
-    from analysis.prepare import Preparation
-    from analysis.prepare import prepare as prepare_recording
+    from analysis.tables.table import percent_of
     from analysis.windows.recordings import trial_names
     from hybrid.identification.identify import identify_tables
     from hybrid.identification.judge import judge
     from hybrid.identification.next_trial import repertoire_of
     from hybrid.vessel.files import save_vessel
+    from hybrid.workflows.checked import usable_tables
 
     chosen = _model(recordings, vessel)
     ship, paths = chosen.vessel, as_paths(recordings)
-    names = trial_names(paths)
-    how = Preparation(repair=repair or rebuild_positions)
-    tables = {
-        name: prepare_recording(read_recording(path), how, rebuild_positions=rebuild_positions)
-        for name, path in zip(names, paths, strict=True)
-    }
+    tables, set_aside = usable_tables(
+        dict(zip(trial_names(paths), paths, strict=True)), percent_of(part),
+        repaired=repair or rebuild_positions, rebuild_positions=rebuild_positions,
+    )  # fmt: skip
     with bar("identifying") as progress:
-        found, fitted, model = identify_tables(tables, ship, candidates=repertoire_of(ship), progress=progress)
+        found, fitted, model = identify_tables(
+            tables, ship, candidates=repertoire_of(ship), segment_s=segment_s, progress=progress
+        )
     if validation:
         with bar("validating") as progress:
-            judged = judge(
-                paths, tables, model, fitted, horizon_s, progress,
-                repair=how.repair, rebuild_positions=rebuild_positions,
-            )  # fmt: skip
-            found = replace(found, validation=judged)
+            found = replace(found, validation=judge(tables, model, fitted, horizon_s, progress))
     if output is not None:
         save_vessel(found.vessel, output)
-    return replace(found, file=str(output or ""), model=chosen.said)
+    return replace(found, file=str(output or ""), model=chosen.said, set_aside=set_aside)
 
 
 def plan(

@@ -98,7 +98,12 @@ def identify(
     horizon: Annotated[int, typer.Option(min=2, help="How far predictions are judged, in seconds.")] = 30,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
+    part: PartOption = "0..100",
     validation: Annotated[bool, typer.Option(help="Judge on what is left out: takes as long again.")] = True,
+    segment: Annotated[
+        float | None,
+        typer.Option(min=1.0, help="How long each stretch is that starts anew, in seconds; a ship length or so."),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="A picture of the fit: .png, .svg or .pdf.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -106,8 +111,9 @@ def identify(
     from hybrid.scripting import identify as run
 
     found = run(
-        files, vessel, output, horizon, repair=repair, rebuild_positions=rebuild_positions, validation=validation
-    )
+        files, vessel, output, horizon, repair=repair, rebuild_positions=rebuild_positions, validation=validation,
+        segment_s=segment, part=part,
+    )  # fmt: skip
     if picture is not None:
         from analysis.report.figures import write_figure
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from math import exp
+from math import exp, inf
 from typing import Any
 
 from acquisition.core.arrays import Floats
@@ -26,6 +26,9 @@ WIND_LOAD_WIDTH, ASTERN_WIDTH = 0.2, 0.3
 """Of the wind's coefficients as a whole, whose regressions err by a fifth (Fujiwara, Ueno and Nimura 1998); of the
 thrust of a shaft that turns astern where the file has no number for it, as ``vessel new`` has of those it has."""
 
+_FAR = 100.0
+"""A logarithm beyond any number's: where a search tries it, the model just leaves its range."""
+
 _ADDED_MASSES = ("Xud", "Yvd", "Yrd", "Nrd", "m_x", "m_y", "J_z", "I_zG", "yaw_inertia_kgm2")
 _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_y", "I_zG", "J_z", "draught_m",
              "superstructure_area_m2", "frontal_area_m2", "lateral_area_m2", "lateral_centre_height_m",
@@ -36,7 +39,7 @@ _POSITIVE = ("mass_kg", "yaw_inertia_kgm2", "Xud", "Yvd", "Nrd", "m", "m_x", "m_
 class Coefficient:
     """One number: its name, what it is at first, the relative width of what is thought of it, and its form.
 
-    ``twins`` are the names of those of like actuators, which are the same number.
+    ``twins`` are the names of those of like actuators, which are the same number; ``most`` is what it is at most.
     """
 
     name: str
@@ -44,10 +47,12 @@ class Coefficient:
     width: float
     keeps_sign: bool
     twins: tuple[str, ...] = ()
+    most: float = inf
 
     def value(self, z: float) -> float:
         """The number at a departure of ``z`` standard deviations."""
-        return self.start * (exp(self.width * z) if self.keeps_sign else 1.0 + self.width * z)
+        departed = exp(min(self.width * z, _FAR)) if self.keeps_sign else 1.0 + self.width * z
+        return min(self.start * departed, self.most)
 
 
 def coefficients_of(vessel: Vessel) -> tuple[Coefficient, ...]:
@@ -95,9 +100,10 @@ def _of_actuator(vessel: Vessel, entry: Any) -> Iterable[Coefficient]:
 
 
 def _factor(vessel: Vessel, effect: str, width: float) -> Coefficient:
-    """The factor of an effect, where it is in the file or at 1."""
+    """The factor of an effect, where it is in the file or at 1, within the effect's bounds."""
     start = float(vessel.effects.get(effect, {}).get("factor", 1.0))
-    return Coefficient(f"effects.{effect}.factor", start, width, keeps_sign=True)
+    (factor,) = catalogue_of(vessel)[effect].parameters
+    return Coefficient(f"effects.{effect}.factor", start, width, keeps_sign=True, most=factor.high)
 
 
 def _of_table(

@@ -68,8 +68,8 @@ class Identification(ModelResult):
     """A vessel with coefficients from trials.
 
     ``correlation`` [P, P] is that of the ``coefficients`` in their order; ``surroundings`` are current and sensor
-    errors by recording, in SI; ``candidates`` are trials that would tell more, the best first; ``fitted`` holds
-    what a picture of the fit needs: measured and simulated tracks.
+    errors by recording, in SI; ``candidates`` are trials that would tell more, the best first; ``set_aside`` says
+    what of the recordings was not used; ``tracks`` are what a picture of the fit needs, measured and simulated.
     """
 
     vessel: Vessel
@@ -82,6 +82,7 @@ class Identification(ModelResult):
     validation: Judgement | None = None
     candidates: tuple[Candidate, ...] = ()
     file: str = ""
+    set_aside: tuple[str, ...] = ()
     tracks: tuple[Floats, Floats] = field(default=(np.zeros((0, 0, 2)), np.zeros((0, 0, 2))), repr=False)
     view = "hybrid.report.identification:identification_view"
     drawing = "hybrid.report.identification:draw_identification"
@@ -101,6 +102,7 @@ class Identification(ModelResult):
         return {
             **self.remarks,
             "vessel": self.file,
+            "set_aside": list(self.set_aside),
             "segments": self.segments,
             "segment_s": self.duration_s,
             "coefficients": {
@@ -128,18 +130,20 @@ def identify_tables(
     *,
     only: Sequence[str] = (),
     candidates: Sequence[str] = (),
+    segment_s: float | None = None,
     progress: Progress = lambda share: None,
 ) -> tuple[Identification, Fit, Model]:
     """The coefficients of ``vessel`` from tables of raw samples by recording, without a validation.
 
     ``only`` names those that are not known, by default all of :func:`coefficients_of`; ``candidates`` are
-    manoeuvres to rank. Raises :class:`DataShortageError`, :class:`InputError` for recordings of
-    another ship, :class:`ModelRangeError` where the model cannot follow them.
+    manoeuvres to rank; ``segment_s`` is how long each stretch is that has a start of its own. Raises
+    :class:`DataShortageError`, :class:`InputError` for recordings of another ship, :class:`ModelRangeError` where
+    the model cannot follow them.
     """
     with threadpool_limits(1, user_api="blas"):  # small matrices, on which more threads only wait for each other
         wanted = set(only)
         coefficients = [each for each in coefficients_of(vessel) if not only or wanted & {each.name, *each.twins}]
-        model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel)))
+        model = model_of(vessel, coefficients, segments_of(tables, vessel_plant(vessel), segment_s))
         found = fit(model, progress=progress)
         return _identification(model, found, rank_trials(model, found, candidates)), found, model
 
@@ -195,7 +199,7 @@ def identified_vessel(model: Model, z: Floats, estimates: Sequence[Estimate]) ->
     said = {
         "identified_from": ", ".join(model.segments.names),
         "identified_at": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
-        "identified_by": f"seatrial {software_version()}",
+        "identified_by": software_version(),
         "identified_start": model.vessel.name,
     }
     return replace(vessel, estimated=errors, provenance={**model.vessel.provenance, **said})

@@ -6,9 +6,7 @@ that the others give; with fewer the last third of each is, by the model of what
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -16,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
+from analysis.tables.resample import resample
 from analysis.tables.table import select
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.identification.fit import Fit, fit
@@ -23,56 +22,49 @@ from hybrid.identification.identify import Judgement
 from hybrid.identification.response import Model
 from hybrid.identification.segments import segments_of
 from hybrid.prediction.baselines import constant_velocity, reference
-from hybrid.prediction.dataset import Dataset, load_dataset
+from hybrid.prediction.dataset import any_command_windows
 from hybrid.prediction.scores import score
 from hybrid.vessel.plant import Plant
 
 BY_RECORDING, MOST_FOLDS = 3, 4
 LAST_THIRD = (200.0 / 3.0, 100.0)
-WHOLE = (0.0, 100.0)
 _ROUNDS = 6
-Fold = tuple[Mapping[str, pd.DataFrame], list[Path], tuple[float, float]]
-"""The tables to fit on; the recordings to judge on, and the part of each in percent."""
+_STRIDE_S = 5
+Tables = Mapping[str, pd.DataFrame]
+Fold = tuple[Tables, Tables]
+"""The tables to fit on, and those to judge on."""
 
 
-def folds_of(paths: Sequence[Path], tables: Mapping[str, pd.DataFrame]) -> tuple[list[Fold], str]:
+def folds_of(tables: Tables) -> tuple[list[Fold], str]:
     """What is fitted and what is judged in each fold, and what is left out in words."""
     names = list(tables)
     if len(names) < BY_RECORDING:
-        first = {name: select(table, (0.0, LAST_THIRD[0])) for name, table in tables.items()}
-        return [(first, list(paths), LAST_THIRD)], "the last third of each recording"
+        first, last = (
+            {name: select(table, part) for name, table in tables.items()}
+            for part in ((0.0, LAST_THIRD[0]), LAST_THIRD)
+        )
+        return [(first, last)], "the last third of each recording"
     folds = min(len(names), MOST_FOLDS)
     made: list[Fold] = []
     for fold in range(folds):
-        out = set(range(fold, len(names), folds))
-        kept = {name: tables[name] for number, name in enumerate(names) if number not in out}
-        made.append((kept, [paths[number] for number in sorted(out)], WHOLE))
+        out = set(names[fold::folds])
+        kept, others = ({name: tables[name] for name in names if (name in out) == left} for left in (False, True))
+        made.append((kept, others))
     return made, "each recording in turn" if folds == len(names) else f"recordings in {folds} groups"
 
 
 def judge(
-    paths: Sequence[Path],
-    tables: Mapping[str, pd.DataFrame],
-    model: Model,
-    found: Fit,
-    horizon_s: int,
-    progress: Progress = lambda share: None,
-    *,
-    repair: bool = False,
-    rebuild_positions: bool = False,
+    tables: Tables, model: Model, found: Fit, horizon_s: int, progress: Progress = lambda share: None
 ) -> Judgement | None:
     """How far predictions over ``horizon_s`` are off, under the commands as recorded; None without a window.
 
-    The repairs are those of :func:`.load_dataset` that the tables had.
+    ``tables`` are those that were fitted, of raw samples by recording.
     """
-    folds, held_out = folds_of(paths, tables)
-    length_m = model.vessel.dimensions.length_overall_m
-    load = partial(load_dataset, horizon_s=horizon_s, stride_s=5, any_commands=True, length_m=length_m,
-                   repair=repair, rebuild_positions=rebuild_positions)  # fmt: skip
+    folds, held_out = folds_of(tables)
     tracks: dict[str, list[np.ndarray]] = {}
-    for number, (kept, others, part) in enumerate(folds):
+    for number, (kept, others) in enumerate(folds):
         with threadpool_limits(1, user_api="blas"):
-            for name, track in _fold(kept, partial(load, others, part=part), model, found).items():
+            for name, track in _fold(kept, others, model, found, horizon_s).items():
                 tracks.setdefault(name, []).append(track)
         part_of(progress, number, len(folds))(1.0)
     if not tracks:
@@ -83,20 +75,18 @@ def judge(
     return Judgement(horizon_s, len(measured), scores, held_out)
 
 
-def _fold(
-    kept: Mapping[str, pd.DataFrame], load: Callable[[], Dataset], model: Model, found: Fit
-) -> dict[str, np.ndarray]:
+def _fold(kept: Tables, others: Tables, model: Model, found: Fit, horizon_s: int) -> dict[str, np.ndarray]:
     """Tracks by method and as measured, in the windows in which both models stay in their range."""
-    start = vessel_plant(model.vessel)
+    length_m = model.vessel.dimensions.length_overall_m
     try:
-        windows = load().windows
+        even = {name: resample(table, 1.0) for name, table in others.items()}
+        windows = any_command_windows(even, horizon_s, _STRIDE_S, length_m)
     except DataShortageError:
         return {}
-    plant = _fitted_plant(kept, model, found)
     tracks = {
         "constant_velocity": constant_velocity(windows),
-        "reference": reference(windows, start),
-        "identified": reference(windows, plant),
+        "reference": reference(windows, vessel_plant(model.vessel)),
+        "identified": reference(windows, _fitted_plant(kept, model, found)),
         "measured": windows.track,
     }
     inside = np.isfinite(np.stack(list(tracks.values()))).all(axis=(0, 2, 3))

@@ -22,6 +22,9 @@ START_VARIANCE = 1.0
 _LEAST, _MOST_NOISE, _MOST_FORCE = 1e-10, 1e6, 10.0
 """Variances between which levels are looked for: what a search may try on its way must still be numbers."""
 
+_ROUNDING = 1e-12
+"""Of a diagonal, more than what rounding of sums takes off: a trial far out is then still positive definite."""
+
 
 @dataclass(frozen=True, slots=True)
 class Levels:
@@ -53,6 +56,7 @@ class Moments:
         """
         weight, scale = 1.0 / levels.noise, np.sqrt(levels.own)
         information = np.einsum("scqp,c->sqp", self.squares, weight) * np.outer(scale, scale) + np.eye(len(scale))
+        information[:, range(len(scale)), range(len(scale))] *= 1.0 + _ROUNDING
         factor = np.linalg.inv(np.linalg.cholesky(information)) * scale
         covariance = factor.transpose(0, 2, 1) @ factor
         spoken = np.einsum("scq,c->sq", self.products, weight)

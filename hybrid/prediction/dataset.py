@@ -99,6 +99,18 @@ def load_dataset(
     return Dataset(windows, sources, held.candidates, held.dropped)
 
 
+def any_command_windows(
+    tables: Mapping[str, pd.DataFrame], horizon_s: int, stride_s: int, length_m: float
+) -> PredictionWindows:
+    """All windows of 1 Hz tables by trial that have data, of a ship of ``length_m``, with the commands as recorded.
+
+    Raises :class:`DataShortageError` with the counts by reason when there is none.
+    """
+    held = windows_of_tables(tables, horizon_s, stride_s, keep_moving=True)
+    smooth = {trial: smooth_motion(table, half_width_for(length_m)) for trial, table in tables.items()}
+    return _as_arrays(held, tables, smooth, any_commands=True)
+
+
 def _as_arrays(
     held: HeldWindows,
     tables: Mapping[str, pd.DataFrame],

@@ -17,7 +17,7 @@ _TRIALS = 5
 
 def identification_view(found: Identification) -> Group:
     """The coefficients, what hangs together, the validation, and what to do next."""
-    parts: list[RenderableType] = [_coefficients(found)]
+    parts: list[RenderableType] = [*(Text(f"left out: {each}") for each in found.set_aside), _coefficients(found)]
     for one, other, correlation in found.entangled:
         parts.append(Text(f"{one} and {other} cannot be told apart here (correlation {correlation:+.2f})."))
     if found.validation is not None:

@@ -53,7 +53,8 @@ def reference_model(trials: Trials, vessel: str | Path | Vessel | None = None) -
 def ships_of(vessel: Vessel) -> set[str]:
     """The names of the ships that a vessel is a model of: with its own that of the model it was made from."""
     made_from = {str(vessel.provenance.get(key, "")) for key in ("diagnosis_vessel", "identified_start")}
-    return {vessel.name} if vessel.name in vessel_names() else {vessel.name, Path(vessel.base).stem, *made_from}
+    base = set() if vessel.name in vessel_names() else {Path(vessel.base).stem}
+    return {vessel.name, *base, *made_from}
 
 
 def chosen(name: str, ships: set[str], trials: Trials) -> ChosenModel:

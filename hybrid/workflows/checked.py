@@ -6,9 +6,10 @@ is one as well. Each part has a start of its own that nobody knows, so that a ju
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ import pandas as pd
 from acquisition.core.angles import unwrap
 from acquisition.core.channels import ENVIRONMENT, VELOCITY
 from acquisition.core.frames import Quality
-from acquisition.recording.reader import Recording
+from acquisition.recording.reader import Recording, read_recording
 from analysis.prepare import checked_table
 from analysis.quality.findings import Finding
 from analysis.quality.motion.series import GROUPS
@@ -58,6 +59,30 @@ def checked_tables(
     parts, more = between_jumps(table.assign(**dict.fromkeys(dead, np.nan)), findings)
     gone = (f"{name} has one value throughout although the ship turns: it is left out" for name in dead)
     return Checked(parts, (*remarks, *gone, *more))
+
+
+def usable_tables(
+    recordings: Mapping[str, Path],
+    part_percent: tuple[float, float] = (0.0, 100.0),
+    *,
+    repaired: bool = False,
+    rebuild_positions: bool = False,
+) -> tuple[dict[str, pd.DataFrame], tuple[str, ...]]:
+    """One raw table for each recording by name, with a gap where :func:`checked_tables` parts it, and remarks."""
+    checked = {
+        name: checked_tables(
+            read_recording(path), part_percent, repaired=repaired, rebuild_positions=rebuild_positions
+        )
+        for name, path in recordings.items()
+    }
+    tables = {name: _joined(each.tables) for name, each in checked.items()}
+    return tables, tuple(f"{name}: {remark}" for name, each in checked.items() for remark in each.remarks)
+
+
+def _joined(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
+    whole = pd.concat(parts)
+    whole.attrs = parts[0].attrs
+    return whole
 
 
 def dead_sensors(table: pd.DataFrame) -> tuple[str, ...]:
