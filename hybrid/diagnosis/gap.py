@@ -111,7 +111,8 @@ class UnseenWindows:
         tracks = np.empty((len(starts), HORIZON_S + 1, 3))
         for rows, each in model.stages(log):
             own = rows[starts]
-            tracks[own] = predicted_tracks(log, each.plant(), origin, starts[own])
+            if own.any():  # a short recording may have no window of its own among these
+                tracks[own] = predicted_tracks(log, each.plant(), origin, starts[own])
         return tracks
 
     def legs_of(self, fold: int) -> NDArray[np.bool_]:

@@ -10,6 +10,7 @@ import pytest
 
 from hybrid.diagnosis.course import Course, base_names, varied, with_recordings
 from hybrid.diagnosis.evidence import evidence_of, normal_equations
+from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.effects import CATALOGUE
@@ -158,3 +159,13 @@ def test_a_fouling_on_two_days_with_two_currents_is_named_with_both() -> None:
             assert size.low <= true <= size.high
     assert set(vessel_with_effects(vessel, said).effects) == {"hull_fouling"}
     assert said.gap.closed > 0.9
+
+
+def test_windows_of_one_day_are_predicted_where_each_day_has_a_size_of_its_own(plant: Plant, log: Log) -> None:
+    """None of the other day's windows are asked for; what is predicted is what is predicted of both together."""
+    catalogue = with_recordings(CATALOGUE, log)
+    name = next(each for each in catalogue if catalogue[each].base == "ocean_current" != each)
+    windows = unseen_windows(log, Model(plant, catalogue))
+    at = {name: tuple(each for day in DAYS for each in day)}
+    monday = log.recording[windows.starts] == 0
+    np.testing.assert_array_equal(windows.predicted(at, monday), windows.predicted(at)[monday])
