@@ -330,11 +330,12 @@ def diagnose(
     part: str = "0..100",
     repair: bool = False,
     rebuild_positions: bool = False,
+    identify: bool = False,
 ) -> DiagnosisRun:
     """What the model of ``vessel`` lacks, by recordings: the effects named, their sizes, the gap before and after.
 
     ``tolerance_percent`` of the force range is how far off the model may be anyway; ``effect_files`` add effects to
-    the catalogue, ``without`` takes effects out of it.
+    the catalogue, ``without`` takes effects out of it; ``identify`` has the coefficients identified before.
     """
     from analysis.tables.table import percent_of
     from hybrid.effects.catalogue import catalogue_with
@@ -345,7 +346,7 @@ def diagnose(
     with bar("diagnosing") as progress:
         return diagnose_files(
             as_paths(recordings), ship, tolerance_percent / 100.0, catalogue, percent_of(part),
-            repair=repair, rebuild_positions=rebuild_positions, progress=progress,
+            repair=repair, rebuild_positions=rebuild_positions, identify=identify, progress=progress,
         )  # fmt: skip
 
 

@@ -39,6 +39,12 @@ def diagnose(
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
     part: PartOption = "0..100",
+    identify_first: Annotated[
+        bool,
+        typer.Option(
+            "--identify", help="Identify the model's coefficients before: for one that is off in many things."
+        ),
+    ] = False,
     calibrate: Annotated[
         bool, typer.Option("--calibrate", help="Also train a calibrator on the model before and after.")
     ] = False,
@@ -59,7 +65,7 @@ def diagnose(
     with bar("diagnosing") as progress:
         diagnosed = diagnose_files(
             files, ship, tolerance / 100.0, catalogue, percent_of(part),
-            repair=repair, rebuild_positions=rebuild_positions, progress=progress,
+            repair=repair, rebuild_positions=rebuild_positions, identify=identify_first, progress=progress,
         )  # fmt: skip
     if calibrate:
         from dataclasses import replace

@@ -233,6 +233,29 @@ class Manoeuvre:
 
 
 @dataclass(frozen=True, slots=True)
+class IdentifiedCorrection:
+    """A refit of the model's coefficients that a diagnosis starts from, and what its structure can close.
+
+    ``before_m`` and ``after_m`` are mean distances over windows of legs that took no part in the refit, of the
+    model as it was and with the coefficients of the other legs; ``applied`` says whether the diagnosis starts from
+    the refit, which it does where these legs come closer. ``forces`` are what the refit to all legs changes, root
+    mean square along the trial as shares of the range of the forces; ``coefficients`` what it comes to and
+    ``start`` what it came from; ``known`` are those that the data tell by themselves.
+    """
+
+    applied: bool
+    constant_velocity_m: Number
+    before_m: Number
+    after_m: Number
+    held_out_windows: int
+    forces: Mapping[str, Number]
+    coefficients: Mapping[str, Estimate]
+    start: Mapping[str, Number]
+    known: tuple[str, ...]
+    name: str = "identified_correction"
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """The whole of it: what is named or not, how sure that is, and what it changes; ``diagnosis.json``."""
 
@@ -249,6 +272,7 @@ class Diagnosis:
     tracks: Annotated[Tracks | None, Field(exclude=True)] = None
     remarks: tuple[str, ...] = ()
     remainder: Remainder | None = None
+    identified: IdentifiedCorrection | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:

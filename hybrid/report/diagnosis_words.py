@@ -17,6 +17,7 @@ from hybrid.diagnosis.result import (
     Diagnosis,
     Estimate,
     Extras,
+    IdentifiedCorrection,
     Ladder,
     NamedEffect,
     Place,
@@ -29,6 +30,7 @@ from hybrid.report.notebook import templates
 from hybrid.report.words import join_words, plain
 
 _SMALL = 0.001
+_NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
 
 DEPENDS = {
     "heading": "the heading",
@@ -128,6 +130,55 @@ def doubt_of_model(diagnosis: Diagnosis) -> str:
 def other_remarks(diagnosis: Diagnosis) -> list[str]:
     """What else was said on the way."""
     return [each for each in diagnosis.remarks if each != doubt_of_model(diagnosis)]
+
+
+def correction_sentence(correction: IdentifiedCorrection) -> str:
+    """What a refit of the model before the diagnosis did, and what the model's structure can close, for people."""
+    ahead, across, yaw = (percent(each) for each in correction.forces.values())
+    moved = sum(
+        abs(each.value - correction.start[name]) > _NOTABLE * abs(correction.start[name])
+        for name, each in correction.coefficients.items()
+    )
+    closes = (
+        f"on {correction.held_out_windows} windows of legs that took no part in it the error falls from "
+        f"{number(correction.before_m)} to {number(correction.after_m)} m"
+    )
+    if not correction.applied:
+        return (
+            "The model was re-identified and stays as it was: on legs left out the error is "
+            f"{number(correction.after_m)} m with coefficients of the others, {number(correction.before_m)} m now."
+        )
+    return (
+        f"The diagnosis starts from a refit of the model: {moved} of {len(correction.coefficients)} coefficients "
+        f"moved by more than {percent(_NOTABLE)}, which changes forces by {ahead} of their range ahead, {across} "
+        f"across and {yaw} in yaw; {closes}, which is what this model's structure can close by coefficients."
+    )
+
+
+def structure_rows(correction: IdentifiedCorrection) -> list[list[str]]:
+    """What the model's structure can close, beside the present motion held, on legs that took no part."""
+    rungs = {
+        "present motion held": correction.constant_velocity_m,
+        "the model as it was": correction.before_m,
+        "what this model's structure can close: coefficients of the other legs": correction.after_m,
+    }
+    return [[name, f"{number(each)} m"] for name, each in rungs.items()]
+
+
+def coefficient_rows(correction: IdentifiedCorrection) -> list[list[str]]:
+    """Each coefficient of a refit, those that moved most first."""
+
+    def change(name: str) -> float:
+        return correction.coefficients[name].value / correction.start[name] - 1.0
+
+    names = sorted(correction.coefficients, key=lambda name: -abs(change(name)))
+    told = {name: "" if name in correction.known else "not by itself" for name in names}
+    return [
+        [name.removeprefix("effects.").replace(".", " "), number(correction.start[name]),
+         number(correction.coefficients[name].value), _span(correction.coefficients[name]),
+         f"{100.0 * change(name):+.0f} %".replace("-", "\u2212"), told[name]]
+        for name in names
+    ]  # fmt: skip
 
 
 def verdict_sentence(diagnosis: Diagnosis) -> str:
@@ -427,7 +478,8 @@ _VERDICTS = {
 
 def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     """The diagnosis in some lines, and what a calibrator adds where one was trained."""
-    lines = [Text(_VERDICTS[diagnosis.verdict], style="bold")]
+    lines = [] if diagnosis.identified is None else [Text(correction_sentence(diagnosis.identified))]
+    lines.append(Text(_VERDICTS[diagnosis.verdict], style="bold"))
     lines += [Text(f"- {each.sentence}") for each in diagnosis.effects]
     names = [each.name for each in diagnosis.effects]
     lines += [

@@ -20,11 +20,12 @@ from hybrid.diagnosis.verdict import Conclusion
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.report.diagnosis_sentences import describe
-from hybrid.report.diagnosis_words import model_line, write_report
+from hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
 from hybrid.vessel.files import save_vessel, with_effects
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.reference import reference_model, trials_of
 from hybrid.workflows.checked import checked_tables, without_wind
+from hybrid.workflows.refit import refit_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,11 +33,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisRun:
-    """A diagnosis, the numbers that it was made from, and what its page shows beside it."""
+    """A diagnosis, the numbers that it was made from, and what its page shows beside it.
+
+    ``refit`` is the vessel that it started from, where that was identified before.
+    """
 
     diagnosis: Diagnosis
     conclusion: Conclusion
     extras: Extras
+    refit: Vessel | None = None
 
     def __str__(self) -> str:
         return f"{model_line(self.diagnosis)}\n{self.diagnosis}"
@@ -77,13 +82,15 @@ def diagnose_files(
     *,
     repair: bool = False,
     rebuild_positions: bool = False,
+    identify: bool = False,
     progress: Progress = lambda share: None,
 ) -> DiagnosisRun:
     """Diagnose recordings, or a part of each one's time in percent; errors as :func:`.diagnose.diagnose`.
 
     Each is checked before: it is parted where its positions jump, and what stood still is left out.
     ``repair`` puts right before what is certainly wrong, ``rebuild_positions`` with the repairs the positions too.
-    What a repair puts right is not diagnosed any more.
+    What a repair puts right is not diagnosed any more. ``identify`` has the model's coefficients identified from
+    the recordings before (:mod:`.refit`).
     """
     hashes = refuse_duplicates(files)
     said = reference_model(trials_of(files), vessel).said
@@ -105,21 +112,31 @@ def diagnose_files(
         "part_percent": f"{part_percent[0]:g}..{part_percent[1]:g}",
         **({"left_out": "; ".join(left_out)} if left_out else {}),
     }
+    refit = refit_model(tables, vessel, lambda share: progress(0.1 + 0.4 * share)) if identify else None
+    begun = 0.1 if refit is None else 0.5
+    start = vessel if refit is None else refit.vessel
     run = diagnose_tables(
-        tables, vessel, tolerance, catalogue, provenance, lambda share: progress(0.1 + 0.9 * share)
+        tables, start, tolerance, catalogue, provenance, lambda share: progress(begun + (1.0 - begun) * share)
     )
     remarks = (*said.remarks.get("remarks", ()), *run.diagnosis.remarks)
-    return replace(run, diagnosis=replace(run.diagnosis, remarks=remarks))
+    correction = None if refit is None else refit.correction
+    said_first = replace(run.diagnosis, remarks=remarks, identified=correction)
+    return replace(run, diagnosis=said_first, refit=None if start is vessel else start)
 
 
 def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
     """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
-    calibrator was trained on top, ``ladder.json``; files of an earlier diagnosis go. Returns the page's path.
+    calibrator was trained on top, ``ladder.json``, where the model was identified before, ``identified.toml``;
+    files of an earlier diagnosis go. Returns the page's path.
 
     Raises :class:`StorageError`.
     """
     write_figure_data(run.diagnosis, run.extras, folder)
-    save_vessel(vessel_with_effects(vessel, run.diagnosis), folder / "vessel.toml")
+    if run.refit is None:
+        (folder / "identified.toml").unlink(missing_ok=True)
+    else:
+        save_vessel(run.refit, folder / "identified.toml")
+    save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
     return write_report(run.diagnosis, run.extras, folder)
 
 
@@ -138,6 +155,8 @@ def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:
         )
         for each in kept
     }
+    if diagnosis.identified is not None:
+        notes[f"diagnosis_{diagnosis.identified.name}"] = correction_sentence(diagnosis.identified)
     result = with_effects(vessel, effects, **_plain(diagnosis.provenance), **notes, verdict=diagnosis.verdict)
     return replace(result, name=f"{vessel.name}_diagnosed", description=_description(vessel, diagnosis))
 

@@ -1,0 +1,125 @@
+"""A model off in many coefficients: refitted before the diagnosis, which then names what no coefficient is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from acquisition.core.serialisation import from_json
+from hybrid.diagnosis.gap import fold_of
+from hybrid.diagnosis.log import log_of
+from hybrid.diagnosis.result import Estimate, Extras, IdentifiedCorrection
+from hybrid.identification.coefficients import coefficients_of, with_values
+from hybrid.report.diagnosis_words import coefficient_rows, correction_sentence, page_of, structure_rows
+from hybrid.simulation.trial import simulate_trial
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.parameters import Vessel
+from hybrid.workflows import refit
+from hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
+from tests.hybrid.diagnosis.made_up import named
+
+SHIP = load_vessel("gunnerus_long")
+
+
+@pytest.fixture(scope="module")
+def table() -> pd.DataFrame:
+    return simulate_trial(SHIP, "gentle", "programme", 900.0, 1.0, 3)[0]
+
+
+def off_by(share: float, ship: Vessel, seed: int) -> Vessel:
+    """The ship with each coefficient of hull and pods off by a share to either side."""
+    generator = np.random.default_rng(seed)
+    wrong = {}
+    for each in coefficients_of(ship):
+        if each.name.startswith(("hull", "port")):
+            value = each.start * (1.0 + share * generator.choice([-1.0, 1.0]))
+            wrong |= dict.fromkeys((each.name, *each.twins), value)
+    return with_values(ship, wrong)
+
+
+def test_forces_of_one_ship_do_not_move_and_those_of_a_heavier_one_do_all_round(table: pd.DataFrame) -> None:
+    log = log_of([table])
+    assert refit.forces_moved(log, SHIP, SHIP) == {"surge": 0.0, "sway": 0.0, "yaw": 0.0}
+    weak = with_values(SHIP, {"port.thrust_nn": 0.7, "starboard.thrust_nn": 0.7})
+    weaker = with_values(SHIP, {"port.thrust_nn": 0.6, "starboard.thrust_nn": 0.6})
+    one, two = (refit.forces_moved(log, SHIP, each) for each in (weak, weaker))
+    lost = 1.0 - 0.7 / 0.8218
+    assert 0.2 * lost < one["surge"] < 3.0 * lost  # rms and extremes, bollard and under way
+    assert two["surge"] / one["surge"] == pytest.approx((0.8218 - 0.6) / (0.8218 - 0.7), rel=0.05)
+
+
+def test_the_seconds_of_a_fold_have_no_part_in_its_refit(table: pd.DataFrame) -> None:
+    log = log_of([table])
+    rest = refit._without_fold({"0": table}, log, 1)["0"]
+    out = set(log.time_s[fold_of(log) == 1].tolist())
+    assert out
+    assert not out & set((rest.index.asi8 // 10**9).tolist())
+    assert len(rest) == len(table) - len(out)
+
+
+def a_correction(applied: bool) -> IdentifiedCorrection:
+    sizes = {"hull.Yuv": Estimate(-6e3, -1e4, -2e3, ""), "port.x_m": Estimate(-13.0, -14.0, -12.0, "")}
+    return IdentifiedCorrection(
+        applied=applied, constant_velocity_m=0.5, before_m=0.4, after_m=0.2 if applied else 0.6,
+        held_out_windows=70, forces={"surge": 0.02, "sway": 0.05, "yaw": 0.1}, coefficients=sizes,
+        start={"hull.Yuv": -3.1e4, "port.x_m": -13.22}, known=("hull.Yuv",),
+    )  # fmt: skip
+
+
+def test_it_is_said_what_moved_what_that_did_and_what_the_structure_can_close() -> None:
+    said = correction_sentence(a_correction(applied=True))
+    assert "1 of 2 coefficients" in said
+    assert "2 % of their range ahead, 5 % across and 10 % in yaw" in said
+    assert "from 0.4 to 0.2 m" in said
+    assert "stays as it was" in correction_sentence(a_correction(applied=False))
+    rows = coefficient_rows(a_correction(applied=True))
+    assert [row[0] for row in rows] == ["hull Yuv", "port x_m"]  # what moved most comes first
+    assert [row[-1] for row in rows] == ["", "not by itself"]
+    assert len(structure_rows(a_correction(applied=True))) == 3
+
+
+def test_the_page_says_it_first_and_it_comes_back_from_json() -> None:
+    diagnosis = replace(named(), identified=a_correction(applied=True))
+    html = page_of(diagnosis, Extras()).html
+    first = html.index("The diagnosis starts from a refit")
+    assert first < html.index("structure can close: coefficients of the other legs") < html.index("What was named")
+    again = from_json(IdentifiedCorrection, json.loads(json.dumps(diagnosis.as_dict()["identified"])))
+    assert again == diagnosis.identified
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_what_no_coefficient_is_gets_its_name_after_the_refit_and_the_gap_closes(
+    table: pd.DataFrame,
+) -> None:
+    """The gentle sea has a current; all coefficients are off by 15 %. Without the refit other things are named."""
+    ship = off_by(0.15, SHIP, 1)
+    found = refit.refit_model([table], ship)
+    said = found.correction
+    assert said.applied
+    assert said.after_m < 0.7 * said.before_m
+    run = diagnose_tables([table], found.vessel)
+    (current,) = [each for each in run.diagnosis.effects if each.name == "ocean_current"]
+    assert current.parameters["speed_mps"].value == pytest.approx(0.2, abs=0.03)
+    assert len(run.diagnosis.effects) == 1
+    assert run.diagnosis.gap.after_m < 0.3 * said.before_m
+    diagnosis = replace(run.diagnosis, identified=said)
+    written = diagnosis.as_dict()["identified"]
+    assert written["name"] == "identified_correction"
+    assert written["after_m"] < written["before_m"]
+    notes = vessel_with_effects(found.vessel, diagnosis).provenance
+    assert "starts from a refit" in str(notes["diagnosis_identified_correction"])
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_model_that_is_right_does_not_get_worse() -> None:
+    found = refit.refit_model([simulate_trial(SHIP, "calm", "programme", 900.0, 1.0, 5)[0]], SHIP)
+    said = found.correction
+    assert (found.vessel is SHIP) == (not said.applied)
+    assert not said.applied or said.after_m < said.before_m
+    assert said.before_m < 0.3 * said.constant_velocity_m
