@@ -95,6 +95,17 @@ def _astern(subject: _Subject) -> tuple[str, str]:
     )
 
 
+def _more_or_less_of(one: str, many: str, what: str) -> Callable[[_Subject], tuple[str, str]]:
+    """A share that is more or less than the model's, in per cent of ``what`` the share is of."""
+
+    def texts(subject: _Subject) -> tuple[str, str]:
+        of = what.format(whose="their" if subject.several else "its")
+        does = subject.does(one, many)
+        return f"{does} {{}} % more of {of} than the model's", f"{does} {{}} % less of {of} than the model's"
+
+    return texts
+
+
 def _speed_loss(subject: _Subject) -> tuple[str]:
     return (f"{subject.does('loses', 'lose')} half the side force at {{}} m/s ahead",)
 
@@ -111,6 +122,9 @@ _TEXTS: dict[str, tuple[tuple[str, ...], Callable[[_Subject], tuple[str, ...]]]]
     "rudder_loss": (("rudder",), _loss),
     "rudder_offset": (("rudder",), _rudder_offset),
     "wake": (_PROPELLERS, _wake),
+    "thrust_deduction": (_PROPELLERS, _more_or_less_of("loses", "lose", "{whose} thrust to the hull")),
+    "rudder_interaction": (("rudder",), _more_or_less_of("draws", "draw", "{whose} side force from the hull")),
+    "flow_straightening": (("rudder",), _more_or_less_of("meets", "meet", "the drift at the stern")),
     "astern_thrust": (("azimuth", *_PROPELLERS), _astern),
     "speed_loss": (("tunnel",), _speed_loss),
     "lag": (("rudder", *_PROPELLERS, "waterjet"), _lag),

@@ -249,6 +249,45 @@ def test_every_effect_of_a_rudder_ship_vanishes_smoothly(name: str) -> None:
         assert np.abs(one - 2.0 * half).max() <= 0.2 * np.abs(one).max() + 1e-9, effect.name
 
 
+def with_effect(plant: Plant, name: str, value: float) -> Plant:
+    """The plant with an effect of one parameter."""
+    effect = catalogue_of(load_vessel("kvlcc2_7m"))[name]
+    return effect.apply(plant, {effect.parameters[0].name: value})
+
+
+@pytest.mark.parametrize("plant", [ESSO, KVLCC2])
+def test_the_hulls_share_of_the_rudders_force_acts_at_its_own_place(plant: Plant) -> None:
+    """Side force in proportion to 1 + a_H, what is more of it at x_H, drag as it was."""
+    order, motion = (9.0, 0.2), (0.6, 0.02, 0.03)
+    before, after = (
+        np.array(force_of_actuators(each, order, motion))
+        for each in (plant, with_effect(plant, "rudder_interaction_rudder", 0.2))
+    )
+    a_H, x_H_m = plant.number("a_H"), plant.number("x_H_m")
+    assert after[1] / before[1] == pytest.approx((1.2 + a_H) / (1.0 + a_H))
+    assert after[2] - before[2] == pytest.approx(x_H_m * (after[1] - before[1]))
+    assert after[0] == before[0]
+
+
+@pytest.mark.parametrize("plant", [ESSO, KVLCC2])
+def test_a_rudder_amidships_feels_the_drift_as_far_as_it_is_straightened(plant: Plant) -> None:
+    """Nothing without drift; of a small drift twice as much, to either side."""
+    twice = with_effect(plant, "flow_straightening_rudder", 2.0)
+    for v in (-1e-4, 0.0, 1e-4):
+        one, two = (force_of_actuators(each, (9.0, 0.0), (0.6, v, 0.0))[1] for each in (plant, twice))
+        assert two == pytest.approx(2.0 * one, rel=1e-3, abs=1e-12)
+
+
+@pytest.mark.parametrize("plant", [ESSO, KVLCC2])
+def test_what_the_hull_takes_of_the_thrust_leaves_the_race_as_it_is(plant: Plant) -> None:
+    """The rudder's forces stay, (1 - t) of the thrust is what drives her ahead, and astern nothing changes."""
+    more = with_effect(plant, "thrust_deduction_propeller", 0.1)
+    for rps, part in ((9.0, 1.0 - 0.1 / (1.0 - plant.number("thrust_deduction"))), (-9.0, 1.0)):
+        one, two = (np.array(force_of_actuators(each, (rps, 0.0), (0.1, 0.0, 0.0))) for each in (plant, more))
+        assert two[0] == pytest.approx(part * one[0])
+        assert two[1:] == pytest.approx(one[1:])
+
+
 def test_files_of_rudder_ships_round_trip(tmp_path) -> None:  # type: ignore[no-untyped-def]
     for name in ("esso_osaka_3m", "kvlcc2_7m"):
         vessel = load_vessel(name)

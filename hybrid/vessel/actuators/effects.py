@@ -33,16 +33,21 @@ def times(plant: Plant, number: str, factor: float) -> Plant:
     return plant.scaled(factor, number)
 
 
-def later(plant: Plant, number: str, seconds: float) -> Plant:
-    """A time added."""
-    return plant.shifted(**{number: seconds})
+def more(plant: Plant, number: str, amount: float) -> Plant:
+    """An amount added, of time or of what else."""
+    return plant.shifted(**{number: amount})
+
+
+def named(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """The names of the effects of a stem on each actuator."""
+    return tuple(f"{stem}_{name}" for name in names)
 
 
 def lag(names: tuple[str, ...], together: str, part: str, number: str = "lag_s") -> tuple[Effect, ...]:
     """``lag_NAME`` for each actuator and ``lag_both_TOGETHER`` for a pair: what acts follows what is reported."""
     parameter = Parameter("time_constant_s", "s", 0.0, 0.0, 60.0, 1.0, 0.3, 0.03)
     return for_each_and_all(
-        "lag", names, later, number,
+        "lag", names, more, number,
         family="clock",
         what=f"The {{names}}'s {part} that acts follows the reported one with a first-order lag",
         source="First-order actuator model; feedback has none, orders have about a second",

@@ -199,7 +199,18 @@ def drives(entry: _Blades) -> tuple[Drive, ...]:
 
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
     """Lost thrust, another wake, another thrust astern, and a lag of each propeller and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, WAKE, astern_thrust, for_each_and_all, lag, loss, times
+    from hybrid.vessel.actuators.effects import (
+        FRACTION,
+        WAKE,
+        astern_thrust,
+        for_each_and_all,
+        lag,
+        loss,
+        more,
+        named,
+        times,
+    )
+    from hybrid.vessel.effect import Parameter
 
     return (
         *for_each_and_all(
@@ -217,15 +228,19 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what="More wake at the {names} propeller than the model has: inflow times (1 - fraction)",
             source="Carlton, Marine Propellers and Propulsion, ch. 5",
             parameter=WAKE,
-            all_are_like=("hull_fouling", "towed_load", *_named("thrust_loss", names)),
+            all_are_like=("hull_fouling", "towed_load", *named("thrust_loss", names)),
+        ),
+        *for_each_and_all(
+            "thrust_deduction", names, more, "thrust_deduction",
+            family="propulsion",
+            what="Thrust of the {names} propeller ahead that the hull takes back: t plus an amount, the race stays",
+            source="Carlton, Marine Propellers and Propulsion, ch. 5",
+            parameter=Parameter("amount", "1", 0.0, -0.5, 0.5, 0.1, 0.03),
+            all_are_like=("hull_fouling", "towed_load", *named("thrust_loss", names)),
         ),
         *astern_thrust(names, "propeller"),
         *lag(names, "propellers", "shaft"),
     )  # fmt: skip
-
-
-def _named(stem: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f"{stem}_{name}" for name in names)
 
 
 PROPELLER = Kind(

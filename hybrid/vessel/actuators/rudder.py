@@ -21,6 +21,7 @@ from hybrid.vessel.actuators.propeller import DIAMETER_M, SHAFT_RPS, drift_at, i
 
 if TYPE_CHECKING:
     from hybrid.vessel.effect import Effect
+    from hybrid.vessel.plant import Plant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,9 +143,16 @@ def drives(entry: Rudder) -> tuple[Drive]:
     return (Drive(entry.lag_s, limit=radians(entry.limit_deg), rate=radians(entry.rate_limit_dps)),)
 
 
+_STRAIGHT = "Yasukawa and Yoshimura, J Mar Sci Technol 20 (2015): 0.3 +- 0.1 and 0.4 +- 0.2 of their ships"
+
+
+def _straightened(plant: Plant, number: str, factor: float) -> Plant:
+    return plant.scaled(factor, f"{number}_plus", f"{number}_minus")
+
+
 def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
-    """Offset angle, lost force and a lag of each rudder and of all alike."""
-    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, offset
+    """Offset angle, lost force, what the hull does to flow and force, and a lag of each rudder and of all alike."""
+    from hybrid.vessel.actuators.effects import FRACTION, for_each_and_all, lag, loss, more, named, offset
     from hybrid.vessel.effect import Parameter
 
     return (
@@ -154,7 +162,22 @@ def effects(names: tuple[str, ...]) -> tuple[Effect, ...]:
             what="Lost force of the {names}: normal force times (1 - fraction)",
             source="Fujii's slope scatters by a tenth; growth and damage come to it",
             parameter=FRACTION,
-            like=("hull_lengthening", "yaw_damping"),
+            like=("hull_lengthening", "yaw_damping", *named("rudder_interaction", names)),
+        ),
+        *for_each_and_all(
+            "rudder_interaction", names, more, "a_H",
+            family="propulsion",
+            what="The hull's share of the side force of the {names}: a_H plus an amount",
+            source=_STRAIGHT,
+            parameter=Parameter("amount", "1", 0.0, -0.5, 1.0, 0.2, 0.05),
+        ),
+        *for_each_and_all(
+            "flow_straightening", names, _straightened, "flow_straightening",
+            family="propulsion",
+            what="How much of the drift at the stern reaches the {names}: gamma_R times a factor, to both sides",
+            source=_STRAIGHT,
+            parameter=Parameter("factor", "1", 1.0, 0.0, 4.0, 1.4, 0.1),
+            like=("drift_moment", "yaw_damping"),
         ),
         *for_each_and_all(
             "rudder_offset", names, offset, "angle_offset_rad",
