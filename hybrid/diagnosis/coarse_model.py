@@ -49,9 +49,12 @@ COARSE = 3.0
 MOST = 14
 """Effects at once: of a hull's coefficients data tell some ten groups apart (Abkowitz 1980, SNAME Trans. 88)."""
 
+WORTH = 0.01
+"""Of the distance on legs left out: what brings less is not worth a name."""
+
 _LOOKS, _ROUNDS = 4, 3  # at the equations made linear anew, in the search and in choosing
-_WORTH = 0.01  # of the distance on legs left out: what brings less is not worth a name
 _TRIED = 12  # effects beside those that are named, the likeliest
+_AS_LIKELY_AS_NOT = 0.5
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
 _MOST_PARTS = 0.75
 
@@ -100,11 +103,14 @@ def name_of_coarse_model(
 def _without_chance(
     evidence: Evidence, names: tuple[str, ...]
 ) -> tuple[tuple[str, ...], dict[str, AcceptanceTests]]:
-    """Without what may be there by chance, by the scatter from leg to leg, the likeliest to be so first."""
+    """Without what is there by chance as likely as not, by the scatter from leg to leg, the likeliest first.
+
+    That scatter is what the model is off by, not noise: nothing is certain by it that predictions have borne out.
+    """
     while True:
         tests = {name: acceptance_tests(evidence, names, name) for name in names}
         worst = max(names, key=lambda name: tests[name].p_value, default=None)
-        if worst is None or tests[worst].p_value < UNSEEN:
+        if worst is None or tests[worst].p_value < _AS_LIKELY_AS_NOT:
             return names, tests
         names = tuple(name for name in names if name != worst)
 
@@ -175,7 +181,7 @@ class _Choice:
 def _worth_it(without_m: Floats, with_m: Floats) -> bool:
     """Whether the second of two distances by leg is the smaller, by enough and on legs throughout."""
     gains = without_m - with_m
-    return bool(gains.mean() > _WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
+    return bool(gains.mean() > WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)
 
 
 def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:

@@ -11,7 +11,14 @@ import numpy as np
 from acquisition.core.arrays import Floats
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit, composite_effects
-from hybrid.diagnosis.coarse_model import CREDIBLE, is_coarse, name_of_coarse_model, replications, sizes_without
+from hybrid.diagnosis.coarse_model import (
+    CREDIBLE,
+    WORTH,
+    is_coarse,
+    name_of_coarse_model,
+    replications,
+    sizes_without,
+)
 from hybrid.diagnosis.course import base_names, courses
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
 from hybrid.diagnosis.gap import (
@@ -26,7 +33,14 @@ from hybrid.diagnosis.gap import (
 )
 from hybrid.diagnosis.map import map_of
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
-from hybrid.diagnosis.select_effects import CLOSE, fitted_coordinates, linear_about, possible_rivals, rivals_of
+from hybrid.diagnosis.select_effects import (
+    CLOSE,
+    Coordinates,
+    fitted_coordinates,
+    linear_about,
+    possible_rivals,
+    rivals_of,
+)
 from hybrid.diagnosis.sensor_consistency import find_contradictions
 from hybrid.effects import Effect
 from hybrid.planning.information import limits
@@ -79,7 +93,7 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     accepted = first
     if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
-        accepted = named or sensors or replace(first, names=(), tests={})
+        accepted = named or _if_no_worse(sensors, windows) or replace(first, names=(), tests={})
     progress(0.5)
     gap = _gap(accepted, windows, found)
     if found:
@@ -104,6 +118,19 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(_last_look(accepted, first), with_effects=True)),
     )
+
+
+def _if_no_worse(sensors: Acceptance | None, windows: UnseenWindows) -> Acceptance | None:
+    """Errors of sensors, unless the model predicts worse with them."""
+    if sensors is None or not no_worse(windows, fitted_coordinates(sensors.evidence, sensors.names)):
+        return None
+    return sensors
+
+
+def no_worse(windows: UnseenWindows, at: Coordinates) -> bool:
+    """Whether what is predicted with effects ``at`` these sizes is about as close as without, or closer."""
+    off_m, before_m = (float(windows.by_leg_m(track).mean()) for track in (windows.predicted(at), windows.before))
+    return off_m <= (1.0 + WORTH) * before_m
 
 
 def _replicated(accepted: Acceptance, windows: UnseenWindows) -> dict[str, Replication]:

@@ -8,10 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hybrid.diagnosis.acceptance import LackOfFit
+from hybrid.diagnosis.gap import unseen_windows
+from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.verdict import intervals, verdict_of
+from hybrid.diagnosis.verdict import intervals, no_worse, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
 from hybrid.report.diagnosis_sentences import unknown_cause
+from hybrid.vessel.plant import Plant
+from tests.hybrid.diagnosis.noisy_log import noisy_log
 
 SHEAR = LackOfFit("place", "ocean_current", 1e-9, 80.0, 0.2, matters=True)
 FADING = LackOfFit("time", "surge", 1e-7, 60.0, 1800.0, matters=True)
@@ -66,3 +70,11 @@ def test_intervals_hold_the_value_and_stay_within_bounds(name: str) -> None:
         estimate = found[each.name]
         assert estimate.low <= estimate.value <= estimate.high
         assert estimate.value == pytest.approx(effect.typical[each.name], rel=1e-6)
+
+
+def test_an_error_of_a_sensor_is_added_where_predictions_are_no_worse(plant: Plant) -> None:
+    """A compass that reads too much is put right, and not one that reads too little."""
+    log = noisy_log(CATALOGUE["heading_bias"].apply(plant, {"angle_deg": 3.0}), 3)
+    windows = unseen_windows(log, Model(plant, CATALOGUE))
+    assert no_worse(windows, {"heading_bias": (3.0,)})
+    assert not no_worse(windows, {"heading_bias": (-3.0,)})
