@@ -8,7 +8,7 @@ PIP    := $(BIN)/python -m pip -qq --disable-pip-version-check
 TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
 
 .DEFAULT_GOAL := help
-.PHONY: help install lock demo test test-slow frozen oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis load watch-load soak fuzz check clean
+.PHONY: help install lock demo test test-slow frozen oracle pages docs linkcheck lint types benchmark benchmark-day benchmark-quality benchmark-diagnosis benchmark-measured load watch-load soak fuzz check clean
 
 help:            ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## */\t/' | expand -t 22
@@ -77,6 +77,10 @@ benchmark-quality: $(STAMP) ## false alarms on sound simulated trials and in wav
 benchmark-diagnosis: $(STAMP) ## hidden effects named blind, scored; a night (some ten minutes with SIZE=small)
 	$(BIN)/python -m tests.benchmarks.diagnosis_trials -o $(or $(RESULTS),diagnosis_$(or $(SIZE),full).jsonl) \
 	  --size $(or $(SIZE),full) --page docs/diagnosis_benchmark.md
+
+benchmark-measured: $(STAMP) ## effects hidden in measured data (DATA: Esso Osaka's trials by manoeuvre), scored; an hour or two
+	$(BIN)/python -m tests.benchmarks.hidden_in_measured $(or $(DATA),../shared/data/esso_osaka) \
+	  -o $(or $(RESULTS),measured.jsonl)
 
 load: $(STAMP)   ## ten minutes of a saturated bus, a busy line and an autopilot: losses, CPU, memory
 	$(BIN)/python tests/benchmarks/recorder_load.py 600

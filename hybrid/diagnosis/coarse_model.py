@@ -96,7 +96,8 @@ def name_of_coarse_model(
     names, tests = _without_chance(evidence, names)
     if not choice.better(names):
         return None
-    accepted = Acceptance(names, tests, evidence, beside_remainder=True)
+    tied = dict.fromkeys(choice.tied(names), 0.0)
+    accepted = Acceptance(names, tests, evidence, rival_deficits=tied, beside_remainder=True)
     return replace(accepted, lack_of_fit=lack_of_fit_that_matters(accepted))
 
 
@@ -163,6 +164,21 @@ class _Choice:
             least = min(idle, key=lambda name: lacking_m[name].mean())
             names = tuple(each for each in names if each != least)
         return names
+
+    def tied(self, names: tuple[str, ...]) -> list[tuple[str, str]]:
+        """Named effects with what is known to look like each and predicts as well in its place."""
+        whole_m, catalogue, found = self.off_m(names), self.evidence.equations.model.catalogue, []
+        for name in names:
+            others = tuple(each for each in names if each != name)
+            lacking_m = self.off_m(others)
+            for rival in (each for each in catalogue[name].confused_with if each not in names):
+                swapped = (*others, rival)
+                if rival not in self.evidence.names or not self.evidence.possible(swapped):
+                    continue
+                off_m = self.off_m(swapped)
+                if _worth_it(lacking_m, off_m) and not _worth_it(off_m, whole_m):
+                    found.append((name, rival))
+        return found
 
     def with_more(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """With effects beside that are likely, replicate and bring most, one after the other."""

@@ -208,16 +208,17 @@ def _deficits(accepted: Acceptance, name: str) -> dict[str, float]:
 
 
 def _deficits_beside_remainder(accepted: Acceptance, name: str) -> dict[str, float]:
-    """What ``name`` still brings beside each rival, over the scatter from leg to leg.
+    """What ``name`` still brings beside each rival, over the scatter from leg to leg; or that both predict alike.
 
     The search left out some that would bring something: these are no rivals of whatever they could replace.
     """
     evidence, names, scatter = accepted.evidence, accepted.names, accepted.tests[name].spread
     others = [each for each in names if each != name]
-    return {
+    deficits = {
         rival: (evidence.log_odds([*names, rival]) - evidence.log_odds([*others, rival])) / scatter
         for rival in possible_rivals(evidence, names, name)
     }
+    return {rival: min(less, accepted.rival_deficits.get((name, rival), less)) for rival, less in deficits.items()}
 
 
 def groups(names: Sequence[str], rivals: Sequence[Rival]) -> list[tuple[str, ...]]:

@@ -24,6 +24,8 @@ from tests.benchmarks.diagnosis.outside_size import size_found
 from tests.benchmarks.diagnosis.rudder_ships import RudderCase
 from tests.benchmarks.diagnosis.second_trial import with_next_manoeuvre
 from tests.benchmarks.diagnosis.sound import sound
+from tests.benchmarks.measured import judge as measured_judge
+from tests.benchmarks.measured.judge import MeasuredCase
 
 Plain = dict[str, Any]
 
@@ -51,7 +53,7 @@ class SizeOutside:
         return f"size/{self.design.key}/{self.name}"
 
 
-Job = Planned | SizeOutside | Design | RudderCase
+Job = Planned | SizeOutside | Design | RudderCase | MeasuredCase
 
 
 def key_of(job: Job) -> str:
@@ -76,6 +78,8 @@ def _result(job: Job) -> Plain:
         return sound(job)
     if isinstance(job, RudderCase):
         return rudder_ships.judged(job)
+    if isinstance(job, MeasuredCase):
+        return measured_judge.judged(job)
     if isinstance(job, SizeOutside):
         return {"size": size_found(job.name, job.design)}
     return judged(job)

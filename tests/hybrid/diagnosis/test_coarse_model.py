@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from acquisition.core.arrays import Floats
 from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
-from hybrid.diagnosis.coarse_model import is_coarse, replications
+from hybrid.diagnosis.coarse_model import _Choice, is_coarse, replications
 from hybrid.diagnosis.diagnose import diagnose
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.nuisance_basis import OPERATION
+from hybrid.effects import CATALOGUE
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.hulls.polynomial import NUMBERS
@@ -55,6 +59,22 @@ def test_only_a_model_whose_own_forces_are_far_off_is_coarse(
     evidence = evidence_of(a_design(plant, 8, 75).equations(np.zeros((8, 60))))
     left = LackOfFit(depends, "force", 1e-9, 90.0, times * evidence.equations.tolerance, matters=True)
     assert is_coarse(Acceptance((), {}, evidence, lack_of_fit=(left,))) == coarse
+
+
+def test_what_predicts_as_well_in_the_place_of_a_name_is_tied_with_it() -> None:
+    """Neither what predicts worse there, nor what would bring nothing beside the others."""
+    off_m = {("yaw_inertia", "trim"): 0.060, ("yaw_inertia", "yaw_damping"): 0.0601, ("yaw_inertia", "skeg"): 0.080}
+
+    class Judged(_Choice):
+        def off_m(self, names: Sequence[str]) -> Floats:
+            return np.asarray(np.array([0.9, 1.0, 1.1, 1.0]) * off_m.get(tuple(names), 0.1))
+
+    model = SimpleNamespace(catalogue=CATALOGUE)
+    evidence = SimpleNamespace(
+        names=tuple(CATALOGUE), possible=lambda names: True, equations=SimpleNamespace(model=model)
+    )
+    choice = Judged(None, evidence, {}, ())  # type: ignore[arg-type]
+    assert choice.tied(("yaw_inertia", "trim")) == [("trim", "yaw_damping")]
 
 
 @pytest.mark.slow
