@@ -22,8 +22,7 @@ from hybrid.vessel.effect import Effect
 Shape = Literal["recordings", "until", "since", "step", "drift"]
 
 _LEVELS = 24
-"""Steps in which a drift is followed: those of a tide that turns through 0.6 m/s are below the smallest current of
-interest."""
+"""Steps in which a drift is followed where the equations are made linear; between them by its slope."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +44,7 @@ class Course:
         return {"recordings": len(self.times_s), "until": 1, "since": 1, "step": 2, "drift": 2}[self.shape]
 
     def shares(self, log: Log) -> Floats:
-        """The part that the size of each piece has in each second [T, pieces], the same throughout a block."""
+        """The part that the size of each piece has in each second [T, pieces]."""
         if self.shape == "recordings":
             return np.asarray(log.recording[:, None] == np.array(self.times_s), dtype=np.float64)
         if self.shape == "drift":
@@ -53,11 +52,14 @@ class Course:
             late = np.clip((log.time_s - first) / max(last - first, 1.0), 0.0, 1.0)
         else:
             late = np.asarray(log.time_s >= self.times_s[0], dtype=np.float64)
-        late = (np.bincount(log.block, weights=late) / np.maximum(np.bincount(log.block), 1))[log.block]
-        if self.shape == "drift":
-            late = np.round(late * _LEVELS) / _LEVELS
         ends = {"until": (1.0 - late,), "since": (late,)}
         return np.column_stack(ends.get(self.shape, (1.0 - late, late)))
+
+    def levels(self, log: Log) -> Floats:
+        """The same in few levels, each the same throughout a block."""
+        mean = [np.bincount(log.block, weights=each) / np.bincount(log.block) for each in self.shares(log).T]
+        levels = _LEVELS if self.shape == "drift" else 1
+        return np.asarray(np.round(np.column_stack(mean)[log.block] * levels) / levels)
 
 
 @dataclass(frozen=True)

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pandas as pd
 from threadpoolctl import threadpool_limits
 
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.progress import Progress
-from hybrid.diagnosis.acceptance import accept
+from acquisition.core.progress import Progress, part_of
+from hybrid.diagnosis.acceptance import Acceptance, accept
+from hybrid.diagnosis.change import likeliest_change, may_change
 from hybrid.diagnosis.coarse_model import untested_if_coarse
 from hybrid.diagnosis.course import with_recordings
 from hybrid.diagnosis.estimate_noise import choose_input_hold, estimate_noise
 from hybrid.diagnosis.evidence import weigh_evidence
-from hybrid.diagnosis.linearise import linearise, model_of
+from hybrid.diagnosis.linearise import Linearisation, linearise, model_of
 from hybrid.diagnosis.log import log_of
 from hybrid.diagnosis.select_effects import select_effects
 from hybrid.diagnosis.verdict import Conclusion, reach_verdict
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of
 from hybrid.vessel.parameters import Vessel
+
+CHANGES = 3
+"""Effects at most that are looked for as changing in the course of a trial."""
 
 TOLERANCE = 0.01
 """The share of the force range that a reference model is granted to be off by, unless told otherwise."""
@@ -49,10 +54,29 @@ def diagnose(
     with threadpool_limits(1, user_api="blas"):  # the filter has its own threads, and more only wait for each other
         every = catalogue_of(vessel) if catalogue is None else catalogue
         log = log_of(tables)
-        linearisation = linearise(log, model_of(vessel, with_recordings(every, log)), tolerance)
-        estimate = estimate_noise(linearisation, part(0.1, 0.3))
-        estimate = choose_input_hold(estimate, part(0.3, 0.4))
-        evidence = weigh_evidence(estimate)
-        selection = select_effects(evidence, part(0.4, 0.6))
-        acceptance = untested_if_coarse(selection) or accept(selection)
-        return reach_verdict(acceptance, part(0.6, 1.0))
+        model = model_of(vessel, with_recordings(every, log))
+        acceptance = accepted_of(linearise(log, model, tolerance), part(0.1, 0.6))
+        return reach_verdict(with_changes(acceptance), part(0.6, 1.0))
+
+
+def accepted_of(linearisation: Linearisation, progress: Progress = lambda share: None) -> Acceptance:
+    """The second to the fifth stage: the effects that stand all tests, and what they leave."""
+    estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
+    estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
+    selection = select_effects(weigh_evidence(estimate), part_of(progress, 2, 3))
+    return untested_if_coarse(selection) or accept(selection)
+
+
+def with_changes(acceptance: Acceptance) -> Acceptance:
+    """The same, or what is accepted with effects that change in the course of the trial, as long as some do."""
+    for _ in range(CHANGES):
+        change = likeliest_change(acceptance) if may_change(acceptance) else None
+        if change is None:
+            break
+        known = acceptance.evidence.equations
+        model = replace(known.model, at={}, catalogue={**known.model.catalogue, change.name: change})
+        again = accepted_of(linearise(known.log, model, known.tolerance))
+        if change.name not in again.names:
+            break
+        acceptance = again
+    return acceptance

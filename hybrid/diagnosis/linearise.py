@@ -14,9 +14,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
+from math import inf
 
 import numpy as np
+from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -39,6 +42,7 @@ _STATE_STEPS = np.array([1.0, 1.0, 1e-3, 1e-2, 1e-2, 1e-4])
 _FORCE_STEPS = {"constant_X_n": (1e3, "N"), "constant_Y_n": (1e3, "N"), "constant_N_nm": (1e4, "N m")}
 _PART, _ONE_SIDED_PART = 0.2, 0.5  # of an effect's ordinary size: the steps of its differences
 _ROUNDS = 4
+_MOST_STAGES = 8  # of effects that change in steps; a drift has more, and signatures take most of the time
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +90,18 @@ class Model:
         """How many times as long the ship is as the usual one, in powers of two (:mod:`hybrid.effects.size`)."""
         return scale_of(self.base.length_between_perpendiculars_m)
 
-    def stages(self, log: Log) -> list[tuple[NDArray[np.bool_], Model]]:
-        """The seconds [T] in which what is added stays as it is, and the model there; one stage where all does."""
+    def stages(self, log: Log, most: float = inf) -> list[tuple[NDArray[np.bool_], Model]]:
+        """The seconds [T] in which what is added stays as it is, and the model there; one stage where all does.
+
+        Where there were more than ``most``, one of what is added in the mean.
+        """
         changing = courses(self.at, self.catalogue)
         if not changing:
             return [(np.ones(len(log), dtype=np.bool_), self)]
-        shares = [each.course.shares(log) for each in changing]
+        shares = [each.course.levels(log) for each in changing]
         kinds, which = np.unique(np.hstack(shares), axis=0, return_inverse=True)
+        if len(kinds) > most:
+            kinds, which = np.hstack(shares).mean(axis=0)[None], np.zeros(len(log), dtype=np.int64)
         found = []
         for number, kind in enumerate(kinds):
             at, first = {name: free for name, free in self.at.items() if name not in {c.name for c in changing}}, 0
@@ -186,7 +195,30 @@ def linearise(
     check_ship(log.actuators, model.base)
     linear = _linear_by_stages(log, model)
     known = effects or signatures(log, model, linear.origin, list(model.catalogue))
-    return Linearisation(log, model, tolerance, linear, tuple(known))
+    return Linearisation(log, model, tolerance, _between_levels(log, model, linear, known), tuple(known))
+
+
+def _between_levels(log: Log, model: Model, linear: LinearModel, known: Sequence[Signature]) -> LinearModel:
+    """The same with what changing effects are beside the levels of :meth:`Model.stages`, by their slopes."""
+    defect, observed = linear.defect, linear.observed
+    for each in courses(model.at, model.catalogue):
+        beside = each.course.shares(log) - each.course.levels(log)
+        off = beside @ np.array(each.pieces(model.at[each.name]))
+        own = [signature for signature in known if signature.effect == each.base]
+        for signature, size in zip(own, off.T[:, :, None], strict=True):
+            defect, observed = defect + size * signature.D, observed - size * signature.E
+    return replace(linear, defect=defect, observed=observed)
+
+
+@contextmanager
+def one_core() -> Iterator[None]:
+    """Compiled batches on one core: those of a stage are so short that threads cost more than they save."""
+    cores = get_num_threads()
+    set_num_threads(1)
+    try:
+        yield
+    finally:
+        set_num_threads(cores)
 
 
 def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats) -> Floats:
@@ -194,7 +226,8 @@ def by_stage(log: Log, model: Model, of: Callable[..., Floats], *arrays: Floats)
     stages = model.stages(log)
     if len(stages) == 1:
         return of(log, stages[0][1].plant(), *arrays)
-    parts = [of(log.subset(rows), each.plant(), *(some[rows] for some in arrays)) for rows, each in stages]
+    with one_core():
+        parts = [of(log.subset(rows), each.plant(), *(some[rows] for some in arrays)) for rows, each in stages]
     return _joined([rows for rows, _ in stages], parts)
 
 
@@ -209,7 +242,8 @@ def _linear_by_stages(log: Log, model: Model) -> LinearModel:
     stages = model.stages(log)
     if len(stages) == 1:
         return linear_model(log, stages[0][1].plant())
-    parts = [linear_model(log.subset(rows), each.plant()) for rows, each in stages]
+    with one_core():
+        parts = [linear_model(log.subset(rows), each.plant()) for rows, each in stages]
     rows = [rows for rows, _ in stages]
     names = [each.name for each in fields(LinearModel)]
     return LinearModel(*(_joined(rows, [getattr(part, name) for part in parts]) for name in names))
@@ -253,8 +287,11 @@ def sampling_offset(log: Log, ways: Floats) -> Floats:
 
 
 def signatures(log: Log, model: Model, origin: Floats, names: Iterable[str]) -> list[Signature]:
-    """What each free coordinate of each effect does about ``origin``, by differences of simulator and sensors."""
-    stages, names = model.stages(log), list(names)
+    """What each free coordinate of each effect does about ``origin``, by differences of simulator and sensors.
+
+    About effects that drift, in the mean: what that changes in the slopes of others is of second order.
+    """
+    stages, names = model.stages(log, _MOST_STAGES), list(names)
     plain = [name for name in names if not isinstance(model.catalogue[name], Varied)]
     whole = stages[0][1]
     if len(stages) == 1:

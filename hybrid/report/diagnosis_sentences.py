@@ -261,8 +261,8 @@ def in_parts(whole: NamedEffect, effect: Varied, sizes: Sequence[Parameters], lo
     if effect.course.shape == "drift":
         since, until = map(_utc, effect.course.times_s)
         drift = Drift(since, until, sizes[0])
-        words = f"{said(sizes[0], f'At {clock(drift.since)}')}, drifting evenly; "
-        words += f"{said(sizes[1], f'at {clock(drift.until)}')}; {part}"
+        words = f"{said(sizes[0], f'At {clock(drift.since)} UTC')}, drifting evenly; "
+        words += f"{said(sizes[1], f'at {clock(drift.until)} UTC')}; {part}"
         return [replace(whole, drift=drift, sentence=words)]
     found = []
     for size, when in zip(sizes, _parts_of(effect.course, log), strict=True):

@@ -170,11 +170,12 @@ def covered(results: Iterable[Result]) -> Share:
         for effect in result["said"]["effects"]:
             true = result["hidden"].get(effect["name"], {})
             for name, value in true.items():
-                held.append(_holds(name, effect["parameters"][name], value))
+                held.append(holds(name, effect["parameters"][name], value))
     return Share(sum(held), len(held))
 
 
-def _holds(name: str, estimate: Mapping[str, float], true: float) -> bool:
+def holds(name: str, estimate: Mapping[str, float], true: float) -> bool:
+    """Whether the interval of a parameter holds the true value."""
     if name == "direction_deg":  # the true direction may be a turn away from the estimate's
         true = estimate["value"] + (true - estimate["value"] + 180.0) % 360.0 - 180.0
     return estimate["low"] <= true <= estimate["high"]

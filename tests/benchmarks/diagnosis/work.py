@@ -17,7 +17,8 @@ from hybrid.effects import CATALOGUE
 from hybrid.effects.catalogue import catalogue_with
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.diagnose import DiagnosisRun, diagnose_tables
-from tests.benchmarks.diagnosis import rudder_ships
+from tests.benchmarks.diagnosis import at_sea, rudder_ships
+from tests.benchmarks.diagnosis.at_sea import SeaCase
 from tests.benchmarks.diagnosis.cases import Case
 from tests.benchmarks.diagnosis.design import VESSEL, Design, Hidden, simulated
 from tests.benchmarks.diagnosis.outside_size import size_found
@@ -53,7 +54,7 @@ class SizeOutside:
         return f"size/{self.design.key}/{self.name}"
 
 
-Job = Planned | SizeOutside | Design | RudderCase | MeasuredCase
+Job = Planned | SizeOutside | Design | RudderCase | MeasuredCase | SeaCase
 
 
 def key_of(job: Job) -> str:
@@ -80,6 +81,8 @@ def _result(job: Job) -> Plain:
         return rudder_ships.judged(job)
     if isinstance(job, MeasuredCase):
         return measured_judge.judged(job)
+    if isinstance(job, SeaCase):
+        return at_sea.judged(job)
     if isinstance(job, SizeOutside):
         return {"size": size_found(job.name, job.design)}
     return judged(job)

@@ -24,7 +24,7 @@ from tests.benchmarks.other_ship.forces import (
     thruster_force,
     wind_force,
 )
-from tests.benchmarks.other_ship.outside import Outside, sheared
+from tests.benchmarks.other_ship.outside import Outside, sheared, through, tow
 from tests.benchmarks.other_ship.programmes import STEER, TURN, ZIGZAG
 
 State = tuple[float, float, float, float, float, float, float, float]
@@ -76,7 +76,7 @@ def total_force(
     angle = 0.5 * (control[1] + control[3])
     X_e, Y_e, N_e = polynomial_error(body, u, v, r, angle) if body.error.any() else (0.0, 0.0, 0.0)
     X_r, Y_r, N_r = heel_force(body.heel, body.hull[0, 0] * u * abs(u), u, roll)
-    X = X_h + X_t + X_w + X_d + X_s + X_o + X_e + X_r + body.steady[0]
+    X = X_h + X_t + X_w + X_d + X_s + X_o + X_e + X_r + body.steady[0] - tow(o, time_s)
     Y = Y_h + Y_t + Y_w + Y_d + Y_s + Y_o + Y_e + Y_r + body.steady[1]
     N = N_h + N_t + N_w + N_d + N_s + N_o + N_e + N_r + body.steady[2]
     h = body.heel
@@ -93,10 +93,11 @@ def slope(body: Body, o: Outside, sea: Sea, time_s: float, state: State, control
     """
     north, east, psi, u, v, r, _, roll_rate = state
     c, s = cos(psi), sin(psi)
-    shear, growth = sheared(o, north, east)
+    (shear, growth), tide = sheared(o, north, east), through(o, time_s)
     shear_c, shear_s = cos(o.shear_to_rad), sin(o.shear_to_rad)
     local = Sea(
-        sea.current_north + shear * shear_c, sea.current_east + shear * shear_s,
+        sea.current_north + shear * shear_c + tide * o.tide_north_mps,
+        sea.current_east + shear * shear_s + tide * o.tide_east_mps,
         sea.air_north, sea.air_east, sea.slow_n, sea.slow_to_rad,
     )  # fmt: skip
     north_rate = u * c - v * s + local.current_north

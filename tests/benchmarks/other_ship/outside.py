@@ -1,4 +1,4 @@
-"""Effects that no catalogue holds: an honest diagnosis must say that it does not know them."""
+"""Effects that no catalogue holds: an honest diagnosis must say that it does not know them. Some that change."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 
 OUTSIDE = ("yaw_moment_4psi", "sheared_current", "bank_suction", "fading_thrust", "one_sided_stall")
+CHANGING = ("tide_north_mps", "tide_east_mps", "tow_n", "tow_share")
+"""Of effects of the catalogue that change in a trial: by how much the current to the north and east has turned at
+its end; a tow, and for what share of the trial it is there."""
 SHEAR_BOUND_MPS = 0.5
 BANK_REACH_M, BANK_SOFT_M, BANK_ASIDE_M, BANK_LEVER_M = 150.0, 20.0, 60.0, 4.0
 STALL_RAD, STALL_WIDTH_RAD = 25.0 * np.pi / 180.0, 1.0 * np.pi / 180.0
@@ -32,6 +35,10 @@ class Outside(NamedTuple):
     fading_from_s: float = 0.0
     fading_over_s: float = 1.0
     stall: float = 0.0
+    tide_north_mps: float = 0.0
+    tide_east_mps: float = 0.0
+    tow_n: float = 0.0
+    tow_share: float = 1.0
 
 
 def outside_of(sizes: Mapping[str, float], shear_to_rad: float, from_s: float, over_s: float) -> Outside:
@@ -39,9 +46,12 @@ def outside_of(sizes: Mapping[str, float], shear_to_rad: float, from_s: float, o
 
     Raises :class:`ConfigurationError` for a name that is not known.
     """
-    unknown = [name for name in sizes if name not in OUTSIDE]
+    possible = (*OUTSIDE, *CHANGING)
+    unknown = [name for name in sizes if name not in possible]
     if unknown:
-        raise ConfigurationError(f"no effect {unknown[0]!r} outside the catalogue", fix=f"use {', '.join(OUTSIDE)}")
+        raise ConfigurationError(
+            f"no effect {unknown[0]!r} outside the catalogue", fix=f"use {', '.join(possible)}"
+        )
     moment, shear, bank, fading, stall = (float(sizes.get(name, 0.0)) for name in OUTSIDE)
     return Outside(
         moment,
@@ -52,6 +62,7 @@ def outside_of(sizes: Mapping[str, float], shear_to_rad: float, from_s: float, o
         fading_from_s=from_s,
         fading_over_s=over_s,
         stall=stall,
+        **{name: float(sizes[name]) for name in CHANGING if name in sizes},
     )
 
 
@@ -88,9 +99,21 @@ def bank_force(o: Outside, north_m: float, east_m: float, heading_rad: float) ->
 
 
 @njit(error_model="numpy")
+def through(o: Outside, time_s: float) -> float:
+    """The share of the trial that is through."""
+    return min(max((time_s - o.fading_from_s) / o.fading_over_s, 0.0), 1.0)
+
+
+@njit(error_model="numpy")
+def tow(o: Outside, time_s: float) -> float:
+    """What a tow holds the ship back with [N], until it is dropped."""
+    return o.tow_n if through(o, time_s) < o.tow_share else 0.0
+
+
+@njit(error_model="numpy")
 def thrust_left(o: Outside, time_s: float) -> float:
     """The share of thrust that is left by now."""
-    return 1.0 - o.fading * min(max((time_s - o.fading_from_s) / o.fading_over_s, 0.0), 1.0)
+    return 1.0 - o.fading * through(o, time_s)
 
 
 @njit(error_model="numpy")

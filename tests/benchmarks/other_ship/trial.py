@@ -104,7 +104,7 @@ def make_trial(
         dt_s,
     )
     run = _sail(body, strange, sheet, orders, around, heading, dt_s)
-    ground = _over_ground(run.states, sheet, strange)
+    ground = _over_ground(run.states, sheet, strange, dt_s)
     earth_speed = np.gradient(ground[:, :2], dt_s, axis=0)
     motion = wave_motion(components, ground[:, :3], earth_speed, *_size(sheet), dt_s)
     every = slice(lead, steps - lead, per_row)
@@ -127,7 +127,7 @@ def make_trial(
         "wind_from_deg": float(np.degrees(wind_from)),
         "wave_to_deg": float(np.degrees(wave_to) % 360.0),
         **_shares(body, strange, dt_s, run),
-        "current_spread_mps": _current(run.states, sheet, strange).std(axis=0).tolist(),
+        "current_spread_mps": _current(run.states, sheet, strange, dt_s).std(axis=0).tolist(),
         "states": ground[every],
         "controls": run.controls[every],
         "roll_rad": run.states[every, 6] + motion[every, 3],
@@ -221,21 +221,23 @@ def steady_speed(body: Body, port_rpm: float, starboard_rpm: float) -> float:
     return float(np.interp(0.0, -push, speeds))
 
 
-def _over_ground(states: Floats, sheet: Sheet, outside: Outside) -> Floats:
+def _over_ground(states: Floats, sheet: Sheet, outside: Outside, dt_s: float) -> Floats:
     """North, east, heading, surge and sway over ground, yaw rate [steps, 6] of states through the water."""
     c, s = np.cos(states[:, 2]), np.sin(states[:, 2])
-    north, east = _current(states, sheet, outside).T
+    north, east = _current(states, sheet, outside, dt_s).T
     return np.column_stack(
         [states[:, :3], states[:, 3] + north * c + east * s, states[:, 4] + east * c - north * s, states[:, 5]]
     )
 
 
-def _current(states: Floats, sheet: Sheet, outside: Outside) -> Floats:
+def _current(states: Floats, sheet: Sheet, outside: Outside, dt_s: float) -> Floats:
     """The water's motion [steps, 2] at the ship's places."""
+    through = (np.arange(len(states)) * dt_s - outside.fading_from_s) / outside.fading_over_s
+    tide = np.clip(through, 0.0, 1.0)[:, np.newaxis] * [outside.tide_north_mps, outside.tide_east_mps]
     towards = np.array([np.cos(outside.shear_to_rad), np.sin(outside.shear_to_rad)])
     across = states[:, 1] * towards[0] - states[:, 0] * towards[1]
     speed = SHEAR_BOUND_MPS * np.sin(outside.shear_per_s * across / SHEAR_BOUND_MPS)
-    return np.asarray(np.array(sheet.current_mps) + speed[:, np.newaxis] * towards)
+    return np.asarray(np.array(sheet.current_mps) + speed[:, np.newaxis] * towards + tide)
 
 
 def _size(sheet: Sheet) -> tuple[float, float]:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from hybrid.diagnosis.course import Course, base_names, varied, with_recordings
-from hybrid.diagnosis.evidence import evidence_of, normal_equations
+from hybrid.diagnosis.acceptance import Acceptance, LackOfFit
+from hybrid.diagnosis.change import likeliest_change, may_change
+from hybrid.diagnosis.course import Course, Varied, base_names, varied, with_recordings
+from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
 from hybrid.diagnosis.log import Log
 from hybrid.effects import CATALOGUE
-from hybrid.vessel.effect import Effect
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
 from hybrid.workflows.diagnose import diagnose_tables, vessel_with_effects
@@ -29,24 +32,29 @@ DAYS = ((0.3, 0.1), (-0.2, 0.15))
 
 def two_days(plant: Plant, currents: tuple[tuple[float, float], ...] = DAYS) -> Log:
     """A run of the ship on each of two days, each in two blocks, each day with its current."""
-    found = []
-    for number, (north, east) in enumerate(currents):
-        log = a_log(plant.shifted(current_north_mps=north, current_east_mps=east), DAY_S, (DAY_S // 2,))
-        found.append(
-            replace(
-                log,
-                time_s=log.time_s + number * 86400,
-                block=log.block + 2 * number,
-                leg=log.leg + 2 * number,
-                recording=log.recording + number,
-            )
+    plants = [plant.shifted(current_north_mps=north, current_east_mps=east) for north, east in currents]
+    joined = behind([a_log(each, DAY_S, (DAY_S // 2,)) for each in plants], 86400)
+    return replace(joined, names=("monday", "thursday"), recording=(np.arange(2 * DAY_S) >= DAY_S).astype(np.int64))
+
+
+def behind(logs: Sequence[Log], every_s: int) -> Log:
+    """Logs of two blocks each, one behind the other, each so much later than the one before."""
+    parts = [
+        replace(
+            log, time_s=log.time_s + number * every_s, block=log.block + 2 * number, leg=log.leg + 2 * number
         )
-    arrays = {
-        name: np.concatenate([getattr(each, name) for each in found])
-        for name in Log.__slots__
-        if isinstance(getattr(found[0], name), np.ndarray)
-    }
-    return replace(found[0], names=("monday", "thursday"), **arrays)  # type: ignore[arg-type]
+        for number, log in enumerate(logs)
+    ]  # fmt: skip
+    arrays = [name for name in Log.__slots__ if isinstance(getattr(parts[0], name), np.ndarray)]
+    together: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+    return replace(parts[0], **together)
+
+
+def evidence_in(log: Log, model: Model, seed: int = 1) -> Evidence:
+    """What the log says with the noise of ordinary sensors in it."""
+    noise = np.random.default_rng(seed).standard_normal(log.measured.shape) * QUIET.as_array()[:6]
+    log = replace(log, measured=log.measured + noise)
+    return evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=10))
 
 
 @pytest.fixture(scope="module")
@@ -62,13 +70,14 @@ def courses_of(log: Log) -> list[Course]:
 
 
 def test_the_parts_of_a_trial_add_up_to_it(log: Log) -> None:
-    """Second by second, and the same throughout a block."""
+    """Second by second; where the equations are made linear, the same throughout a block."""
     for course in courses_of(log):
-        shares = course.shares(log)
+        shares, levels = course.shares(log), course.levels(log)
         assert shares.shape == (len(log), course.pieces)
-        np.testing.assert_allclose(shares.sum(axis=1), 1.0)
+        for each in (shares, levels):
+            np.testing.assert_allclose(each.sum(axis=1), 1.0)
         for block in range(4):
-            assert np.ptp(shares[log.block == block], axis=0).max() < 1e-12
+            assert np.ptp(levels[log.block == block], axis=0).max() < 1e-12
 
 
 def test_until_and_since_are_the_two_parts_of_a_step(log: Log) -> None:
@@ -123,18 +132,72 @@ def test_two_currents_are_likelier_than_one_where_there_are_two(plant: Plant) ->
     """And one is likelier than two where there is one."""
     odds = []
     for currents in (DAYS, (DAYS[0], DAYS[0])):
-        log = two_days(plant, currents)
-        noise = np.random.default_rng(1).standard_normal(log.measured.shape) * QUIET.as_array()[:6]
-        log = replace(log, measured=log.measured + noise)
-        names = ["ocean_current"]
-        few: dict[str, Effect] = {name: CATALOGUE[name] for name in names}
-        model = Model(plant, with_recordings(few, log))
-        evidence = evidence_of(normal_equations(linearise(log, model, 0.01), QUIET, number=10))
+        log, names = two_days(plant, currents), ["ocean_current"]
+        few = {name: CATALOGUE[name] for name in names}
+        evidence = evidence_in(log, Model(plant, with_recordings(few, log)))
         both = next(name for name in evidence.names if name not in few)
         odds.append(evidence.log_odds([both]) - evidence.log_odds(names))
         assert not evidence.possible([both, *names])
     assert odds[0] > 10.0
     assert odds[1] < 0.0
+
+
+FEW = {name: CATALOGUE[name] for name in ("towed_load", "hull_fouling", "thrust_loss_both", "ocean_current")}
+
+
+def changed(plant: Plant, later: Plant) -> Varied | None:
+    """What is found to have changed where a ship is another in the second half of a trial."""
+    log = behind([a_log(each, 160, (80,)) for each in (plant, plant, later, later)], 160)
+    return likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, FEW))))
+
+
+def test_a_tow_that_is_dropped_is_found_with_its_time(plant: Plant) -> None:
+    """The ship that the model knows has the tow off: until half-way something holds her back, then nothing."""
+    log = behind([a_log(each, 160, (80,)) for each in (plant.shifted(constant_X_n=-5e3),) * 2 + (plant,) * 2], 160)
+    change = likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, FEW))))
+    assert change is not None
+    assert (change.base, change.course.shape) == ("towed_load", "until")
+    true_s = float(log.time_s[320])
+    low, high = change.course.interval_s or (0.0, 0.0)
+    assert low <= true_s <= high
+    assert high - low < 80.0
+
+
+def test_a_current_that_sets_in_is_found(plant: Plant) -> None:
+    change = changed(plant, plant.shifted(current_north_mps=0.3))
+    assert change is not None
+    assert (change.base, change.course.shape) == ("ocean_current", "since")
+
+
+def test_nothing_has_changed_where_nothing_has(plant: Plant) -> None:
+    assert changed(plant, plant) is None
+
+
+def test_a_steady_trial_is_not_searched_for_changes(plant: Plant) -> None:
+    """Only where what is left goes with time."""
+    log = a_log(plant, 160, (80,))
+    steady = Acceptance((), {}, evidence_in(log, Model(plant, FEW)))
+    assert not may_change(steady)
+    left = LackOfFit("heading", "yaw", 1e-9, 50.0, 4e3, matters=True)
+    assert not may_change(replace(steady, lack_of_fit=(left,)))
+    assert may_change(replace(steady, lack_of_fit=(left, replace(left, depends="time"))))
+
+
+def test_a_drift_is_followed_between_the_levels_about_which_it_is_linear(plant: Plant) -> None:
+    """What a current that grows evenly does is what its signature says; steps would be 12 % off."""
+    log = behind([a_log(plant, 160, (80,))] * 2, 160)
+    ends = float(log.time_s[0]), float(log.time_s[-1])
+    drift = varied(CATALOGUE["ocean_current"], Course("drift", ends))
+    model = Model(plant, {**FEW, drift.name: drift})
+    moved = replace(model, at={drift.name: (0.0, 0.0, 0.1, 0.05)})
+    whole, none = linearise(log, moved, 0.01), linearise(log, model, 0.01)
+    own = [each for each in none.effects if each.effect == "ocean_current"]
+    share = drift.course.shares(log)[:, 1]
+    expected = none.linear.defect + share[:, None] * (0.1 * own[0].D + 0.05 * own[1].D)
+    inside = np.append(np.diff(log.block) == 0, False)
+    effect = np.abs(expected - none.linear.defect)[inside].max(axis=0)
+    off = np.abs(whole.linear.defect - expected)[inside].max(axis=0)
+    assert (off[:2] < 0.05 * effect[:2]).all()
 
 
 @pytest.mark.slow

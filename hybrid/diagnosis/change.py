@@ -1,0 +1,207 @@
+"""Changes: an effect that stops or begins, turns or grows in the course of a trial, and when.
+
+Where what the named effects leave goes with time, or anything is left of several recordings, each effect of the
+catalogue is tried with a size that changes once, at any time, or drifts evenly from the beginning to the end, or
+is another in each recording though it is the ship's. The likeliest joins the catalogue, and the trial is diagnosed
+anew with it: it has to stand the tests that every effect has to stand. A trial in which nothing goes with time is
+left alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+from scipy.linalg import cho_factor, solve_triangular
+
+from acquisition.core.arrays import Floats, Ints
+from hybrid.diagnosis.acceptance import Acceptance
+from hybrid.diagnosis.coarse_model import is_coarse
+from hybrid.diagnosis.course import Course, Shape, Varied, courses, varied
+from hybrid.diagnosis.evidence import (
+    Evidence,
+    NormalEquations,
+    log_evidence,
+    normal_equations,
+    restored_data,
+)
+from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.nuisance_basis import FEW
+from hybrid.diagnosis.select_effects import CLOSE, search_effects
+from hybrid.vessel.effect import Effect
+
+_STEP_S = 10  # between the times at which a change is tried
+_MOST_PARTS = 120  # of a trial that are looked at by themselves: more only take memory
+_LIKELIEST = 4  # effects that a whole search is made with
+_INTERVAL = 1.92  # log likelihood that the ends of a 95 % interval lack
+
+
+def may_change(accepted: Acceptance) -> bool:
+    """Whether what the named effects leave is another at another time, or may be another in another recording; or
+    whether an effect that changes leaves anything: then it is likely another that does.
+
+    Of a coarse model nobody can tell: what it leaves is another at every other speed.
+    """
+    if is_coarse(accepted):
+        return False
+    equations = accepted.evidence.equations
+    any_may = np.ptp(equations.log.recording) > 0 or courses(accepted.names, equations.model.catalogue)
+    return any(any_may or each.depends == "time" for each in accepted.lack_of_fit)
+
+
+def likeliest_change(accepted: Acceptance) -> Varied | None:
+    """The effect that is likeliest to have changed, with its course; None where no change explains enough.
+
+    Of courses that are about as likely it is the simplest.
+    """
+    parts = _parts_of(accepted.evidence.equations)
+    tried = [_best_courses(parts, name, accepted.names) for name in _steady(parts)]
+    likely = sorted(tried, key=lambda each: -max(each))[:_LIKELIEST]
+    odds = {change: _odds_with(parts, change) for each in likely for change in each.values()}
+    best = max(odds, key=odds.__getitem__)
+    if odds[best] < parts.evidence.log_odds(search_effects(parts.evidence)) + CLOSE:
+        return None
+    alike = [each for each in odds if each.base == best.base and odds[each] > odds[best] - CLOSE]
+    return min(alike, key=lambda each: (each.course.pieces, -odds[each]))
+
+
+def _odds_with(parts: _Parts, change: Varied) -> float:
+    """The log odds of the best set of effects that has a changed one, less what the times that were tried cost."""
+    evidence = parts.with_change(change)
+    names = search_effects(evidence)
+    return evidence.log_odds(names) - log(len(parts.courses)) if change.name in names else -np.inf
+
+
+@dataclass(frozen=True, slots=True)
+class _Products:
+    """Products under the inverse of V of some columns by parts of a trial.
+
+    ``own`` [L, K, c] are those with the data and all effects within each part, nuisances not taken off, ``among``
+    [L, c, c] those with each other; ``half`` [L, n, c] and ``rest`` [n, K] what is taken off of them and of the
+    data and all effects.
+    """
+
+    inner_of_all: Floats
+    own: Floats
+    among: Floats
+    half: Floats
+    rest: Floats
+
+    def inner(self, shares: Floats) -> Floats:
+        """Products of the data and all effects, and behind them of the columns in each piece of a course.
+
+        ``shares`` [L, pieces] is the part that each piece has in each part.
+        """
+        taken = np.einsum("lp,lnc->npc", shares, self.half).reshape(len(self.rest), -1)
+        cross = np.einsum("lp,lkc->kpc", shares, self.own).reshape(self.own.shape[1], -1) - self.rest.T @ taken
+        among = np.einsum("lp,lq,lcd->pcqd", shares, shares, self.among).reshape(taken.shape[1], -1)
+        return np.block([[self.inner_of_all, cross], [cross.T, among - taken.T @ taken]])
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """A trial by short parts: the evidence of all of it, products as in :class:`_Products` of the data and all
+    effects, the part of each second [T], and every course that is tried with its shares."""
+
+    evidence: Evidence
+    own: Floats
+    half: Floats
+    part: Ints
+    courses: tuple[tuple[Course, Floats], ...]
+
+    def of(self, columns: Sequence[int]) -> _Products:
+        """The products of some columns."""
+        some = list(columns)
+        own = np.ascontiguousarray(self.own[:, :, some])
+        return _Products(self.evidence.inner, own, own[:, some], self.half[:, :, some], self.half.sum(axis=0))
+
+    def with_change(self, change: Varied) -> Evidence:
+        """The evidence with a changed effect beside all others."""
+        equations = self.evidence.equations
+        shares = _shares(change.course, equations.log, self.part)
+        inner = self.of(self.evidence.columns([change.base])).inner(shares)
+        size, layout = len(change.free_scale), equations.layout
+        layout = replace(
+            layout,
+            effect=(*layout.effect, *(change.name,) * size),
+            prior=np.append(layout.prior, change.free_scale),
+            tolerated=np.append(layout.tolerated, np.zeros(size)),
+        )
+        model = replace(equations.model, catalogue={**equations.model.catalogue, change.name: change})
+        return Evidence(inner, replace(equations, layout=layout, model=model))
+
+
+def _parts_of(equations: NormalEquations) -> _Parts:
+    log, blocks = equations.log, int(equations.log.block.max()) + 1
+    part = np.asarray(log.block * min(blocks, _MOST_PARTS) // blocks)
+    fine = normal_equations(replace(equations, log=replace(log, leg=part)), equations.noise, number=FEW)
+    kept, nuisance, scale = 1 + len(fine.layout.effect), fine.nuisance, fine.nuisance_scale
+    back = np.eye(fine.gram.shape[1])[:, :kept]
+    back[:, 0] = restored_data(fine)
+    granted = fine.gram.sum(axis=0)[np.ix_(nuisance, nuisance)] * np.outer(scale, scale)
+    granted[np.diag_indices_from(granted)] += 1.0
+    lower = cho_factor(granted, lower=True, check_finite=False)[0]
+    right = fine.gram @ back
+    own = back.T @ right
+    cross = np.moveaxis(right[:, nuisance] * scale[:, None], 0, 1).reshape(len(nuisance), -1)
+    half = solve_triangular(lower, cross, lower=True, check_finite=False).reshape(len(nuisance), -1, kept)
+    whole = half.sum(axis=1)
+    evidence = Evidence(own.sum(axis=0) - whole.T @ whole, replace(fine, log=log))
+    courses = tuple((course, _shares(course, log, part)) for course in _courses(log))
+    return _Parts(evidence, own, np.ascontiguousarray(np.moveaxis(half, 0, 1)), part, courses)
+
+
+def _shares(course: Course, log: Log, part: Ints) -> Floats:
+    """The part that each piece of a course has in each part of a trial [L, pieces]."""
+    count = np.bincount(part)
+    return np.column_stack([np.bincount(part, weights=each) / count for each in course.shares(log).T])
+
+
+def _steady(parts: _Parts) -> list[str]:
+    catalogue = parts.evidence.equations.model.catalogue
+    return [name for name, effect in catalogue.items() if not isinstance(effect, Varied)]
+
+
+def _best_courses(parts: _Parts, name: str, names: Sequence[str]) -> dict[float, Varied]:
+    """An effect with the likeliest course of each shape, by the log evidence of it beside others that are named."""
+    evidence, catalogue = parts.evidence, parts.evidence.equations.model.catalogue
+    effect, own = catalogue[name], parts.of(evidence.columns([name]))
+    others = [each for each in names if catalogue[each].base != name]
+    fixed, prior, first = evidence.columns(others), evidence.prior(others), len(evidence.inner)
+    found: dict[Shape, list[tuple[float, Course]]] = {}
+    for course, shares in parts.courses:
+        inner, width = own.inner(shares), len(effect.free_scale)
+        for pieces, shape in _SHAPES.get(course.shape, ((slice(None), course.shape),)):
+            columns = np.arange(first, len(inner)).reshape(-1, width)[pieces].ravel()
+            sizes = np.append(prior, effect.free_scale * (len(columns) // width))
+            odds = log_evidence(inner, (*fixed, *columns), sizes)
+            found.setdefault(shape, []).append((odds, replace(course, shape=shape)))
+    return dict(_likeliest(effect, each) for each in found.values())
+
+
+def _likeliest(effect: Effect, found: Sequence[tuple[float, Course]]) -> tuple[float, Varied]:
+    """The likeliest of courses of one shape, with the interval of its time where it has one."""
+    best, course = max(found, key=lambda each: each[0])
+    if course.shape in ("until", "since", "step"):
+        times = [each.times_s[0] for odds, each in found if odds > best - _INTERVAL]
+        course = replace(course, interval_s=(min(times) - _STEP_S, max(times) + _STEP_S))
+    return best, varied(effect, course)
+
+
+_SHAPES: dict[Shape, tuple[tuple[slice, Shape], ...]] = {
+    "step": ((slice(None), "step"), (slice(1), "until"), (slice(1, None), "since"))
+}
+"""A step with one of its two sizes nought is something that stops, or begins."""
+
+
+def _courses(log: Log) -> Iterator[Course]:
+    """Every course that is tried."""
+    recordings = tuple(np.unique(log.recording).tolist())
+    if len(recordings) > 1:
+        yield Course("recordings", recordings)
+    yield Course("drift", (float(log.time_s.min()), float(log.time_s.max())))
+    inside = (log.block > log.block[0]) & (log.block < log.block[-1])
+    for time_s in log.time_s[inside][::_STEP_S].tolist():
+        yield Course("step", (float(time_s),))

@@ -1,0 +1,135 @@
+"""Trials of the other ship as at sea: days with currents of their own, a tide, a tow, fouling that grows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import atan2, cos, degrees, hypot, radians, sin
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from hybrid.diagnosis.diagnose import TOLERANCE
+from hybrid.vessel.files import load_vessel
+from hybrid.workflows.diagnose import diagnose_tables
+from tests.benchmarks.diagnosis.design import VESSEL, Hidden
+from tests.benchmarks.diagnosis.scoring import holds
+from tests.benchmarks.other_ship.trial import make_trial
+
+KINDS = ("two days", "turning tide", "tow dropped", "growing fouling", "nothing")
+_SEED, _ANOTHER_SEED = 700_000, 50_000_000
+_DAY_S, _TRIAL_S, _RATE_HZ = 1200.0, 2400.0, 2.0
+_DAYS = {"two days": 2, "nothing": 2, "growing fouling": 3}
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class SeaCase:
+    """A trial of one of :data:`KINDS`, in one recording or in several of a day each."""
+
+    kind: str
+    number: int
+
+    @property
+    def key(self) -> str:
+        """The case in one word."""
+        return f"at sea/{self.kind}/{self.number}"
+
+
+@dataclass(frozen=True, slots=True)
+class SeaTruth:
+    """What is hidden on each day and what changes within it; by effect its size in each part of the trial."""
+
+    days: tuple[Hidden, ...]
+    outside: Mapping[str, float]
+    sizes: Mapping[str, tuple[Values, ...]]
+
+
+def cases_at_sea(number: int) -> list[SeaCase]:
+    """So many of each kind."""
+    return [SeaCase(kind, each) for kind in KINDS for each in range(number)]
+
+
+def truth_of(case: SeaCase) -> SeaTruth:
+    """Sizes drawn by the case's kind and number."""
+    random = np.random.default_rng([_SEED, KINDS.index(case.kind), case.number])
+
+    def current() -> dict[str, float]:
+        return {"speed_mps": float(random.uniform(0.15, 0.4)), "direction_deg": float(random.uniform(0.0, 360.0))}
+
+    if case.kind == "two days":
+        fouling = {"resistance_factor": float(random.uniform(1.2, 1.5))}
+        currents = (current(), current())
+        days = tuple({"hull_fouling": fouling, "ocean_current": each} for each in currents)
+        return SeaTruth(days, {}, {"hull_fouling": (fouling,), "ocean_current": currents})
+    if case.kind == "turning tide":
+        first, turn, towards = current(), random.uniform(0.3, 0.6), random.uniform(0.0, 2.0 * np.pi)
+        north, east = float(turn * np.cos(towards)), float(turn * np.sin(towards))
+        change = {"tide_north_mps": north, "tide_east_mps": east}
+        return SeaTruth(
+            ({"ocean_current": first},), change, {"ocean_current": (first, _turned(first, north, east))}
+        )
+    if case.kind == "tow dropped":
+        change = {"tow_n": float(random.uniform(3e3, 8e3)), "tow_share": float(random.uniform(0.3, 0.7))}
+        return SeaTruth(({},), change, {"towed_load": ({"force_n": change["tow_n"]},)})
+    if case.kind == "growing fouling":
+        least, growth = random.uniform(1.1, 1.25), random.uniform(0.1, 0.2)
+        sizes = tuple({"resistance_factor": float(least + day * growth)} for day in range(3))
+        return SeaTruth(tuple({"hull_fouling": each} for each in sizes), {}, {"hull_fouling": sizes})
+    return SeaTruth(({}, {}), {}, {})
+
+
+def _turned(current: Values, north_mps: float, east_mps: float) -> dict[str, float]:
+    towards = radians(current["direction_deg"])
+    north, east = current["speed_mps"] * cos(towards) + north_mps, current["speed_mps"] * sin(towards) + east_mps
+    return {"speed_mps": hypot(north, east), "direction_deg": degrees(atan2(east, north)) % 360.0}
+
+
+def tables_of(case: SeaCase) -> list[pd.DataFrame]:
+    """What was recorded, a table a day."""
+    truth, found = truth_of(case), []
+    first = _SEED + 1000 * KINDS.index(case.kind) + case.number
+    for day, hidden in enumerate(truth.days):
+        table, _ = make_trial(
+            first + day * _ANOTHER_SEED, hidden, truth.outside, sea=("calm", "gentle")[case.number % 2],
+            duration_s=_DAY_S if case.kind in _DAYS else _TRIAL_S, rate_hz=_RATE_HZ, vessel=VESSEL,
+        )  # fmt: skip
+        table = table.set_axis(table.index + pd.Timedelta(days=day))
+        table.attrs["recording"] = f"day {day + 1}"
+        found.append(table)
+    return found
+
+
+def judged(case: SeaCase) -> dict[str, Any]:
+    """What was hidden, and what was said, as :mod:`.scoring` reads them."""
+    truth = truth_of(case)
+    plain = diagnose_tables(tables_of(case), load_vessel(VESSEL), TOLERANCE).diagnosis.as_dict()
+    kept = ("verdict", "effects", "indistinguishable", "unknown", "gap", "remarks")
+    said = {name: plain[name] for name in kept}
+    return {
+        "group": f"at sea, {case.kind}",
+        "hidden": {name: list(sizes) for name, sizes in truth.sizes.items()},
+        "outside": dict(truth.outside),
+        "said": said,
+        "held": held(said["effects"], truth),
+    }
+
+
+def held(effects: list[dict[str, Any]], truth: SeaTruth) -> list[bool]:
+    """Whether each interval of what is named rightly, in as many parts as there are, holds the truth."""
+    found = []
+    for name, sizes in truth.sizes.items():
+        mine = [each for each in effects if each["name"] == name]
+        parts = [
+            part
+            for each in mine
+            for part in ([each["drift"]["parameters"]] if each["drift"] else []) + [each["parameters"]]
+        ]
+        if mine and mine[0]["drift"]:
+            sizes = (sizes[0], sizes[-1])
+        if len(parts) == len(sizes):
+            pairs = zip(parts, sizes, strict=True)
+            found += [holds(key, part[key], value) for part, size in pairs for key, value in size.items()]
+    return found
