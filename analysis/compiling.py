@@ -7,11 +7,13 @@ kernel is still right. Ours call functions of other files, so every cached kerne
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from numba import njit
+from numba import get_num_threads, njit, set_num_threads
 
 Record: TypeAlias = Any
 """A numpy record, such as a packed plant; inside compiled code its fields are attributes."""
@@ -25,6 +27,25 @@ compiled = njit(fastmath=FAST, error_model="numpy", forceinline=True)
 Left to itself LLVM keeps calls that hand arrays over piece by piece: 1.65 times the time of a bare loop, against
 1.03 inlined, for 2 s more of compilation (``tests/benchmarks/simulator_speed.py``).
 """
+
+
+@contextmanager
+def threads_for(steps: int) -> Iterator[None]:
+    """All threads for a parallel kernel that has so many steps of a ship to make, or one where they are few.
+
+    Waking threads and waiting for the last of them costs more than it brings below some ten milliseconds, and on a
+    busy machine ten times as much: a diagnosis of 75 min beside other work took 234 s with four threads for every
+    batch of 18,000 steps, and 107 s with one.
+    """
+    threads = get_num_threads()
+    set_num_threads(threads if steps > _WORTH_THREADS else 1)
+    try:
+        yield
+    finally:
+        set_num_threads(threads)
+
+
+_WORTH_THREADS = 20_000
 
 
 def source_stamp(*places: Path) -> int:

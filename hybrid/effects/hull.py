@@ -59,11 +59,12 @@ def _order(name: str) -> int:
 def _lengthened(plant: Plant, values: Values) -> Plant:
     added_m = values["length_m"]
     s = (plant.length_between_perpendiculars_m + added_m) / plant.length_between_perpendiculars_m
-    plant = plant.scaled(s, "mass_kg", "Xud", "Yvd").scaled(s**2, "Yrd").scaled(s**3, "yaw_inertia_kgm2", "Nrd")
+    power = {"mass_kg": 1.0, "Xud": 1.0, "Yvd": 1.0, "Yrd": 2.0, "yaw_inertia_kgm2": 3.0, "Nrd": 3.0}
     hull = plant.hull_model
     for name in hull.numbers:  # those without dimension grow with the length that they are multiplied with
         lever = 0 if hull.primed else (2 if name.startswith("N") else 1) + _order(name)
-        plant = plant.scaled(s ** (lever - 0.2) if name in hull.resistance else s**lever, name)
+        power[name] = lever - 0.2 if name in hull.resistance else lever
+    plant = plant.replaced(**{name: s**each * plant.number(name) for name, each in power.items()})
     places = [f"{each.name}_x_m" for each in plant.actuators]  # those ahead move ahead, those astern aft
     return plant.shifted(
         length_between_perpendiculars_m=added_m,

@@ -193,10 +193,7 @@ class Plant:
 
     def shifted(self, **amounts: float) -> Plant:
         """This plant with each amount added to the number of its name."""
-        plant = self
-        for name, amount in amounts.items():
-            plant = plant.changed(partial(add, amount), name)
-        return plant
+        return self._with({name: partial(add, amount) for name, amount in amounts.items()})
 
     def with_force(self, function: ForceFunction, *parameters: float) -> Plant:
         """This plant with one more force that the simulator adds up."""

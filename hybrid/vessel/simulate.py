@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import InputError, ModelRangeError
-from analysis.compiling import FAST, Record
+from analysis.compiling import FAST, Record, threads_for
 from hybrid.vessel.dynamics import State, advance, in_range, inverse_mass, lag_over, scratch_for
 from hybrid.vessel.extra_forces import combine_forces
 from hybrid.vessel.feedback import acting_controls
@@ -152,7 +152,8 @@ def simulate_batch(
     left = np.empty(number, dtype=np.int64)
     steps = substeps or steps_for(dt_s)
     kernel = run_all if number > 1 else _run_one
-    kernel(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left)
+    with threads_for(number * control.shape[1] * steps):
+        kernel(packed, begin, control, air, dt_s, steps, acting, extra, parameters, states, left)
     return Runs(states, left)
 
 

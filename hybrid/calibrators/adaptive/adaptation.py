@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import get_num_threads, set_num_threads
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators
 from acquisition.core.arrays import Complexes, Floats
+from analysis.compiling import threads_for
 from analysis.estimation.kalman_kernel import WIDTH, gain_sequence
 from analysis.estimation.process_models import decay, oscillator
 from hybrid.calibrators.adaptive.observer import TURN_RADPS, TURNS, observe_and_predict
@@ -118,7 +118,6 @@ _RATE_NOISE_RADPS = 1e-3  # of a usual gyro, in whose square the noise levels of
 _AVERAGED_S = 5
 _GUSTING_S, _GUSTS_APART_S, _GUST_BOUNDS_S = 3, 10, (2.0, 300.0)
 LARGEST_FACTOR = 2.0
-_ONE_CORE = 64  # so many windows one core has followed before another is awake
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,10 +316,6 @@ def run_observer(vector: Floats, plant: Plant, observations: Observations) -> tu
     shape = len(observations), observations.control.shape[1] + 1
     states, waves = np.empty((*shape, 6)), np.empty((*shape, 3))
     known, control = observations.known_s, observations.control
-    cores = get_num_threads()
-    set_num_threads(1 if len(observations) <= _ONE_CORE else cores)
-    try:
+    with threads_for(len(observations) * (past.shape[1] + control.shape[1])):
         observe_and_predict(plants, past, known, gains, kept, wave, control, wind, extra, parameters, states, waves)
-    finally:
-        set_num_threads(cores)
     return states, waves
