@@ -29,7 +29,7 @@ from hybrid.diagnosis.acceptance import (
 from hybrid.diagnosis.evidence import Evidence, Fit, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without
 from hybrid.diagnosis.linearise import linearise
-from hybrid.diagnosis.nuisance_basis import FEW, OPERATION
+from hybrid.diagnosis.nuisance_basis import FEW, INTERACTIONS, OPERATION
 from hybrid.diagnosis.result import Replication
 from hybrid.diagnosis.select_effects import (
     LOOKS,
@@ -56,15 +56,18 @@ _LOOKS, _ROUNDS = 4, 3  # at the equations made linear anew, in the search and i
 _TRIED = 12  # effects beside those that are named, the likeliest
 _AS_LIKELY_AS_NOT = 0.5
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
-_MOST_PARTS = 0.75
+
+MOST_PARTS = 0.75
+"""Of the parts of a trial: in so many an effect has to be found by itself."""
 
 
 def is_coarse(accepted: Acceptance) -> bool:
     """Whether many things are missing at once, or the model's own forces are off by far more than granted."""
     surest = max(accepted.lack_of_fit, key=lambda each: each.gain, default=None)
-    if surest is None or surest.depends != OPERATION:  # what goes with place, time or heading may be anything
-        return False
-    return surest.size > COARSE * accepted.evidence.equations.tolerance or len(accepted.names) > CREDIBLE
+    if surest is None or surest.depends not in (OPERATION, *INTERACTIONS):
+        return False  # what goes with place, time or heading may be anything
+    far_off = surest.depends == OPERATION and surest.size > COARSE * accepted.evidence.equations.tolerance
+    return far_off or len(accepted.names) > CREDIBLE
 
 
 def untested_if_coarse(selection: Selection) -> Acceptance | None:
@@ -146,19 +149,19 @@ class _Choice:
 
     def better(self, names: Sequence[str]) -> bool:
         """Whether predictions are better with ``names`` than with none."""
-        return bool(names) and _worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
+        return bool(names) and worth_it(self.windows.by_leg_m(self.windows.before), self.off_m(names))
 
     def replicating(self, names: Sequence[str]) -> set[str]:
         """Those that are found by themselves in most parts."""
         found = replications(self.evidence, names, self.parts)
-        return {name for name, each in found.items() if each.found >= _MOST_PARTS * each.parts}
+        return {name for name, each in found.items() if each.found >= MOST_PARTS * each.parts}
 
     def without_idle(self, names: tuple[str, ...]) -> tuple[str, ...]:
         """Without effects that bring nothing on legs left out or do not replicate, the least missed first."""
         while names:
             stay, whole_m = self.replicating(names), self.off_m(names)
             lacking_m = {name: self.off_m([each for each in names if each != name]) for name in names}
-            idle = [name for name in names if name not in stay or not _worth_it(lacking_m[name], whole_m)]
+            idle = [name for name in names if name not in stay or not worth_it(lacking_m[name], whole_m)]
             if not idle:
                 break
             least = min(idle, key=lambda name: lacking_m[name].mean())
@@ -176,7 +179,7 @@ class _Choice:
                 if rival not in self.evidence.names or not self.evidence.possible(swapped):
                     continue
                 off_m = self.off_m(swapped)
-                if _worth_it(lacking_m, off_m) and not _worth_it(off_m, whole_m):
+                if worth_it(lacking_m, off_m) and not worth_it(off_m, whole_m):
                     found.append((name, rival))
         return found
 
@@ -187,14 +190,19 @@ class _Choice:
             sets = [(*names, name) for name in self.evidence.names if name not in names]
             likely = sorted(filter(self.evidence.possible, sets), key=lambda some: -self.evidence.log_odds(some))
             off_m = {some: self.off_m(some) for some in likely[:_TRIED]}
-            best = min(off_m, key=lambda some: off_m[some].mean(), default=None)
-            if best is None or not _worth_it(before_m, off_m[best]) or best[-1] not in self.replicating(best):
+            worth = [
+                some
+                for some in sorted(off_m, key=lambda some: off_m[some].mean())
+                if worth_it(before_m, off_m[some])
+            ]
+            best = next((some for some in worth if some[-1] in self.replicating(some)), None)
+            if best is None:
                 break
             names, before_m = best, off_m[best]
         return names
 
 
-def _worth_it(without_m: Floats, with_m: Floats) -> bool:
+def worth_it(without_m: Floats, with_m: Floats) -> bool:
     """Whether the second of two distances by leg is the smaller, by enough and on legs throughout."""
     gains = without_m - with_m
     return bool(gains.mean() > WORTH * without_m.mean() and chance_of_gains(gains) < UNSEEN)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from math import expm1, log, log1p
 from typing import TypeVar
 
@@ -114,6 +115,15 @@ _LEGS_AT_ONCE = 4
 _UNEVEN = 0.2  # of the smallest size of interest: no current or gyro is quite steady
 
 
+@lru_cache(maxsize=64)
+def _columns_by_effect(effect: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    """The columns of each effect; a search asks a million times."""
+    result = dict[str, tuple[int, ...]]()
+    for column, name in enumerate(effect, 1):
+        result[name] = (*result.get(name, ()), column)
+    return result
+
+
 @dataclass(frozen=True, slots=True)
 class ColumnLayout:
     """Which column of the products is what: data 0, then effects, tolerated wind errors, varied effects, features.
@@ -135,7 +145,7 @@ class ColumnLayout:
 
     def of(self, name: str) -> tuple[int, ...]:
         """The columns of an effect."""
-        return tuple(1 + number for number, each in enumerate(self.effect) if each == name)
+        return _columns_by_effect(self.effect).get(name, ())
 
     @property
     def first_wind(self) -> int:

@@ -151,14 +151,15 @@ def gap_on_unseen_legs(
     """The gap for what is named: ``final`` is what all legs give, ``without`` what all but each fold's give."""
     after, best = windows.by_other_folds(without), windows.predicted(final)
     lacking = [windows.by_other_folds({fold: _less(at, name) for fold, at in without.items()}) for name in names]
-    off_m = np.array([distances(each, windows.measured) for each in (windows.before, after, best, *lacking)])
+    log, starts = windows.log, windows.starts
+    present = present_motion_held(log.nominal[starts], HORIZON_S)
+    every = (windows.before, after, best, present, *lacking)
+    off_m = np.array([distances(each, windows.measured) for each in every])
     known = np.isfinite(off_m[:3]).all(axis=0)
     mean_m = np.nanmean(off_m[:, known], axis=1).tolist() if known.any() else [0.0] * len(off_m)
     floor = best if mean_m[2] < mean_m[1] else after
-    gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), int(known.any(axis=1).sum()), HORIZON_S)
-    shares = _shares(gap, dict(zip(names, mean_m[3:], strict=True)))
-    log, starts = windows.log, windows.starts
-    present = present_motion_held(log.nominal[starts], HORIZON_S)
+    gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), mean_m[3], int(known.any(axis=1).sum()), HORIZON_S)
+    shares = _shares(gap, dict(zip(names, mean_m[4:], strict=True)))
     tracks = Tracks(windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts])
     return HeldOutGap(gap, shares, tracks, without)
 

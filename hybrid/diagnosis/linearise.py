@@ -34,7 +34,7 @@ from hybrid.vessel.channels import check_ship
 from hybrid.vessel.feedback import acting_controls
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.plant import Plant, bare_plant
-from hybrid.vessel.sensors import measure, report_alike
+from hybrid.vessel.sensors import measure, report_alike, report_late
 from hybrid.vessel.simulate import simulate_batch
 
 DT_S = 1.0 / STEPS_PER_SECOND
@@ -410,6 +410,8 @@ def _lagged(series: Floats, lags_s: Floats) -> Floats:
 
 def sensor_readings(log: Log, plant: Plant, states: Floats) -> Floats:
     """States [T, 6] as the plant's sensors report them, delays along each unbroken stretch."""
+    if not report_late(plant):  # the way there and back tells nothing
+        return measure(states[:, None], plant, 1.0)[:, 0]
     return _seen(log, plant, one_second_paths(log, plant, states))
 
 

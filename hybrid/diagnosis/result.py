@@ -130,6 +130,28 @@ class Remainder:
 
 
 @dataclass(frozen=True, slots=True)
+class RegimeEffect:
+    """A force that the model lacks in a regime of operation, written as an effect (:mod:`hybrid.effects.regime`).
+
+    ``within`` has the ends of each quantity's span, None where it is open; ``parameters`` its size;
+    ``share_of_force`` is that of its axis' force that was missing before, ``after_m`` the mean distance on legs
+    left out with it [m] ``beside`` what else was added.
+    """
+
+    name: str
+    sentence: str
+    axis: str
+    within: Mapping[str, tuple[float | None, float | None]]
+    grows_with: str | None
+    at: Number
+    parameters: Mapping[str, Estimate]
+    share_of_force: Number
+    replicated: Replication
+    after_m: Number
+    beside: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Place:
     """One cell of the map of where model and trial disagree: mean ``error`` of a channel there, and its z."""
 
@@ -142,11 +164,15 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Mean distance of predicted from measured tracks [m], over windows that took no part in naming or fitting."""
+    """Mean distance of predicted from measured tracks [m], over windows that took no part in naming or fitting.
+
+    ``constant_velocity_m`` is that of holding the surge, sway and yaw rate of a window's start.
+    """
 
     before_m: Number
     after_m: Number
     floor_m: Number
+    constant_velocity_m: Number
     held_out_windows: int
     horizon_s: Annotated[int, Field(exclude=True)]
 
@@ -272,6 +298,7 @@ class Diagnosis:
     tracks: Annotated[Tracks | None, Field(exclude=True)] = None
     remarks: tuple[str, ...] = ()
     remainder: Remainder | None = None
+    regimes: tuple[RegimeEffect, ...] = ()
     identified: IdentifiedCorrection | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

@@ -18,6 +18,7 @@ from hybrid.diagnosis.coarse_model import (
     name_of_coarse_model,
     replications,
     sizes_without,
+    worth_it,
 )
 from hybrid.diagnosis.course import base_names, courses
 from hybrid.diagnosis.evidence import Evidence, NormalEquations
@@ -32,6 +33,7 @@ from hybrid.diagnosis.gap import (
     with_noise_floor,
 )
 from hybrid.diagnosis.map import map_of
+from hybrid.diagnosis.regimes import FoundRegime, largest_regimes, regimes_beside
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
 from hybrid.diagnosis.select_effects import (
     CLOSE,
@@ -63,7 +65,9 @@ class Conclusion:
     left out [m]; ``rivals`` could stand in the place of a named effect, by the log odds that they lack;
     ``composites`` are groups that may be one effect which is not in the catalogue, ``tied`` all groups that these
     data cannot tell apart; ``replicated`` says of each named effect in how many parts of the trial it is found by
-    itself. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
+    itself; ``regimes`` are where most of what remains acts; ``withdrawn`` are effects that explain the record and
+    make predictions worse. ``suspects`` rank every effect by itself; ``maps`` show
+    the model before and after.
     """
 
     verdict: Verdict
@@ -75,6 +79,8 @@ class Conclusion:
     composites: tuple[tuple[str, ...], ...]
     tied: tuple[tuple[str, ...], ...]
     replicated: Mapping[str, Replication]
+    regimes: tuple[FoundRegime, ...]
+    withdrawn: tuple[str, ...]
     next_manoeuvre: Manoeuvre | None
     suspects: tuple[Suspect, ...]
     maps: tuple[Map, Map]
@@ -90,17 +96,19 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     equations, found = first.evidence.equations, first.lack_of_fit
     sensors = find_contradictions(equations.log, equations.model, equations.noise)
     windows = unseen_windows(equations.log, equations.model)
-    accepted = first
+    accepted, regimes = first, tuple[FoundRegime, ...]()
     if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
+        regimes = largest_regimes(first, windows) if named else ()
         accepted = named or _if_no_worse(sensors, windows) or replace(first, names=(), tests={})
+        regimes += regimes_beside(accepted, windows)
     progress(0.5)
-    gap = _gap(accepted, windows, found)
+    accepted, gap, withdrawn = _judged(accepted, windows, found)
     if found:
         gap = with_noise_floor(gap, equations)
     rivals = close_rivals(accepted)
     replicated = _replicated(accepted, windows)
-    unknown = _is_unknown(accepted, found, replicated)
+    unknown = bool(withdrawn) or _is_unknown(accepted, found, replicated)
     composites = [] if unknown or found else composite_effects(accepted.evidence, accepted.names)
     tied = [] if unknown else [*groups(accepted.names, rivals), *composites]
     progress(0.6)
@@ -114,6 +122,8 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
         composites=tuple(composites),
         tied=tuple(tied),
         replicated=replicated,
+        regimes=regimes,
+        withdrawn=withdrawn,
         next_manoeuvre=None if found else _next_manoeuvre(accepted, rivals, part_of(progress, 1, 2)),
         suspects=suspects(first.evidence),
         maps=(map_of(equations), map_of(_last_look(accepted, first), with_effects=True)),
@@ -131,6 +141,18 @@ def no_worse(windows: UnseenWindows, at: Coordinates) -> bool:
     """Whether what is predicted with effects ``at`` these sizes is about as close as without, or closer."""
     off_m, before_m = (float(windows.by_leg_m(track).mean()) for track in (windows.predicted(at), windows.before))
     return off_m <= (1.0 + WORTH) * before_m
+
+
+def _judged(
+    accepted: Acceptance, windows: UnseenWindows, found: Sequence[LackOfFit]
+) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
+    """What stays named, the gap, and what is withdrawn: no name that makes predictions on legs left out worse."""
+    gap = _gap(accepted, windows, found)
+    before_m, after_m = (windows.by_leg_m(each) for each in (windows.before, windows.by_other_folds(gap.without)))
+    if not accepted.names or not worth_it(after_m, before_m):
+        return accepted, gap, ()
+    bare = replace(accepted, names=(), tests={})
+    return bare, _gap(bare, windows, found), accepted.names
 
 
 def _replicated(accepted: Acceptance, windows: UnseenWindows) -> dict[str, Replication]:

@@ -113,7 +113,9 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
-    """The mean distance before, what each effect takes off it, the rest of the fall, after, and the floor."""
+    """The mean distance before, what each effect takes off it, after, with each regime, at best, and without a
+    model.
+    """
     whole = diagnosis.gap
     could = whole.before_m - whole.floor_m
     steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
@@ -123,15 +125,21 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     for name, fall, colour in steps:
         names, starts, widths = [*names, name], [*starts, level - fall], [*widths, fall]
         colours, level = [*colours, colour], level - fall
-    names, starts = [*names, "after", "floor"], [*starts, 0.0, 0.0]
-    widths, colours = [*widths, whole.after_m, whole.floor_m], [*colours, INK, FAINT]
+    whole_bars = [
+        ("after", whole.after_m, INK),
+        *((f"and {plain(each.name)}", each.after_m, INK) for each in diagnosis.regimes),
+        ("floor", whole.floor_m, FAINT),
+        ("constant velocity", whole.constant_velocity_m, FAINT),
+    ]
+    for name, width, colour in whole_bars:
+        names, starts, widths, colours = [*names, name], [*starts, 0.0], [*widths, width], [*colours, colour]
     bars = axes.barh(range(len(names)), widths, left=starts, color=colours, height=0.65)
     for row, (start, width) in enumerate(zip(starts, widths, strict=True)):
         sign = "" if start == 0.0 or width == 0.0 else "\u2212"
         axes.text(start + max(width, 0.0), row, f"  {sign}{abs(width):.2f} m", va="center", fontsize=8, color=INK)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlim(0.0, 1.18 * max(whole.before_m, whole.after_m, 1e-6))
+    axes.set_xlim(0.0, 1.18 * max(*widths, 1e-6))
     axes.set_xlabel(f"mean distance over {whole.horizon_s} s, held-out windows [m]")
     _on_grid(axes)
     return [*bars]

@@ -40,9 +40,12 @@ from hybrid.effects import Catalogue, Effect
 from hybrid.effects.catalogue import VERSION
 from hybrid.report.actuator_sentences import actuator_texts
 from hybrid.report.diagnosis_words import DEPENDS, cell_row, clock, number, parameter_title, percent, when_words
+from hybrid.report.regime_sentences import regime_in_words
 from hybrid.report.words import join_words, plain
 
 Parameters = Mapping[str, Estimate]
+
+_ALMOST = 1.1
 
 
 def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuators: Actuators = DEFAULT) -> str:
@@ -207,9 +210,7 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
         effects=effects,
         rivals=_rivals(conclusion.rivals, catalogue),
         indistinguishable=tuple(dict.fromkeys(base_names(group, catalogue) for group in conclusion.tied)),
-        unknown=unknown_cause(first.lack_of_fit, [catalogue[name] for name in accepted.names], conclusion.left_open)
-        if conclusion.verdict == "unknown"
-        else None,
+        unknown=_unknown(conclusion),
         where=notable_places(conclusion.maps[0].places),
         gap=gap.gap,
         next_manoeuvre=conclusion.next_manoeuvre,
@@ -217,6 +218,7 @@ def describe(conclusion: Conclusion, provenance: Mapping[str, Any] | None = None
         tracks=gap.tracks,
         remarks=_remarks(conclusion, effects),
         remainder=remainder_of(conclusion),
+        regimes=tuple(map(regime_in_words, conclusion.regimes)),
         provenance={**(provenance or {}), **_provenance(first)},
     )
     sensors = contradictions(conclusion.sensors) if conclusion.sensors else ()
@@ -292,6 +294,18 @@ def _kept(effect: Varied, when: When, log: Log) -> bool:
 
 def _utc(time_s: float) -> str:
     return datetime.fromtimestamp(round(time_s), UTC).isoformat().replace("+00:00", "Z")
+
+
+def _unknown(conclusion: Conclusion) -> UnknownCause | None:
+    if conclusion.verdict != "unknown":
+        return None
+    accepted = conclusion.accepted
+    if conclusion.withdrawn:
+        names = join_words([plain(each) for each in conclusion.withdrawn])
+        words = f"{names}, but predictions on legs left out are worse with it: a suspect, not an addition"
+        return UnknownCause(conclusion.left_open, (OPERATION,), words)
+    effects = [accepted.evidence.equations.model.catalogue[name] for name in accepted.names]
+    return unknown_cause(conclusion.first.lack_of_fit, effects, conclusion.left_open)
 
 
 def unknown_cause(
@@ -417,6 +431,12 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     if effects and gap.gap.closed < 0.0:
         remarks.append(
             "predictions are no better with what was named: what the model lacks besides is larger, and hides it"
+        )
+    alone = min((each.after_m for each in conclusion.regimes if not each.beside), default=np.inf)
+    if len(effects) > 1 and alone < _ALMOST * gap.gap.after_m:
+        remarks.append(
+            "a force in one regime alone brings predictions almost as close as all that is named: the names may be "
+            "what imitates one effect that is not in the catalogue"
         )
     for each in effects:
         if vessel is not None and each.name in vessel.effects and each.in_vessel:

@@ -22,6 +22,7 @@ from hybrid.diagnosis.result import (
     NamedEffect,
     Place,
     Ratio,
+    Replication,
     Suspect,
     When,
 )
@@ -314,13 +315,23 @@ def correlation_rows(correlation: Correlation) -> list[list[str]]:
     ]
 
 
+REGIMES_NOTE = (
+    "A force in a regime has no theory behind it. regimes.py has each as an effect: given to the next diagnosis "
+    "with --effects it is weighed among all others, and a cause that fits better takes its place."
+)
+
+
+def found_in(replicated: Replication) -> str:
+    """In how many parts of the trial something is found."""
+    return f"found in {replicated.found} of {replicated.parts} parts of the trial by itself"
+
+
 def certainty(effect: NamedEffect) -> str:
     """Family, share of the gap and how sure an effect is."""
     family = effect.family if effect.family == effect.kind else f"{effect.family}, {effect.kind}"
     return (
         f"{family}; {percent(effect.share_of_gap)} of the gap; by chance {chance(effect.p_value)}; "
-        f"log evidence {number(effect.evidence)}; found in {effect.replicated.found} of "
-        f"{effect.replicated.parts} parts of the trial by itself"
+        f"log evidence {number(effect.evidence)}; {found_in(effect.replicated)}"
     )
 
 
@@ -489,6 +500,9 @@ def summary(diagnosis: Diagnosis, ladder: Ladder | None = None) -> Group:
     left = diagnosis.unknown or diagnosis.remainder
     if left is not None:
         lines.append(Text(f"What remains looks like {left.looks_like}."))
+    lines += [Text(f"- {each.sentence}") for each in diagnosis.regimes]
+    if diagnosis.regimes:
+        lines.append(Text(REGIMES_NOTE))
     gap = diagnosis.gap
     if gap.held_out_windows:
         lines.append(

@@ -27,6 +27,11 @@ def report_alike(one: Plant, other: Plant) -> bool:
     return all(getattr(one, name) == getattr(other, name) for name in SETTINGS)
 
 
+def report_late(plant: Plant) -> bool:
+    """Whether a sensor of the plant reports what was before; if not, each sample says what is."""
+    return any((plant.heading_delay_s, plant.position_delay_s, plant.speed_delay_s))
+
+
 def measure(states: ArrayLike, plant: Plant, dt_s: float) -> Floats:
     """States [..., K+1, 6] as the sensors of ``plant`` report them, samples ``dt_s`` apart.
 

@@ -12,6 +12,7 @@ import pandas as pd
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
+from analysis.tables.files import atomic_file
 from analysis.tables.table import refuse_duplicates
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.result import Diagnosis, Extras
@@ -19,6 +20,7 @@ from hybrid.diagnosis.serialisation import write_figure_data
 from hybrid.diagnosis.verdict import Conclusion
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of
+from hybrid.effects.regime import as_file
 from hybrid.report.diagnosis_sentences import describe
 from hybrid.report.diagnosis_words import correction_sentence, model_line, write_report
 from hybrid.vessel.files import save_vessel, with_effects
@@ -125,19 +127,31 @@ def diagnose_files(
 
 
 def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
-    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html``, the numbers behind its figures and, where a
-    calibrator was trained on top, ``ladder.json``, where the model was identified before, ``identified.toml``;
-    files of an earlier diagnosis go. Returns the page's path.
+    """Write ``diagnosis.json``, ``vessel.toml``, ``report.html`` and the numbers behind its figures.
+
+    Where a calibrator was trained on top ``ladder.json``, where the model was identified before
+    ``identified.toml``, and where regimes were found ``regimes.py``; files of an earlier diagnosis go. Returns the
+    page's path.
 
     Raises :class:`StorageError`.
     """
     write_figure_data(run.diagnosis, run.extras, folder)
+    _write_regimes(run.conclusion, folder / "regimes.py")
     if run.refit is None:
         (folder / "identified.toml").unlink(missing_ok=True)
     else:
         save_vessel(run.refit, folder / "identified.toml")
     save_vessel(vessel_with_effects(run.refit or vessel, run.diagnosis), folder / "vessel.toml")
     return write_report(run.diagnosis, run.extras, folder)
+
+
+def _write_regimes(conclusion: Conclusion, path: Path) -> None:
+    found = {each.name: (each.regime, each.value) for each in conclusion.regimes}
+    if not found:
+        path.unlink(missing_ok=True)
+        return
+    with atomic_file(path) as partial:
+        partial.write_text(as_file(found), encoding="utf-8")
 
 
 def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:

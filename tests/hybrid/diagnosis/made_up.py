@@ -69,7 +69,7 @@ def named() -> Diagnosis:
         indistinguishable=(),
         unknown=None,
         where=(Place("sway_force_n", {"heading_deg": (67.5, 112.5)}, 210, 5800.0, 14.2),),
-        gap=Gap(1.4, 0.19, 0.06, 110, 15),
+        gap=Gap(1.4, 0.19, 0.06, 0.9, 110, 15),
         next_manoeuvre=None,
         suspects=SUSPECTS,
         tracks=tracks(),
@@ -85,7 +85,7 @@ def of_verdict(verdict: str) -> Diagnosis:
     """The same with another verdict, nothing in it but what that takes."""
     bare = replace(named(), suspects=(), tracks=None, where=(), rivals=(), provenance={}, remarks=())
     if verdict == "nothing_missing":
-        return replace(bare, verdict="nothing_missing", effects=(), gap=Gap(0.06, 0.06, 0.06, 110, 15))
+        return replace(bare, verdict="nothing_missing", effects=(), gap=Gap(0.06, 0.06, 0.06, 0.9, 110, 15))
     if verdict == "unknown":
         unknown = UnknownCause(
             0.4, ("heading", "place"), "a yaw moment of some 4000 N m that varies with the heading"

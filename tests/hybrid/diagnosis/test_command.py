@@ -99,7 +99,9 @@ def test_the_json_has_the_keys_of_the_contract(done: tuple[dict[str, Any], Path]
     }
     assert all(set(each) == {"value", "low", "high", "unit"} for each in effect["parameters"].values())
     assert all(set(each) == {"channel", "cell", "windows", "error", "z"} for each in said["where"])
-    assert set(said["gap"]) == {"before_m", "after_m", "floor_m", "closed", "held_out_windows"}
+    assert set(said["gap"]) == {
+        "before_m", "after_m", "floor_m", "constant_velocity_m", "closed", "held_out_windows",
+    }  # fmt: skip
 
 
 def test_the_ladder_has_a_file_of_its_own(done: tuple[dict[str, Any], Path]) -> None:

@@ -144,7 +144,8 @@ def test_the_gap_falls_from_before_to_after() -> None:
     """Each effect takes its share of what could be closed, one where the other ends."""
     figure = Figure()
     plots.gap(figure.subplots(), named())
-    before, current, bias, after, floor = list(bars(figure).patches)
+    before, current, bias, after, floor, still = list(bars(figure).patches)
+    assert still.get_width() == pytest.approx(0.9)
     assert before.get_width() == pytest.approx(1.4)
     assert current.get_width() == pytest.approx(0.6 * (1.4 - 0.06))
     assert current.get_x() + current.get_width() == pytest.approx(1.4)

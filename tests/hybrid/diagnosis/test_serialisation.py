@@ -64,7 +64,7 @@ def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
     said = json.loads((tmp_path / DIAGNOSIS).read_text())
     assert list(said) == [
         "verdict", "tolerance", "effects", "rivals", "indistinguishable", "unknown", "where", "gap",
-        "next_manoeuvre", "remarks", "remainder", "identified", "provenance",
+        "next_manoeuvre", "remarks", "remainder", "regimes", "identified", "provenance",
     ]  # fmt: skip
     assert list(said["effects"][0]) == [
         "name", "family", "kind", "share_of_gap", "p_value", "sentence", "parameters", "replicated",
@@ -80,6 +80,7 @@ def test_the_json_has_the_contracts_keys_in_their_order(tmp_path: Path) -> None:
         "before_m": 1.4,
         "after_m": None,
         "floor_m": 0.06,
+        "constant_velocity_m": 0.9,
         "held_out_windows": 110,
         "closed": None,
     }

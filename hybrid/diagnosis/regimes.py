@@ -1,0 +1,311 @@
+"""From what remains to a new effect: the regime of operation that explains most of it, fitted and judged.
+
+Where something systematic remains beside what is named, or nothing can be named, the force that the model lacks
+second by second is searched for the regime in which it acts: astern or ahead, slow or fast, across, with a tunnel
+thruster under way, with the wind from one side. What explains most of one axis' force in parts of the trial that
+had no part in its size becomes an effect like any other (:mod:`hybrid.effects.regime`): it is fitted together with
+what is named, and kept where it is there in most parts of the trial and brings predictions closer on legs left out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TypeAlias
+
+import numpy as np
+
+from acquisition.core.arrays import Floats, Ints
+from hybrid.diagnosis.acceptance import Acceptance, overdispersion
+from hybrid.diagnosis.coarse_model import (
+    MOST_PARTS,
+    replications,
+    sizes_without,
+    worth_it,
+)
+from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
+from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
+from hybrid.diagnosis.linearise import linearise
+from hybrid.diagnosis.map import map_of, round_edges
+from hybrid.diagnosis.nuisance_basis import AXES, FEW
+from hybrid.diagnosis.result import Replication
+from hybrid.diagnosis.select_effects import fitted_coordinates
+from hybrid.effects import Effect
+from hybrid.effects.regime import MOST, Regime, quantities_along, regime_effect
+
+_LEAST_S = 30  # of a regime: half a minute of a force that changes with the ship's own time constant
+_LEAST_SHARE = 0.1  # of an axis' force that the model lacks
+_LARGE_SHARE, _FEW = 0.3, 2  # of the model as it is: its largest causes
+_PLAIN = 0.02  # of that share, which a steeper growth or one more edge has to bring
+_SECOND = 0.05  # of it, which a second span has to bring
+_GROWING = ("speed_mps", "sway_mps", "yaw_rate_dps", "rpm", "wind_mps")
+_FINEST = {
+    "speed_mps": 0.25, "surge_mps": 0.25, "sway_mps": 0.25, "yaw_rate_dps": 0.25, "wind_mps": 1.0,
+    "drift_angle_deg": 5.0, "azimuth_deg": 5.0, "rudder_deg": 2.0, "nozzle_deg": 2.0,
+}  # fmt: skip
+_FINEST_RPM = 10.0
+_ONLY_RUNNING = ("azimuth_deg", "nozzle_deg")  # the angle of what does not push means nothing
+
+
+@dataclass(frozen=True, slots=True)
+class FoundRegime:
+    """A regime, the effect that it is written as, and what the data say of that.
+
+    ``value`` and ``error`` are the force (N, or N m in yaw) and its standard error; ``share`` is that of the axis'
+    force that the model lacks, ``after_m`` the mean distance on legs left out with this effect ``beside`` others.
+    """
+
+    name: str
+    regime: Regime
+    value: float
+    error: float
+    share: float
+    replicated: Replication
+    after_m: float
+    beside: tuple[str, ...]
+
+
+_Priced: TypeAlias = tuple[Regime, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Explained:
+    """A regime, its force, the share that it explains, and what it has to explain more than the plainest."""
+
+    regime: Regime
+    size: float
+    share: float
+    price: float
+
+    @property
+    def worth(self) -> float:
+        return self.share - self.price
+
+
+def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) -> list[tuple[Regime, float, float]]:
+    """The regime that explains most of each axis of ``force`` [T, 3], its force and its share; the largest first.
+
+    ``quantities`` are [T] each, ``fold`` [T] the part of the trial that each second is in: a share is that of parts
+    that had no part in the size. None of an axis where nothing explains a tenth of it.
+    """
+    tried = list(_candidates(quantities))
+    best = [_narrowed(each, tried, quantities, force, fold) for each in _best(tried, quantities, force, fold)]
+    return sorted(((each.regime, each.size, each.share) for each in best), key=lambda each: -each[2])
+
+
+def _narrowed(
+    found: _Explained, tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
+) -> _Explained:
+    """A regime with a second span, where that explains so much more."""
+    more = [
+        (replace(found.regime, within={**found.regime.within, **other.within}), found.price + _SECOND)
+        for other, _ in tried
+        if other.grows_with is None and found.regime.within and not {*other.within} & {*found.regime.within}
+    ]
+    same = [each for each in _best(more, quantities, force, fold) if each.regime.axis == found.regime.axis]
+    return max([found, *same], key=lambda each: each.worth)
+
+
+def _candidates(quantities: Mapping[str, Floats]) -> Iterator[_Priced]:
+    """Regimes of one span, or of none, and what each has to explain more than the plainest."""
+    growing = {
+        name: _round(values) for name, values in quantities.items() if name in _GROWING or name.endswith("_rpm")
+    }
+    for growth, at in growing.items():
+        yield Regime("", {}, growth, at), _PLAIN
+    for name, values in quantities.items():
+        for span, price in _spans(name, values):
+            if name not in _ONLY_RUNNING:
+                yield Regime("", {name: span}), price
+            for growth, at in growing.items():
+                side = -1.0 if growth == name and span[1] <= 0.0 else 1.0
+                yield Regime("", {name: span}, growth, side * at), price + _PLAIN
+
+
+def _spans(name: str, values: Floats) -> Iterator[tuple[tuple[float, float], float]]:
+    """Either side of zero, either side of each round edge, between two of them."""
+    known = values[np.isfinite(values)]
+    if len(known) < _LEAST_S:
+        return
+    if name == "relative_wind_deg":
+        yield from ((arc, _PLAIN) for arc in itertools.combinations(np.arange(-180.0, 181.0, 45.0).tolist(), 2))
+        return
+    low, high = (float(each) for each in np.quantile(known, (0.02, 0.98)))
+    edges = round_edges(low, high, _FINEST.get(name, _FINEST_RPM)).tolist()
+    for edge, price in [*([(0.0, 0.0)] if low < 0.0 < high else []), *((each, _PLAIN) for each in edges)]:
+        yield (-inf, edge), price
+        yield (edge, inf), price
+    for pair in itertools.pairwise(edges):
+        yield pair, 2.0 * _PLAIN
+
+
+def _round(values: Floats) -> float:
+    """A round number near the largest size of a quantity."""
+    size = float(np.nanquantile(np.abs(values), 0.95))
+    return float(f"{size:.1g}") if size > 0.0 else 1.0
+
+
+def shape_of(regime: Regime, quantities: Mapping[str, Floats]) -> Floats:
+    """The share of its force that acts second by second [T]."""
+    shape = np.ones(len(next(iter(quantities.values()))))
+    if regime.grows_with is not None:
+        growth = quantities[regime.grows_with]
+        shape = growth * np.abs(growth) / (regime.at * abs(regime.at))
+    for name, (low, high) in regime.within.items():
+        with np.errstate(invalid="ignore"):
+            shape = np.where((quantities[name] >= low) & (quantities[name] < high), shape, 0.0)
+    return np.asarray(shape)
+
+
+def _best(
+    tried: Sequence[_Priced], quantities: Mapping[str, Floats], force: Floats, fold: Ints
+) -> list[_Explained]:
+    """For each axis the regime whose share less its price is largest, where any explains enough."""
+    if not tried:
+        return []
+    shapes = np.column_stack([shape_of(regime, quantities) for regime, _ in tried])
+    price = np.array([each for _, each in tried])
+    size, share, alike = explained(shapes, force, fold)
+    enough = alike & (np.count_nonzero(shapes, axis=0) >= _LEAST_S)[:, None] & (share > _LEAST_SHARE)
+    worth = np.where(enough, share - price[:, None], -inf)
+    result = []
+    for axis, number in enumerate(np.argmax(worth, axis=0).tolist()):
+        if enough[number, axis]:
+            regime = replace(tried[number][0], axis=AXES[axis])
+            result.append(_Explained(regime, float(size[number, axis]), float(share[number, axis]), price[number]))
+    return result
+
+
+def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats, Floats]:
+    """What each of ``shapes`` [T, M] explains of ``force`` [T, 3]: its size, its share, and whether parts agree.
+
+    [M, 3] each. The share is that of the squares in each part with the size of all others; most parts agree in
+    sign.
+    """
+    parts = [fold == each for each in np.unique(fold)]
+    products = np.array([shapes[part].T @ force[part] for part in parts])
+    squares = np.array([(shapes[part] ** 2).sum(axis=0) for part in parts])[:, :, None]
+    whole, norm = products.sum(axis=0), np.maximum(squares.sum(axis=0), 1e-12)
+    others = (whole - products) / np.maximum(norm - squares, 1e-12)
+    taken = (2.0 * others * products - others**2 * squares).sum(axis=0)
+    share = taken / np.maximum((force**2).sum(axis=0), 1e-12)
+    agree = (np.sign(products) == np.sign(whole)).mean(axis=0) >= MOST_PARTS
+    return whole / norm, share, agree
+
+
+def largest_regimes(first: Acceptance, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
+    """Where the model as it is lacks most, whatever is named of it.
+
+    Without the effect that is missing, a search names what imitates it.
+    """
+    return regimes_beside(replace(first, names=(), tests={}), windows, least=_LARGE_SHARE, most=_FEW)
+
+
+def regimes_beside(
+    accepted: Acceptance, windows: UnseenWindows, least: float = _LEAST_SHARE, most: int = MOST
+) -> tuple[FoundRegime, ...]:
+    """Regimes to be added to what is accepted, one after the other, as long as predictions on legs left out get
+    closer.
+
+    Each explains at least a share ``least`` of an axis' force that is missing; ``most`` at once.
+    """
+    found, now = list[FoundRegime](), _Fitted.of(accepted.evidence, accepted.names, windows)
+    while len(found) < most:
+        likely = [each for each in _lacking(now.evidence) if each[2] >= least]
+        better = next(filter(None, (_added(now, windows, *each) for each in likely)), None)
+        if better is None:
+            break
+        found.append(better[0])
+        now = _Fitted.of(better[1].evidence, better[1].names, windows)
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """Effects, the evidence linear about them, and the mean distance by leg with them [legs with windows]."""
+
+    names: tuple[str, ...]
+    evidence: Evidence
+    off_m: Floats
+
+    @classmethod
+    def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows, *more: Effect) -> _Fitted:
+        """``names`` and ``more`` effects beside them, fitted."""
+        linear = _linear_with(evidence, names, *more)
+        every = (*names, *(each.name for each in more))
+        return cls(every, linear, _off_m(windows, linear, every))
+
+
+def _added(
+    now: _Fitted, windows: UnseenWindows, regime: Regime, size: float, share: float
+) -> tuple[FoundRegime, _Fitted] | None:
+    """A regime fitted beside what there is; None where it brings too little or is not there throughout."""
+    effect = regime_effect(_name_of(regime), regime, size)
+    if effect.name in now.names:
+        return None
+    fitted = _Fitted.of(now.evidence, now.names, windows, effect)
+    parts = tuple(evidence_within(windows, fitted.evidence).values())
+    replicated = replications(fitted.evidence, fitted.names, parts)[effect.name]
+    if not worth_it(now.off_m, fitted.off_m) or replicated.found < MOST_PARTS * replicated.parts:
+        return None
+    value, error = _size(fitted, effect.name)
+    after_m = float(fitted.off_m.mean())
+    found = FoundRegime(effect.name, regime, value, error, share, replicated, after_m, now.names)
+    return found, fitted
+
+
+def _size(fitted: _Fitted, name: str) -> tuple[float, float]:
+    """The size of an effect of one parameter and its standard error, over the scatter from leg to leg."""
+    evidence, names = fitted.evidence, fitted.names
+    fit = evidence.fit(names, prior=True)
+    (place,) = evidence.places(fit, name)
+    rest = tuple(each for each in names if each != name)
+    own, others, every = (np.array(evidence.columns(some), dtype=int) for some in ([name], rest, names))
+    spread = max(1.0, float(overdispersion(evidence.equations, own, others, every).max()))
+    return float(fit.values[place]), float(np.sqrt(spread * fit.covariance[place, place]))
+
+
+def _lacking(evidence: Evidence) -> list[tuple[Regime, float, float]]:
+    """The regimes in which the model with what is added lacks most."""
+    log, linear = evidence.equations.log, evidence.equations.linear
+    seen = quantities_along(log.actuators, linear.origin, log.controls.mean(axis=1), log.wind)
+    return find_regimes(seen, map_of(evidence.equations, with_effects=True).force, fold_of(log))
+
+
+def _linear_with(evidence: Evidence, names: Sequence[str], *more: Effect) -> Evidence:
+    """The evidence with the equations linear about ``names`` at their sizes, and ``more`` in the catalogue."""
+    equations = evidence.equations
+    catalogue = {**equations.model.catalogue, **{each.name: each for each in more}}
+    model = replace(equations.model, catalogue=catalogue, at=fitted_coordinates(evidence, names))
+    linearisation = linearise(equations.log, model, equations.tolerance)
+    return evidence_of(normal_equations(linearisation, equations.noise, number=FEW))
+
+
+def _off_m(windows: UnseenWindows, evidence: Evidence, names: Sequence[str]) -> Floats:
+    """The mean distance by leg with ``names`` at the sizes that all other folds give [legs with windows]."""
+    catalogue = evidence.equations.model.catalogue
+    known = replace(windows, model=replace(windows.model, catalogue=catalogue))
+    return known.by_leg_m(known.by_other_folds(sizes_without(evidence_without(known, evidence), names)))
+
+
+def _name_of(regime: Regime) -> str:
+    """A name by the axis and the regime: ``surge_force_rpm_below_0``."""
+    spans = [_span_name(each, *span) for each, span in regime.within.items()]
+    growth = [] if regime.grows_with is None or spans else [f"with_{_bare(regime.grows_with)}"]
+    return "_".join([regime.axis, "moment" if regime.axis == "yaw" else "force", *(spans or growth)])
+
+
+def _span_name(quantity: str, low: float, high: float) -> str:
+    name, (begin, end) = (
+        _bare(quantity),
+        (f"{each:g}".replace("-", "minus_").replace(".", "p") for each in (low, high)),
+    )
+    if low == -inf:
+        return f"{name}_below_{end}"
+    return f"{name}_above_{begin}" if high == inf else f"{name}_{begin}_to_{end}"
+
+
+def _bare(quantity: str) -> str:
+    return quantity.removesuffix("_mps").removesuffix("_deg").removesuffix("_dps")
