@@ -66,8 +66,7 @@ class Conclusion:
     ``composites`` are groups that may be one effect which is not in the catalogue, ``tied`` all groups that these
     data cannot tell apart; ``replicated`` says of each named effect in how many parts of the trial it is found by
     itself; ``regimes`` are where most of what remains acts; ``withdrawn`` are effects that explain the record and
-    make predictions worse. ``suspects`` rank every effect by itself; ``maps`` show
-    the model before and after.
+    make predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
     """
 
     verdict: Verdict
