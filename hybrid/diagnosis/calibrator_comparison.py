@@ -18,6 +18,7 @@ from acquisition.core.errors import DataShortageError
 from acquisition.core.progress import Progress, part_of
 from analysis.windows.recordings import trial_names
 from hybrid.calibrators.train import METHOD
+from hybrid.diagnosis.course import courses
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
@@ -48,9 +49,12 @@ def compare_calibrators(
 ) -> Ladder:
     """The ladder of a diagnosis, on the recordings that it was made from, read as they were for it.
 
-    Where too few windows are held the ladder has no rungs and says why.
+    Where too few windows are held, or what was named is another in another part of the trial, the ladder has no
+    rungs and says why.
     """
     equations = conclusion.accepted.evidence.equations
+    if any(courses(at, equations.model.catalogue) for at in conclusion.gap.without.values()):
+        return Ladder(HORIZON_S, METHOD, why_not="what was named is not the same in all of the trial")
     try:
         dataset = load_dataset(
             files, HORIZON_S, STRIDE_S, part_percent, repair=repair or rebuild_positions,

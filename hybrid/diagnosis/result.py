@@ -99,6 +99,15 @@ class NamedEffect:
     drift: Drift | None = None
     in_vessel: bool = True
 
+    @property
+    def part(self) -> str:
+        """The part of the trial that the sizes are of, for a table; nothing where it is all of it."""
+        if self.when is None:
+            return "" if self.drift is None else f" at {self.drift.until}"
+        if self.when.recording is not None:
+            return f" in {self.when.recording}"
+        return f" until {self.when.until}" if self.when.until else f" since {self.when.since}"
+
 
 @dataclass(frozen=True, slots=True)
 class Rival:
@@ -310,7 +319,7 @@ class Diagnosis:
         """The verdict, the effects with their 95 % intervals and the gap, as a short table."""
         lines = [f"{self.verdict.replace('_', ' ')}, {100.0 * self.tolerance:g} % of the force range granted"]
         rows = [
-            (each.name, name, f"{size.value:.4g}", f"{size.low:.4g} to {size.high:.4g}", size.unit)
+            (f"{each.name}{each.part}", name, f"{size.value:.4g}", f"{size.low:.4g} to {size.high:.4g}", size.unit)
             for each in self.effects
             for name, size in each.parameters.items()
         ]

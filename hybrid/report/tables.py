@@ -296,7 +296,7 @@ def _family_table(name: str, catalogue: Catalogue) -> Table:
 
 
 def _effect_name(effect: Effect) -> Text:
-    return Text.assemble(effect.name, "\n", (effect.kind, "dim"))
+    return Text.assemble(effect.name, "\n", (f"{effect.kind}, {effect.scope}", "dim"))
 
 
 def _effect_text(effect: Effect) -> Text:

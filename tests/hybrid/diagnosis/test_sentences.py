@@ -10,10 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from acquisition.core.actuators import Actuator, Actuators
-from hybrid.diagnosis.result import Estimate
-from hybrid.effects import CATALOGUE
+from hybrid.diagnosis.course import Course, varied
+from hybrid.diagnosis.result import Drift, Estimate, NamedEffect, Replication, When
+from hybrid.effects import CATALOGUE, vessel_plant
 from hybrid.effects.catalogue import catalogue_for
-from hybrid.report.diagnosis_sentences import sentence
+from hybrid.report.diagnosis_sentences import in_parts, sentence
+from hybrid.vessel.files import load_vessel
+from tests.hybrid.diagnosis.log_by_hand import a_log
 
 
 def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) -> str:
@@ -120,3 +123,66 @@ def test_an_effect_of_the_users_own_is_said_by_its_name() -> None:
     own = replace(CATALOGUE["towed_load"], name="drogue")
     text = sentence(own, {"force_n": Estimate(800.0, 700.0, 900.0, "N")}, 0.5)
     assert text.startswith("The model lacks drogue: force 800 N (700-900)")
+
+
+def parts_of(name: str, course: Course, *sizes: dict[str, Estimate]) -> list[NamedEffect]:
+    """An effect with these sizes in the parts of a trial that began at noon."""
+    log = replace(
+        a_log(vessel_plant(load_vessel("gunnerus_short")), 20), names=("/a/monday.mcap", "/a/thursday.mcap")
+    )
+    log = replace(log, time_s=np.arange(20) + NOON_S, recording=np.repeat([0, 1], 10))
+    changed = varied(CATALOGUE[name], course)
+    whole = NamedEffect(
+        name, changed.family, changed.kind, 0.5, 1e-9, "", sizes[-1], Replication(4, 4), 90.0, changed.scope
+    )
+    return in_parts(whole, changed, sizes, log)
+
+
+NOON_S = 1_788_264_000  # 1 September 2026
+FORCE = {"force_n": Estimate(3800.0, 3400.0, 4100.0, "N")}
+SLOW, FAST = (
+    {
+        "speed_mps": Estimate(size, 0.9 * size, 1.1 * size, "m/s"),
+        "direction_deg": Estimate(90.0, 80.0, 100.0, "deg"),
+    }
+    for size in (0.1, 0.4)
+)
+
+
+def test_what_stops_is_said_with_its_time() -> None:
+    course = Course("until", (NOON_S + 600.0,), (NOON_S + 540.0, NOON_S + 660.0))
+    (said,) = parts_of("towed_load", course, FORCE)
+    assert said.sentence.startswith(
+        "Until 12:10 on 1 Sep UTC (12:09 to 12:11): something holds the ship back with a steady 3,800 N (3,400-"
+    )
+    assert said.when == When(until="2026-09-01T12:10:00Z", low="2026-09-01T12:09:00Z", high="2026-09-01T12:11:00Z")
+    assert not said.in_vessel
+
+
+def test_a_step_has_a_size_before_and_one_after_and_the_last_stays() -> None:
+    before, after = parts_of("ocean_current", Course("step", (NOON_S + 600.0,)), SLOW, FAST)
+    assert before.when is not None
+    assert after.when is not None
+    assert before.when.until == after.when.since
+    assert (before.in_vessel, after.in_vessel) == (False, True)
+
+
+def test_a_drift_is_said_from_when_to_when() -> None:
+    (said,) = parts_of("ocean_current", Course("drift", (NOON_S, NOON_S + 3600.0)), SLOW, FAST)
+    assert "At 12:00 on 1 Sep UTC: the ship drifts with a current of 0.1 m/s" in said.sentence
+    assert "drifting evenly; at 13:00 on 1 Sep UTC: the ship drifts with a current of 0.4 m/s" in said.sentence
+    assert said.drift == Drift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", SLOW)
+    assert said.parameters == FAST
+    assert said.in_vessel
+
+
+@pytest.mark.parametrize(("name", "kept"), [("ocean_current", [False, False]), ("hull_fouling", [False, True])])
+def test_what_differs_between_recordings_stays_with_them_unless_it_is_the_ships(
+    name: str, kept: list[bool]
+) -> None:
+    """Of the ship's own the last is hers."""
+    sizes = (SLOW, FAST) if name == "ocean_current" else ({"resistance_factor": Estimate(1.2, 1.1, 1.3, "1")},) * 2
+    said = parts_of(name, Course("recordings", (0, 1)), *sizes)
+    assert [each.in_vessel for each in said] == kept
+    assert [each.when and each.when.recording for each in said] == ["monday.mcap", "thursday.mcap"]
+    assert said[0].sentence.startswith("In monday.mcap: the ")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from acquisition.core.errors import InputError
-from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Extras, Tracks
+from hybrid.diagnosis.result import Consistency, Correlation, Diagnosis, Drift, Extras, Tracks, When
 from hybrid.diagnosis.serialisation import DIAGNOSIS, LADDER, MAP, SHOWN, TRACKS, read_diagnosis, write_figure_data
 from hybrid.report.diagnosis_words import page_of
-from tests.hybrid.diagnosis.made_up import a_ladder, a_map, named, of_verdict
+from tests.hybrid.diagnosis.made_up import CURRENT, a_ladder, a_map, named, of_verdict
 
 SENSORS = Consistency("heading_bias", (-1.5,), (0.1,), 1e-6, ("speed_sensor_rotation",), "They disagree.")
 CORRELATION = Correlation(("ocean current, 1", "heading bias"), np.array([[1.0, -0.97], [-0.97, 1.0]]))
@@ -107,3 +107,24 @@ def test_a_folder_without_a_diagnosis_or_of_another_version_is_one_clear_error(t
     (tmp_path / SHOWN).write_text(json.dumps(shown))
     with pytest.raises(InputError, match=r"not what this version writes.*evidence"):
         read_diagnosis(tmp_path)
+
+
+def test_the_parts_of_a_trial_come_back_and_stand_on_the_page(tmp_path: Path) -> None:
+    """A current of its own in each recording, one that stopped and one that drifted."""
+    parts = (
+        replace(CURRENT, scope="day", when=When(recording="monday.mcap"), in_vessel=False),
+        replace(CURRENT, when=When(until="2026-09-01T12:10:00Z"), in_vessel=False),
+        replace(CURRENT, drift=Drift("2026-09-01T12:00:00Z", "2026-09-01T13:00:00Z", CURRENT.parameters)),
+    )
+    diagnosis = replace(named(), effects=parts)
+    again, extras = back(diagnosis, ALL, tmp_path)
+    assert again.effects == parts
+    html = page_of(again, extras).html
+    for words in (
+        "ocean current, in monday.mcap",
+        "ocean current, until 12:10 on 1 Sep UTC",
+        "as at the end of the trial",
+    ):
+        assert words in html
+    assert html.count("<h1>The model lacks ocean current</h1>") == 1
+    assert "ocean_current in monday.mcap" in str(again)
