@@ -21,6 +21,7 @@ from hybrid.vessel.effect import Effect
 
 Shape = Literal["recordings", "until", "since", "step", "drift"]
 
+_MOST = 0.5  # of the time has to be in recordings of which a part can be left out
 _LEVELS = 24
 """Steps in which a drift is followed where the equations are made linear; between them by its slope."""
 
@@ -103,10 +104,13 @@ def varied(effect: Effect, course: Course) -> Varied:
 def with_recordings(catalogue: Catalogue, log: Log) -> Catalogue:
     """The catalogue with what may have a size of its own in each of several recordings: the sea's and the sensors'.
 
-    The catalogue itself where there is one recording.
+    The catalogue itself where there is one recording, or most of the time is in recordings of one leg: there is no
+    other from which a size of their own could predict it.
     """
     recordings = tuple(np.unique(log.recording).tolist())
-    if len(recordings) < 2:
+    legs = {each: np.unique(log.leg[log.recording == each]).size for each in recordings}
+    judged = np.isin(log.recording, [each for each in recordings if legs[each] > 1])
+    if len(recordings) < 2 or judged.mean() < _MOST:
         return catalogue
     course = Course("recordings", recordings)
     own = [varied(each, course) for each in catalogue.values() if each.scope != "ship"]

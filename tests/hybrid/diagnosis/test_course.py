@@ -119,6 +119,11 @@ def test_one_recording_has_the_catalogue_as_it_is(log: Log) -> None:
     assert with_recordings(CATALOGUE, one) is CATALOGUE
 
 
+def test_recordings_too_short_to_be_judged_have_no_size_of_their_own(log: Log) -> None:
+    """Of one leg each: nothing of such a recording can predict the rest of it."""
+    assert with_recordings(CATALOGUE, replace(log, leg=log.recording)) is CATALOGUE
+
+
 def test_only_what_is_the_days_or_the_recordings_may_differ_between_recordings(log: Log) -> None:
     catalogue = with_recordings(CATALOGUE, log)
     changing = {catalogue[name].base for name in catalogue if name not in CATALOGUE}
