@@ -56,6 +56,8 @@ _LOOKS, _ROUNDS = 4, 3  # at the equations made linear anew, in the search and i
 _TRIED = 12  # effects beside those that are named, the likeliest
 _AS_LIKELY_AS_NOT = 0.5
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
+_TOLD = 2.0 * _SURE  # standard errors: what is so large stands out in 95 of 100 parts
+_FEWEST_PARTS = 2  # that have to tell
 
 MOST_PARTS = 0.75
 """Of the parts of a trial: in so many an effect has to be found by itself."""
@@ -209,19 +211,25 @@ def worth_it(without_m: Floats, with_m: Floats) -> bool:
 
 
 def replications(evidence: Evidence, names: Sequence[str], parts: Collection[Evidence]) -> dict[str, Replication]:
-    """How ``names``, fitted to each of ``parts`` alone, agree in sign with the fit to all."""
+    """How ``names``, fitted to each of ``parts`` alone, agree in sign with the fit to all.
+
+    Only parts count that can tell, of which there have to be two: a run ahead says nothing of a thrust astern.
+    """
     whole = fitted_coordinates(evidence, names)
     fits = [(part, part.fit(names, prior=True)) for part in parts]
 
-    def found(name: str) -> int:
-        along = np.array(whole[name]) / max(float(np.linalg.norm(whole[name])), 1e-300)
-        return sum(_stands_out(part, fit, name, along) for part, fit in fits)
+    def judged(name: str) -> Replication:
+        size = max(float(np.linalg.norm(whole[name])), 1e-300)
+        seen = [_standing(part, fit, name, np.array(whole[name]) / size) for part, fit in fits]
+        told = [own for own, error in seen if size > _TOLD * error or abs(own) > _SURE * error]
+        if len(told) < _FEWEST_PARTS:
+            told = [own for own, _ in seen]
+        return Replication(len(told), sum(own > _SURE * error for own, error in seen))
 
-    return {name: Replication(len(parts), found(name)) for name in names}
+    return {name: judged(name) for name in names}
 
 
-def _stands_out(part: Evidence, fit: Fit, name: str, along: Floats) -> bool:
-    """Whether an effect is there in a part of a trial, in the direction that it has in the whole."""
+def _standing(part: Evidence, fit: Fit, name: str, along: Floats) -> tuple[float, float]:
+    """The size of an effect in a part of a trial, in the direction that it has in the whole, and its error."""
     places = part.places(fit, name)
-    error = np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along)
-    return bool(along @ fit.values[places] > _SURE * error)
+    return float(along @ fit.values[places]), float(np.sqrt(along @ fit.covariance[np.ix_(places, places)] @ along))

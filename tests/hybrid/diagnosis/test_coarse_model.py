@@ -15,6 +15,7 @@ from hybrid.diagnosis.coarse_model import _Choice, is_coarse, replications
 from hybrid.diagnosis.diagnose import diagnose
 from hybrid.diagnosis.evidence import Evidence, evidence_of
 from hybrid.diagnosis.nuisance_basis import OPERATION
+from hybrid.diagnosis.result import Replication
 from hybrid.effects import CATALOGUE
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -47,6 +48,17 @@ def test_nothing_replicates_of_nothing(plant: Plant) -> None:
     evidence = evidence_of(design.equations(design.data(np.random.default_rng(74))))
     assert replications(evidence, (), parts_of(evidence)) == {}
     assert replications(evidence, ("yaw_inertia",), parts_of(evidence))["yaw_inertia"].found < 4
+
+
+def test_parts_in_which_an_effect_would_not_show_say_nothing_of_it(plant: Plant) -> None:
+    design = a_design(plant, 8, 71, sigmas=60.0)
+    equations = design.equations(design.data(np.random.default_rng(72), {"heading_bias": (1.5,)}))
+    gram, own = equations.gram.copy(), design.layout.of("heading_bias")
+    silent = np.flatnonzero(PARTS[2] | PARTS[3])
+    for column in own:
+        gram[silent, column, :] = gram[silent, :, column] = 0.0
+    evidence = evidence_of(replace(equations, gram=gram))
+    assert replications(evidence, ("heading_bias",), parts_of(evidence)) == {"heading_bias": Replication(2, 2)}
 
 
 @pytest.mark.parametrize(("depends", "times", "coarse"), [
