@@ -73,8 +73,14 @@ def quantities(log: Log, origin: Floats) -> dict[str, Floats]:
         "heading_deg": np.degrees(origin[:, 2]) % 360.0,
         "relative_wind_deg": np.where(windy, from_deg, np.nan),
         **_settings(log),
-        "time_s": (log.time_s - log.time_s[0]).astype(float),
+        "time_s": recorded_s(log),
     }
+
+
+def recorded_s(log: Log) -> Floats:
+    """The time since the log began [T] in s, without what lies between one recording and the next."""
+    between = np.where(np.diff(log.recording) != 0, np.diff(log.time_s) - 1, 0)
+    return np.asarray(log.time_s - log.time_s[0] - np.append(0, np.cumsum(between)), dtype=np.float64)
 
 
 def _settings(log: Log) -> dict[str, Floats]:

@@ -17,6 +17,7 @@ from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model, linear_model, linearise, signatures
 from hybrid.diagnosis.log import Log
+from hybrid.diagnosis.map import recorded_s
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.plant import Plant
@@ -78,6 +79,14 @@ def test_the_parts_of_a_trial_add_up_to_it(log: Log) -> None:
             np.testing.assert_allclose(each.sum(axis=1), 1.0)
         for block in range(4):
             assert np.ptp(levels[log.block == block], axis=0).max() < 1e-12
+
+
+def test_the_map_counts_the_time_that_was_recorded(log: Log) -> None:
+    """Days that lie between two recordings are in no cell; within one the clock goes on as it is."""
+    np.testing.assert_array_equal(recorded_s(log), np.arange(len(log)))
+    one = log.subset(log.recording == 1)
+    late = replace(one, time_s=one.time_s + 30 * (np.arange(len(one)) > 9))
+    np.testing.assert_array_equal(recorded_s(late), late.time_s - late.time_s[0])
 
 
 def test_until_and_since_are_the_two_parts_of_a_step(log: Log) -> None:
