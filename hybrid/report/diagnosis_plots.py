@@ -119,7 +119,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
     whole = diagnosis.gap
     could = whole.before_m - whole.floor_m
     steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
-             for each in diagnosis.effects]  # fmt: skip
+             for each in {part.name: part for part in diagnosis.effects}.values()]  # fmt: skip
     names, starts, widths, colours = ["before"], [0.0], [whole.before_m], [INK]
     level = whole.before_m
     for name, fall, colour in steps:

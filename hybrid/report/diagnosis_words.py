@@ -290,10 +290,14 @@ def title_of(effect: NamedEffect) -> str:
 
 def left_with_recordings(diagnosis: Diagnosis) -> str:
     """What of it the vessel file does not have, or has as it is at the end; empty where nothing changes."""
-    gone = [title_of(each) for each in diagnosis.effects if not each.in_vessel]
-    last = [plain(each.name) for each in diagnosis.effects if each.drift is not None]
-    said = [f"not {join_words(gone)}"] if gone else []
-    said += [f"{join_words(last)} as at the end of the trial"] if last else []
+    kept = {each.name for each in diagnosis.effects if each.in_vessel}
+    partly = [each for each in diagnosis.effects if each.when is not None or each.drift is not None]
+    gone, last = (
+        list(dict.fromkeys(plain(each.name) for each in partly if (each.name in kept) is there))
+        for there in (False, True)
+    )
+    said = [f"no {join_words(gone, 'or')}"] if gone else []
+    said += [f"the {join_words(last)} of the end of the trial"] if last else []
     return f"The vessel file has what is the ship's and is there at the end: {', and '.join(said)}." if said else ""
 
 

@@ -12,7 +12,7 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder
+from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, When
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
 from hybrid.report.diagnosis_words import model_line, page_of, verdict_sentence, write_report
@@ -151,6 +151,17 @@ def test_the_gap_falls_from_before_to_after() -> None:
     assert current.get_x() + current.get_width() == pytest.approx(1.4)
     assert bias.get_x() + bias.get_width() == pytest.approx(current.get_x())
     assert [each.get_width() for each in (after, floor)] == pytest.approx([0.19, 0.06])
+
+
+def test_an_effect_of_two_parts_takes_its_share_off_once() -> None:
+    """Both parts carry the share of the whole."""
+    parts = tuple(replace(CURRENT, when=When(recording=name)) for name in ("monday.mcap", "thursday.mcap"))
+    bars = []
+    for effects in ((CURRENT, BIAS), (*parts, BIAS)):
+        axes = Figure().subplots()
+        plots.gap(axes, replace(named(), effects=effects))
+        bars.append([patch.get_width() for patch in axes.patches])
+    assert bars[0] == bars[1]
 
 
 def test_the_ranking_marks_what_was_named() -> None:
