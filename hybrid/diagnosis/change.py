@@ -35,6 +35,7 @@ from hybrid.vessel.effect import Effect
 _STEP_S = 10  # between the times at which a change is tried
 _MOST_PARTS = 120  # of a trial that are looked at by themselves: more only take memory
 _LIKELIEST = 4  # effects that a whole search is made with
+_MUCH = 0.5  # of what all else explains: so much a change has to, where a model seems coarse for want of it
 _INTERVAL = 1.92  # log likelihood that the ends of a 95 % interval lack
 
 
@@ -42,11 +43,11 @@ def may_change(accepted: Acceptance) -> bool:
     """Whether what the named effects leave is another at another time, or may be another in another recording; or
     whether an effect that changes leaves anything: then it is likely another that does.
 
-    Of a coarse model nobody can tell: what it leaves is another at every other speed.
+    What a coarse model leaves is another at every other speed: there only what goes with time counts.
     """
-    if is_coarse(accepted):
-        return False
     equations = accepted.evidence.equations
+    if is_coarse(accepted):
+        return any(each.depends == "time" for each in accepted.lack_of_fit)
     any_may = np.ptp(equations.log.recording) > 0 or courses(accepted.names, equations.model.catalogue)
     return any(any_may or each.depends == "time" for each in accepted.lack_of_fit)
 
@@ -59,9 +60,14 @@ def likeliest_change(accepted: Acceptance) -> Varied | None:
     parts = _parts_of(accepted.evidence.equations)
     tried = [_best_courses(parts, name, accepted.names) for name in _steady(parts)]
     likely = sorted(tried, key=lambda each: -max(each))[:_LIKELIEST]
-    odds = {change: _odds_with(parts, change) for each in likely for change in each.values()}
+    known = parts.evidence.names  # an effect that changed in this way once already is not tried again
+    new = [change for each in likely for change in each.values() if change.name not in known]
+    odds = {change: _odds_with(parts, change) for change in new}
+    if not odds:
+        return None
     best = max(odds, key=odds.__getitem__)
-    if odds[best] < parts.evidence.log_odds(search_effects(parts.evidence)) + CLOSE:
+    steady = parts.evidence.log_odds(search_effects(parts.evidence))
+    if odds[best] < steady + max(CLOSE, _MUCH * steady if is_coarse(accepted) else 0.0):
         return None
     alike = [each for each in odds if each.base == best.base and odds[each] > odds[best] - CLOSE]
     return min(alike, key=lambda each: (each.course.pieces, -odds[each]))

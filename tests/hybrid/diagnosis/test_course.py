@@ -183,6 +183,14 @@ def test_a_current_that_sets_in_is_found(plant: Plant) -> None:
     assert (change.base, change.course.shape) == ("ocean_current", "since")
 
 
+def test_what_changed_once_is_not_looked_for_again_in_the_same_way(plant: Plant) -> None:
+    """A catalogue that has a tow until one time already is no error, and gets no second."""
+    log = behind([a_log(each, 160, (80,)) for each in (plant.shifted(constant_X_n=-5e3),) * 2 + (plant,) * 2], 160)
+    known = varied(CATALOGUE["towed_load"], Course("until", (float(log.time_s[300]),)))
+    change = likeliest_change(Acceptance((), {}, evidence_in(log, Model(plant, {**FEW, known.name: known}))))
+    assert change is None or change.name != known.name
+
+
 def test_nothing_has_changed_where_nothing_has(plant: Plant) -> None:
     assert changed(plant, plant) is None
 
