@@ -70,14 +70,18 @@ def diagnose(
     if calibrate:
         from dataclasses import replace
 
-        from hybrid.diagnosis.calibrator_comparison import compare_calibrators
+        from hybrid.diagnosis.calibrator_comparison import compare_calibrators, doubted_by_calibrator
 
         with bar("training") as progress:
             ladder = compare_calibrators(
                 diagnosed.conclusion, files, percent_of(part),
                 repair=repair, rebuild_positions=rebuild_positions, seed=seed, progress=progress,
             )  # fmt: skip
-        diagnosed = replace(diagnosed, extras=replace(diagnosed.extras, ladder=ladder))
+        diagnosed = replace(
+            diagnosed,
+            diagnosis=doubted_by_calibrator(diagnosed.diagnosis, ladder),
+            extras=replace(diagnosed.extras, ladder=ladder),
+        )
     page = write_diagnosis(diagnosed, ship, output)
     diagnosis = diagnosed.diagnosis
     if as_json:

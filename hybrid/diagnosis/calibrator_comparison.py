@@ -22,7 +22,8 @@ from hybrid.diagnosis.course import courses
 from hybrid.diagnosis.gap import FOLDS, HORIZON_S, fold_of
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.log import Log
-from hybrid.diagnosis.result import Ladder, Ratio
+from hybrid.diagnosis.nuisance_basis import OPERATION
+from hybrid.diagnosis.result import Diagnosis, Ladder, Ratio, UnknownCause
 from hybrid.diagnosis.select_effects import Coordinates
 from hybrid.diagnosis.verdict import Conclusion
 from hybrid.evaluation.splits import Draw, with_stopping
@@ -32,6 +33,8 @@ from hybrid.prediction.dataset import load_dataset
 from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import LegBootstrap
 from hybrid.vessel.plant import Plant
+
+_TELLING = 0.9  # of the error: a tenth is worth asking where it comes from
 
 STRIDE_S = 5
 _LEAST_LEGS = 4  # over fewer a mean has no interval that says anything
@@ -125,6 +128,18 @@ def ladder(
         for number, (fold, draw) in enumerate(draws.items())
     ]
     return _together(windows, list(draws.values()), rungs, method, seed)
+
+
+def doubted_by_calibrator(diagnosis: Diagnosis, ladder: Ladder) -> Diagnosis:
+    """The diagnosis, but not that nothing is missing where a calibrator brings predictions closer all the same."""
+    if diagnosis.verdict != "nothing_missing" or not ladder.mean_distance_m:
+        return diagnosis
+    ratio = ladder.ratio("reference_calibrated", "reference")
+    if ratio.value > _TELLING or not ratio.high < 1.0:
+        return diagnosis
+    words = f"what a calibrator learns of these data, which takes {100.0 * (1.0 - ratio.value):.0f} % off the error"
+    unknown = UnknownCause(1.0 - ratio.value, (OPERATION,), words)
+    return replace(diagnosis, verdict="unknown", unknown=unknown)
 
 
 def _rungs(

@@ -12,7 +12,8 @@ from matplotlib.container import BarContainer
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, When
+from hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
+from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, Ratio, When
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
 from hybrid.report.diagnosis_words import model_line, page_of, verdict_sentence, write_report
@@ -111,6 +112,21 @@ def test_no_ladder_where_nobody_asked_and_one_line_where_it_cannot_be() -> None:
     _, text = page.html.split("With a calibrator on top")
     assert "No calibrator was trained: 3 legs have held windows." in text.split("<h2>")[0]
     assert list(page.figures) == list(without.figures)
+
+
+@pytest.mark.parametrize(("verdict", "ratio", "said"), [
+    ("nothing_missing", (1 / 3, 0.3, 0.4), "unknown"),
+    ("nothing_missing", (0.95, 0.92, 0.98), "nothing_missing"),
+    ("nothing_missing", (0.8, 0.6, 1.1), "nothing_missing"),
+    ("indistinguishable", (1 / 3, 0.3, 0.4), "indistinguishable"),
+])  # fmt: skip
+def test_nothing_is_missing_only_where_a_calibrator_finds_nothing_either(
+    verdict: str, ratio: tuple[float, float, float], said: str
+) -> None:
+    ladder = replace(a_ladder(), ratios=(Ratio("reference_calibrated", "reference", *ratio),))
+    doubted = doubted_by_calibrator(of_verdict(verdict), ladder)
+    assert doubted.verdict == said
+    assert (doubted.unknown is not None) == (said == "unknown")
 
 
 def test_the_ladder_is_drawn_as_it_stands() -> None:
