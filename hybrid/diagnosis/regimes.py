@@ -19,12 +19,7 @@ import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
 from hybrid.diagnosis.acceptance import Acceptance, overdispersion
-from hybrid.diagnosis.coarse_model import (
-    MOST_PARTS,
-    replications,
-    sizes_without,
-    worth_it,
-)
+from hybrid.diagnosis.coarse_model import MOST_PARTS, replications, sizes_without, worth_it
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
 from hybrid.diagnosis.linearise import linearise
@@ -298,10 +293,8 @@ def _name_of(regime: Regime) -> str:
 
 
 def _span_name(quantity: str, low: float, high: float) -> str:
-    name, (begin, end) = (
-        _bare(quantity),
-        (f"{each:g}".replace("-", "minus_").replace(".", "p") for each in (low, high)),
-    )
+    name = _bare(quantity)
+    begin, end = (f"{each:g}".replace("-", "minus_").replace(".", "p") for each in (low, high))
     if low == -inf:
         return f"{name}_below_{end}"
     return f"{name}_above_{begin}" if high == inf else f"{name}_{begin}_to_{end}"

@@ -147,11 +147,15 @@ def _judged(
 ) -> tuple[Acceptance, HeldOutGap, tuple[str, ...]]:
     """What stays named, the gap, and what is withdrawn: no name that makes predictions on legs left out worse."""
     gap = _gap(accepted, windows, found)
-    before_m, after_m = (windows.by_leg_m(each) for each in (windows.before, windows.by_other_folds(gap.without)))
-    if not accepted.names or not worth_it(after_m, before_m):
+    if not accepted.names or not makes_worse(windows, gap.without):
         return accepted, gap, ()
     bare = replace(accepted, names=(), tests={})
     return bare, _gap(bare, windows, found), accepted.names
+
+
+def makes_worse(windows: UnseenWindows, without: Mapping[int, Coordinates]) -> bool:
+    """Whether legs left out are predicted worse with what all ``without`` them name, by enough and throughout."""
+    return worth_it(windows.by_leg_m(windows.by_other_folds(without)), windows.by_leg_m(windows.before))
 
 
 def _replicated(accepted: Acceptance, windows: UnseenWindows) -> dict[str, Replication]:

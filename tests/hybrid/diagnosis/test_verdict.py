@@ -11,7 +11,7 @@ from hybrid.diagnosis.acceptance import LackOfFit
 from hybrid.diagnosis.gap import unseen_windows
 from hybrid.diagnosis.linearise import Model
 from hybrid.diagnosis.nuisance_basis import OPERATION
-from hybrid.diagnosis.verdict import intervals, no_worse, verdict_of
+from hybrid.diagnosis.verdict import intervals, makes_worse, no_worse, verdict_of
 from hybrid.effects import CATALOGUE, FAMILIES
 from hybrid.report.diagnosis_sentences import unknown_cause
 from hybrid.vessel.plant import Plant
@@ -78,3 +78,11 @@ def test_an_error_of_a_sensor_is_added_where_predictions_are_no_worse(plant: Pla
     windows = unseen_windows(log, Model(plant, CATALOGUE))
     assert no_worse(windows, {"heading_bias": (3.0,)})
     assert not no_worse(windows, {"heading_bias": (-3.0,)})
+
+
+def test_a_name_with_which_legs_left_out_are_predicted_worse_is_withdrawn(plant: Plant) -> None:
+    log = noisy_log(CATALOGUE["heading_bias"].apply(plant, {"angle_deg": 3.0}), 3)
+    windows = unseen_windows(log, Model(plant, CATALOGUE))
+    folds = set(windows.fold.tolist())
+    for degrees, worse in ((3.0, False), (0.0, False), (-3.0, True)):
+        assert makes_worse(windows, {fold: {"heading_bias": (degrees,)} for fold in folds}) == worse
