@@ -38,6 +38,7 @@ from hybrid.diagnosis.select_effects import (
     fitted_coordinates,
     linear_about,
     search_on,
+    select_effects,
 )
 
 CREDIBLE = 3
@@ -55,6 +56,7 @@ WORTH = 0.01
 _LOOKS, _ROUNDS = 4, 3  # at the equations made linear anew, in the search and in choosing
 _TRIED = 12  # effects beside those that are named, the likeliest
 _AS_LIKELY_AS_NOT = 0.5
+_FOR_CERTAIN = 3.0  # times what makes a model coarse: sets of six effects end less of a misfit at their third look
 _SURE = 1.645  # standard errors: one-sided 95 % in a part of the trial
 _TOLD = 2.0 * _SURE  # standard errors: what is so large stands out in 95 of 100 parts
 _FEWEST_PARTS = 2  # that have to tell
@@ -70,6 +72,16 @@ def is_coarse(accepted: Acceptance) -> bool:
         return False  # what goes with place, time or heading may be anything
     far_off = surest.depends == OPERATION and surest.size > COARSE * accepted.evidence.equations.tolerance
     return far_off or len(accepted.names) > CREDIBLE
+
+
+def selected(evidence: Evidence, progress: Progress = lambda share: None) -> Selection:
+    """The fourth stage, broken off after two looks where these leave a misfit that no further look would end."""
+    glance = search_on(Selection((), evidence, looks=LOOKS - 2))
+    surest = max(lack_of_fit(glance.evidence, glance.names), key=lambda each: each.gain)
+    far_off = _FOR_CERTAIN * COARSE * evidence.equations.tolerance
+    if surest.found and surest.depends == OPERATION and surest.size > far_off:
+        return glance
+    return select_effects(evidence, progress)
 
 
 def untested_if_coarse(selection: Selection) -> Acceptance | None:

@@ -12,13 +12,12 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.progress import Progress, part_of
 from hybrid.diagnosis.acceptance import Acceptance, accept
 from hybrid.diagnosis.change import likeliest_change, may_change
-from hybrid.diagnosis.coarse_model import untested_if_coarse
+from hybrid.diagnosis.coarse_model import selected, untested_if_coarse
 from hybrid.diagnosis.course import with_recordings
 from hybrid.diagnosis.estimate_noise import choose_input_hold, estimate_noise
 from hybrid.diagnosis.evidence import weigh_evidence
 from hybrid.diagnosis.linearise import Linearisation, linearise, model_of
 from hybrid.diagnosis.log import log_of
-from hybrid.diagnosis.select_effects import select_effects
 from hybrid.diagnosis.verdict import Conclusion, reach_verdict
 from hybrid.effects import Catalogue
 from hybrid.effects.catalogue import catalogue_of
@@ -63,7 +62,7 @@ def accepted_of(linearisation: Linearisation, progress: Progress = lambda share:
     """The second to the fifth stage: the effects that stand all tests, and what they leave."""
     estimate = estimate_noise(linearisation, part_of(progress, 0, 3))
     estimate = choose_input_hold(estimate, part_of(progress, 1, 3))
-    selection = select_effects(weigh_evidence(estimate), part_of(progress, 2, 3))
+    selection = selected(weigh_evidence(estimate), part_of(progress, 2, 3))
     return untested_if_coarse(selection) or accept(selection)
 
 

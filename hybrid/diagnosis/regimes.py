@@ -1,10 +1,10 @@
 """From what remains to a new effect: the regime of operation that explains most of it, fitted and judged.
 
-Where something systematic remains beside what is named, or nothing can be named, the force that the model lacks
-second by second is searched for the regime in which it acts: astern or ahead, slow or fast, across, with a tunnel
-thruster under way, with the wind from one side. What explains most of one axis' force in parts of the trial that
-had no part in its size becomes an effect like any other (:mod:`hybrid.effects.regime`): it is fitted together with
-what is named, and kept where it is there in most parts of the trial and brings predictions closer on legs left out.
+Where something systematic remains beside what is named, or nothing can be named, the force that the model as it is
+lacks second by second is searched for the regime in which it acts: astern or ahead, slow or fast, across, with a
+tunnel thruster under way, with the wind from one side. What explains most of one axis' force in parts of the trial
+that had no part in its size becomes an effect like any other (:mod:`hybrid.effects.regime`): it is fitted, and kept
+where it is there in most parts of the trial and brings predictions closer on legs left out.
 """
 
 from __future__ import annotations
@@ -18,21 +18,20 @@ from typing import TypeAlias
 import numpy as np
 
 from acquisition.core.arrays import Floats, Ints
-from hybrid.diagnosis.acceptance import Acceptance, overdispersion
+from hybrid.diagnosis.acceptance import overdispersion
 from hybrid.diagnosis.coarse_model import MOST_PARTS, replications, sizes_without, worth_it
 from hybrid.diagnosis.evidence import Evidence, evidence_of, normal_equations
 from hybrid.diagnosis.gap import UnseenWindows, evidence_within, evidence_without, fold_of
-from hybrid.diagnosis.linearise import linearise
+from hybrid.diagnosis.linearise import Linearisation, linearise, signatures
 from hybrid.diagnosis.map import map_of, round_edges
 from hybrid.diagnosis.nuisance_basis import AXES, FEW
 from hybrid.diagnosis.result import Replication
 from hybrid.diagnosis.select_effects import fitted_coordinates
 from hybrid.effects import Effect
-from hybrid.effects.regime import MOST, Regime, quantities_along, regime_effect
+from hybrid.effects.regime import Regime, quantities_along, regime_effect
 
 _LEAST_S = 30  # of a regime: half a minute of a force that changes with the ship's own time constant
-_LEAST_SHARE = 0.1  # of an axis' force that the model lacks
-_LARGE_SHARE, _FEW = 0.3, 2  # of the model as it is: its largest causes
+_LEAST_SHARE, _FEW = 0.2, 3  # of an axis' force that the model lacks: its largest causes
 _PLAIN = 0.02  # of that share, which a steeper growth or one more edge has to bring
 _SECOND = 0.05  # of it, which a second span has to bring
 _GROWING = ("speed_mps", "sway_mps", "yaw_rate_dps", "rpm", "wind_mps")
@@ -49,7 +48,7 @@ class FoundRegime:
     """A regime, the effect that it is written as, and what the data say of that.
 
     ``value`` and ``error`` are the force (N, or N m in yaw) and its standard error; ``share`` is that of the axis'
-    force that the model lacks, ``after_m`` the mean distance on legs left out with this effect ``beside`` others.
+    force that the model lacks, ``after_m`` the mean distance on legs left out with it and those found before [m].
     """
 
     name: str
@@ -59,7 +58,6 @@ class FoundRegime:
     share: float
     replicated: Replication
     after_m: float
-    beside: tuple[str, ...]
 
 
 _Priced: TypeAlias = tuple[Regime, float]
@@ -83,7 +81,7 @@ def find_regimes(quantities: Mapping[str, Floats], force: Floats, fold: Ints) ->
     """The regime that explains most of each axis of ``force`` [T, 3], its force and its share; the largest first.
 
     ``quantities`` are [T] each, ``fold`` [T] the part of the trial that each second is in: a share is that of parts
-    that had no part in the size. None of an axis where nothing explains a tenth of it.
+    that had no part in the size. None of an axis where nothing explains a fifth of it.
     """
     tried = list(_candidates(quantities))
     best = [_narrowed(each, tried, quantities, force, fold) for each in _best(tried, quantities, force, fold)]
@@ -190,26 +188,15 @@ def explained(shapes: Floats, force: Floats, fold: Ints) -> tuple[Floats, Floats
     return whole / norm, share, agree
 
 
-def largest_regimes(first: Acceptance, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
-    """Where the model as it is lacks most, whatever is named of it.
+def largest_regimes(bare: Evidence, windows: UnseenWindows) -> tuple[FoundRegime, ...]:
+    """Where the model as it is lacks most, whatever is named of it; ``bare`` is the evidence of that model.
 
-    Without the effect that is missing, a search names what imitates it.
+    Without the effect that is missing, a search names what imitates it. One is added after the other, as long as
+    each explains a fifth of an axis' force that is missing then and brings predictions on legs left out closer.
     """
-    return regimes_beside(replace(first, names=(), tests={}), windows, least=_LARGE_SHARE, most=_FEW)
-
-
-def regimes_beside(
-    accepted: Acceptance, windows: UnseenWindows, least: float = _LEAST_SHARE, most: int = MOST
-) -> tuple[FoundRegime, ...]:
-    """Regimes to be added to what is accepted, one after the other, as long as predictions on legs left out get
-    closer.
-
-    Each explains at least a share ``least`` of an axis' force that is missing; ``most`` at once.
-    """
-    found, now = list[FoundRegime](), _Fitted.of(accepted.evidence, accepted.names, windows)
-    while len(found) < most:
-        likely = [each for each in _lacking(now.evidence) if each[2] >= least]
-        better = next(filter(None, (_added(now, windows, *each) for each in likely)), None)
+    found, now = list[FoundRegime](), _Fitted.of(bare, (), windows)
+    while len(found) < _FEW:
+        better = next(filter(None, (_added(now, windows, *each) for each in _lacking(now.evidence))), None)
         if better is None:
             break
         found.append(better[0])
@@ -226,11 +213,20 @@ class _Fitted:
     off_m: Floats
 
     @classmethod
-    def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows, *more: Effect) -> _Fitted:
-        """``names`` and ``more`` effects beside them, fitted."""
-        linear = _linear_with(evidence, names, *more)
-        every = (*names, *(each.name for each in more))
-        return cls(every, linear, _off_m(windows, linear, every))
+    def of(cls, evidence: Evidence, names: tuple[str, ...], windows: UnseenWindows) -> _Fitted:
+        """``names`` fitted, the equations linear about them."""
+        linear = _linear_with(evidence, names)
+        return cls(names, linear, _off_m(windows, linear, names))
+
+    def with_effect(self, effect: Effect, windows: UnseenWindows) -> _Fitted:
+        """The same with one effect more, whose signature is all that is new."""
+        equations, names = self.evidence.equations, (*self.names, effect.name)
+        model = replace(equations.model, catalogue={**equations.model.catalogue, effect.name: effect})
+        own = signatures(equations.log, model, equations.linear.origin, [effect.name])
+        effects = (*equations.effects, *own)
+        wider = Linearisation(equations.log, model, equations.tolerance, equations.linear, effects)
+        evidence = evidence_of(normal_equations(wider, equations.noise, number=FEW))
+        return _Fitted(names, evidence, _off_m(windows, evidence, names))
 
 
 def _added(
@@ -240,14 +236,14 @@ def _added(
     effect = regime_effect(_name_of(regime), regime, size)
     if effect.name in now.names:
         return None
-    fitted = _Fitted.of(now.evidence, now.names, windows, effect)
+    fitted = now.with_effect(effect, windows)
     parts = tuple(evidence_within(windows, fitted.evidence).values())
     replicated = replications(fitted.evidence, fitted.names, parts)[effect.name]
     if not worth_it(now.off_m, fitted.off_m) or replicated.found < MOST_PARTS * replicated.parts:
         return None
     value, error = _size(fitted, effect.name)
     after_m = float(fitted.off_m.mean())
-    found = FoundRegime(effect.name, regime, value, error, share, replicated, after_m, now.names)
+    found = FoundRegime(effect.name, regime, value, error, share, replicated, after_m)
     return found, fitted
 
 
@@ -269,11 +265,10 @@ def _lacking(evidence: Evidence) -> list[tuple[Regime, float, float]]:
     return find_regimes(seen, map_of(evidence.equations, with_effects=True).force, fold_of(log))
 
 
-def _linear_with(evidence: Evidence, names: Sequence[str], *more: Effect) -> Evidence:
-    """The evidence with the equations linear about ``names`` at their sizes, and ``more`` in the catalogue."""
+def _linear_with(evidence: Evidence, names: Sequence[str]) -> Evidence:
+    """The evidence with the equations linear about ``names`` at their sizes."""
     equations = evidence.equations
-    catalogue = {**equations.model.catalogue, **{each.name: each for each in more}}
-    model = replace(equations.model, catalogue=catalogue, at=fitted_coordinates(evidence, names))
+    model = replace(equations.model, at=fitted_coordinates(evidence, names))
     linearisation = linearise(equations.log, model, equations.tolerance)
     return evidence_of(normal_equations(linearisation, equations.noise, number=FEW))
 

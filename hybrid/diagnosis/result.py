@@ -144,7 +144,7 @@ class RegimeEffect:
 
     ``within`` has the ends of each quantity's span, None where it is open; ``parameters`` its size;
     ``share_of_force`` is that of its axis' force that was missing before, ``after_m`` the mean distance on legs
-    left out with it [m] ``beside`` what else was added.
+    left out with it and those before it [m].
     """
 
     name: str
@@ -157,7 +157,6 @@ class RegimeEffect:
     share_of_force: Number
     replicated: Replication
     after_m: Number
-    beside: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from hybrid.diagnosis.gap import (
     with_noise_floor,
 )
 from hybrid.diagnosis.map import map_of
-from hybrid.diagnosis.regimes import FoundRegime, largest_regimes, regimes_beside
+from hybrid.diagnosis.regimes import FoundRegime, largest_regimes
 from hybrid.diagnosis.result import Estimate, Manoeuvre, Map, Replication, Rival, Suspect, Verdict
 from hybrid.diagnosis.select_effects import (
     CLOSE,
@@ -65,8 +65,8 @@ class Conclusion:
     left out [m]; ``rivals`` could stand in the place of a named effect, by the log odds that they lack;
     ``composites`` are groups that may be one effect which is not in the catalogue, ``tied`` all groups that these
     data cannot tell apart; ``replicated`` says of each named effect in how many parts of the trial it is found by
-    itself; ``regimes`` are where most of what remains acts; ``withdrawn`` are effects that explain the record and
-    make predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
+    itself; ``regimes`` are where the model as it is lacks most; ``withdrawn`` are effects that explain the record
+    and make predictions worse. ``suspects`` rank every effect by itself; ``maps`` show the model before and after.
     """
 
     verdict: Verdict
@@ -98,9 +98,8 @@ def reach_verdict(first: Acceptance, progress: Progress = lambda share: None) ->
     accepted, regimes = first, tuple[FoundRegime, ...]()
     if found:  # it may look like any force, and a named one may be its imitation; sensors show without a ship model
         named = name_of_coarse_model(first, windows, part_of(progress, 0, 2)) if is_coarse(first) else None
-        regimes = largest_regimes(first, windows) if named else ()
         accepted = named or _if_no_worse(sensors, windows) or replace(first, names=(), tests={})
-        regimes += regimes_beside(accepted, windows)
+        regimes = largest_regimes(first.evidence, windows)
     progress(0.5)
     accepted, gap, withdrawn = _judged(accepted, windows, found)
     if found:

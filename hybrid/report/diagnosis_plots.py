@@ -113,9 +113,7 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
-    """The mean distance before, what each effect takes off it, after, with each regime, at best, and without a
-    model.
-    """
+    """The mean distance before, what each effect takes off it, after, with regimes instead, at best, without a model."""
     whole = diagnosis.gap
     could = whole.before_m - whole.floor_m
     steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))
@@ -127,7 +125,7 @@ def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
         colours, level = [*colours, colour], level - fall
     whole_bars = [
         ("after", whole.after_m, INK),
-        *((f"and {plain(each.name)}", each.after_m, INK) for each in diagnosis.regimes),
+        *((plain(each.name), each.after_m, FAINT) for each in diagnosis.regimes),
         ("floor", whole.floor_m, FAINT),
         ("constant velocity", whole.constant_velocity_m, FAINT),
     ]

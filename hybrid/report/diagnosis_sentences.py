@@ -432,7 +432,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
         remarks.append(
             "predictions are no better with what was named: what the model lacks besides is larger, and hides it"
         )
-    alone = min((each.after_m for each in conclusion.regimes if not each.beside), default=np.inf)
+    alone = min((each.after_m for each in conclusion.regimes[:1]), default=np.inf)
     if len(effects) > 1 and alone < _ALMOST * gap.gap.after_m:
         remarks.append(
             "a force in one regime alone brings predictions almost as close as all that is named: the names may be "

@@ -44,7 +44,6 @@ def regime_in_words(found: FoundRegime) -> RegimeEffect:
         found.share,
         found.replicated,
         found.after_m,
-        found.beside,
     )
 
 
@@ -55,13 +54,12 @@ def _end(value: float) -> float | None:
 def regime_sentence(found: FoundRegime) -> str:
     """Force, regime, and what it brings, in one sentence."""
     regime, kilo = found.regime, abs(found.value) / 1e3
-    with_ = " and what is named" if found.beside else " alone"
     unit, what = ("kN m", "moment") if regime.axis == "yaw" else ("kN", "force")
     way = _WAYS[regime.axis][found.value < 0.0]
     return (
-        f"The model lacks {number(kilo)} {unit} {way}{_where(regime)}{_growth(regime)}: "
+        f"The model as it is lacks {number(kilo)} {unit} {way}{_where(regime)}{_growth(regime)}: "
         f"{percent(found.share)} of the {regime.axis} {what} that is missing; "
-        f"predictions on legs left out err by {found.after_m:.2f} m with it{with_}."
+        f"predictions on legs left out err by {found.after_m:.2f} m with it."
     )
 
 
