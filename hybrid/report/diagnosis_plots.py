@@ -113,7 +113,7 @@ def confusion(axes: Axes, rivals: Sequence[Rival]) -> list[Artist]:
 
 
 def gap(axes: Axes, diagnosis: Diagnosis) -> list[Artist]:
-    """The mean distance before, what each effect takes off it, after, with regimes instead, at best, without a model."""
+    """The mean distance before, what each effect takes off it, after, with regimes, at best, without a model."""
     whole = diagnosis.gap
     could = whole.before_m - whole.floor_m
     steps = [(plain(each.name), each.share_of_gap * could, FAMILY_COLOUR.get(each.family, FAINT))

@@ -136,8 +136,8 @@ def test_the_sentence_says_force_regime_and_gain() -> None:
     said = regime_in_words(found)
     assert said.sentence == (
         "The model as it is lacks 24 kN ahead while the mean shaft speed is below 0 rpm, at −100 rpm and with the "
-        "square of the mean shaft speed: 41 % of the surge force that is missing; predictions on legs left out err by 0.34 m "
-        "with it."
+        "square of the mean shaft speed: 41 % of the surge force that is missing; predictions on legs left out err "
+        "by 0.34 m with it."
     )
     assert said.within == {"rpm": (None, 0.0)}
     port = regime_in_words(replace(found, regime=Regime("yaw", {"speed_mps": (1.0, 2.0)}), value=-3e3))
