@@ -152,7 +152,7 @@ def rate(
     extra: ForceFunction | None,
     parameters: Floats,
 ) -> State:
-    """The time derivative of the state. ``extra`` is compiled in, or None and then not there at all."""
+    """The time derivative of the state. ``extra`` is called, or None and then not there at all."""
     _, _, psi, u, v, r = state
     cosine, sine = cos(psi), sin(psi)
     u_c = p.current_north_mps * cosine + p.current_east_mps * sine

@@ -1,7 +1,10 @@
 """Forces that no slot of a plant expresses, put together into one function for the compiled loop.
 
-Each distinct set of force functions is compiled once a session; a plant that lacks one of the set's forces
-has it switched off in its parameters, so that plants with and without can share a batch.
+Each distinct set of force functions is compiled once a session, in half a second; a plant that lacks one of
+the set's forces has it switched off in its parameters, so that plants with and without can share a batch. The
+loop calls it through a pointer: compiled in, the loop would be a sixth faster and every session would first take
+10 to 20 s over it, since numba's cache knows a function only as the object that it was then. After some fifty
+of them that cache fails altogether (numba issue 9348).
 """
 
 from __future__ import annotations
@@ -11,12 +14,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import cfunc, float64, from_dtype, njit, types
 from numba.core.registry import CPUDispatcher
 
 from acquisition.core.arrays import Floats
 from analysis.compiling import FAST
-from hybrid.vessel.plant import ForceFunction, Plant, Plants
+from hybrid.vessel.dynamics import Environment
+from hybrid.vessel.plant import ForceFunction, Plant, Plants, dtype_of
 
 _NONE = np.zeros((1, 1))
 
@@ -37,7 +41,7 @@ def combine_forces(plants: Plants) -> tuple[ForceFunction | None, Floats]:
     if not sizes:
         return None, _NONE
     parameters = np.array([_row(plant, sizes) for plant in each])
-    return _chain(tuple(sizes.items())), parameters
+    return _chain(tuple(sizes.items()), len(each[0].actuators)), parameters
 
 
 def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:
@@ -49,14 +53,17 @@ def _row(plant: Plant, sizes: dict[ForceFunction, int]) -> list[float]:
 
 
 @lru_cache(maxsize=64)
-def _chain(sizes: tuple[tuple[ForceFunction, int], ...]) -> ForceFunction:
-    """The sum of several forces, each with its slice of the parameters."""
+def _chain(sizes: tuple[tuple[ForceFunction, int], ...], actuators: int) -> ForceFunction:
+    """The sum of several forces, each with its slice of the parameters, for a ship with so many actuators."""
     total: Any = None
     first = 0
     for function, size in sizes:
         total = _added(total, _jitted(function), first, first + 1 + size)
         first += 1 + size
-    return total  # type: ignore[no-any-return]
+    surroundings = types.NamedTuple([float64] * 4 + [from_dtype(dtype_of(actuators))], Environment)
+    numbers, state = float64[::1], types.UniTuple(float64, 6)
+    signature = types.UniTuple(float64, 3)(float64, state, numbers, surroundings, numbers)
+    return cfunc(signature, fastmath=FAST, error_model="numpy")(total)  # type: ignore[no-any-return]
 
 
 def _jitted(function: ForceFunction) -> Any:
@@ -66,7 +73,6 @@ def _jitted(function: ForceFunction) -> Any:
 
 
 def _added(before: Any, force: Any, switch: int, end: int) -> Any:
-    @njit(fastmath=FAST, error_model="numpy")
     def one(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
         if parameters[switch] == 0.0:
             return 0.0, 0.0, 0.0
@@ -74,11 +80,11 @@ def _added(before: Any, force: Any, switch: int, end: int) -> Any:
 
     if before is None:
         return one
+    first, second = _jitted(before), _jitted(one)
 
-    @njit(fastmath=FAST, error_model="numpy")
     def both(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
-        X, Y, N = before(time_s, state, control, environment, parameters)
-        more_X, more_Y, more_N = one(time_s, state, control, environment, parameters)
+        X, Y, N = first(time_s, state, control, environment, parameters)
+        more_X, more_Y, more_N = second(time_s, state, control, environment, parameters)
         return X + more_X, Y + more_Y, N + more_N
 
     return both

@@ -1,7 +1,7 @@
 """Simulated runs: the compiled loop over steps, one vessel or a batch over all cores.
 
 An extra force, for what no slot of a plant expresses, is a function of five arguments that numba compiles
-into the loop: ``force(time_s, state, control, environment, parameters) -> (X [N], Y [N], N [N m])`` with
+and the loop calls: ``force(time_s, state, control, environment, parameters) -> (X [N], Y [N], N [N m])`` with
 ``state`` = (north [m], east [m], heading [rad], u, v [m/s], r [rad/s]) over ground, ``control`` an array of the
 controls in SI, actuator by actuator in the order of the vessel file (R/V Gunnerus: port [rev/s], port angle [rad],
 starboard [rev/s], starboard angle [rad], tunnel [rpm]), ``environment`` an

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from acquisition.core.errors import ConfigurationError, InputError, ModelRangeError
 from hybrid.effects import CATALOGUE
 from hybrid.vessel.plant import Plant, pack
-from hybrid.vessel.simulate import simulate, simulate_batch, stepper
+from hybrid.vessel.simulate import run_all, simulate, simulate_batch, stepper
 from tests.hybrid import gunnerus_by_hand as by_hand
 from tests.hybrid.conftest import Held
 
@@ -186,6 +186,23 @@ def test_extra_forces_enter_and_can_be_shared_in_a_batch(plant: Plant) -> None:
     both = simulate([forced, plant], start, controls, wind, 1.0)
     assert both[1] == pytest.approx(simulate(plant, start[1], controls[1], wind[1], 1.0), abs=1e-9)
     assert np.abs(both[0] - simulate(plant, start[0], controls[0], wind[0], 1.0)).max() > 0.01
+
+
+def test_kernels_do_not_depend_on_the_forces_handed_over(plant: Plant) -> None:
+    """A kernel compiled for one function would be compiled anew in every session, and spoil the cache."""
+    start, controls, wind = _wild(2, 3)
+
+    def push(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+        return parameters[0], 0.0, 0.0
+
+    def drag(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+        return -parameters[0], 0.0, 0.0
+
+    simulate(plant.with_force(push, 1.0), start, controls, wind, 1.0)
+    before = len(run_all.signatures)
+    both = simulate(plant.with_force(push, 5e3).with_force(drag, 5e3), start, controls, wind, 1.0)
+    assert len(run_all.signatures) == before
+    assert both == pytest.approx(simulate(plant, start, controls, wind, 1.0), abs=1e-9)
 
 
 def test_packed_plants_are_plants(plant: Plant) -> None:
