@@ -41,14 +41,16 @@ _INTERVAL = 1.92  # log likelihood that the ends of a 95 % interval lack
 
 def may_change(accepted: Acceptance) -> bool:
     """Whether what the named effects leave is another at another time, or may be another in another recording; or
-    whether an effect that changes leaves anything: then it is likely another that does.
+    whether one of them changes: then it is likely that another does.
 
     What a coarse model leaves is another at every other speed: there only what goes with time counts.
     """
     equations = accepted.evidence.equations
     if is_coarse(accepted):
         return any(each.depends == "time" for each in accepted.lack_of_fit)
-    any_may = np.ptp(equations.log.recording) > 0 or courses(accepted.names, equations.model.catalogue)
+    if courses(accepted.names, equations.model.catalogue):
+        return True
+    any_may = np.ptp(equations.log.recording) > 0
     return any(any_may or each.depends == "time" for each in accepted.lack_of_fit)
 
 
@@ -77,7 +79,8 @@ def _odds_with(parts: _Parts, change: Varied) -> float:
     """The log odds of the best set of effects that has a changed one, less what the times that were tried cost."""
     evidence = parts.with_change(change)
     names = search_effects(evidence)
-    return evidence.log_odds(names) - log(len(parts.courses)) if change.name in names else -np.inf
+    tried = len(parts.courses) if change.course.interval_s else 1
+    return evidence.log_odds(names) - log(tried) if change.name in names else -np.inf
 
 
 @dataclass(frozen=True, slots=True)

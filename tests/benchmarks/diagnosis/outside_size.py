@@ -7,7 +7,7 @@ which nine of ten trials would show it follows, and is checked once more near th
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 
 from scipy.stats import chi2
 
@@ -51,10 +51,13 @@ def _ratio(name: str, size: float, design: Design) -> float:
         number = degrees.get((each.depends, each.what))
         if number is not None and each.gain > number:
             needed = noncentrality(float(chi2.isf(CHANCE / (len(every) + 1), number)), number)
-            ratios.append(max(sqrt(needed / (each.gain - number)), _least(each) / each.size))
+            ratios.append(max(sqrt(needed / (each.gain - number)), _over_least(each)))
     return min(ratios)
 
 
-def _least(remainder: LackOfFit) -> float:
-    """The size below which nobody cares for it."""
-    return max(CATALOGUE[remainder.what].smallest_free) if remainder.what in CATALOGUE else 0.0
+def _over_least(remainder: LackOfFit) -> float:
+    """How much larger it has to be for anybody to care for it."""
+    least = max(CATALOGUE[remainder.what].smallest_free) if remainder.what in CATALOGUE else 0.0
+    if least == 0.0:
+        return 0.0
+    return least / remainder.size if remainder.size > 0.0 else inf
