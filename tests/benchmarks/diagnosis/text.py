@@ -11,7 +11,8 @@ simulates trials with effects hidden in them, has each diagnosed from its 13 cha
 said with the truth afterwards. This page is written by that command: size `{size}`, {cases} of its {whole} cases
 (`--every` and `--only` choose, `--done` writes the page of what is done), {version}, catalogue version
 {catalogue} with {effects} effects, tolerance 1 %.
-In brackets: how many of how many, and the exact 95 % interval (Clopper and Pearson 1934) in percent."""
+In brackets: how many of how many, and the exact 95 % interval (Clopper and Pearson 1934) in percent.
+On measured data: [effects hidden in them](hidden_in_measured.md)."""
 
 ABOUT = """Errors of parameters are divided by the standard error that a joint fit of what is truly hidden has,
 all else known: the bound. Of an estimator that meets the bound the quartiles are 0.32, 0.67 and

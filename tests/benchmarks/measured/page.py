@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isnan
 
 import numpy as np
 
@@ -18,7 +19,8 @@ def scores(results: Sequence[Result]) -> list[Row]:
     usual = by_part(results)
     told = [each for each in results if tells(each)]
     said = [outcome(each, usual.get(each["part"])) for each in told]
-    shares = [closed(each) for each, what in zip(told, said, strict=True) if what == "right"]
+    every = [closed(each) for each, what in zip(told, said, strict=True) if what == "right"]
+    shares = [each for each in every if not isnan(each)]
     none = list(usual.values())
     better = [not names(each) or each["others"]["found"] < each["others"]["before"] for each in none]
     ships = [each for each in results if not KINDS[each["kind"]].names and each["kind"] != "nothing"]
@@ -44,7 +46,7 @@ def cases(results: Sequence[Result]) -> list[Row]:
     for each in sorted(results, key=lambda one: (list(KINDS).index(one["kind"]), one["part"])):
         others = each["others"]
         told = outcome(each, usual.get(each["part"])) if tells(each) else "-"
-        share = f"{closed(each):.2f}" if tells(each) else "-"
+        share = f"{closed(each):.2f}" if tells(each) and not isnan(closed(each)) else "-"
         rows.append((
             each["kind"], each["part"], f"`{each['said']['verdict']}`: {_named(each)}", told,
             *(f"{others[name]:.3f}" for name in ("before", "own", "found")), share,

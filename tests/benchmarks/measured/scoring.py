@@ -34,10 +34,15 @@ def outcome(result: Result, usual: Result | None = None) -> Outcome:
 
 
 def closed(result: Result) -> float:
-    """The gap that is closed on the other recordings, as a share of what the term's own return closes."""
+    """The gap that is closed on the other recordings, as a share of what the term's own return closes.
+
+    NaN where that is next to nothing: what a sensor reads wrong need not make predictions worse.
+    """
     others = result["others"]
     whole = others["before"] - others["own"]
-    return float((others["before"] - others["found"]) / whole) if whole else float("nan")
+    if whole < TELLS * others["before"]:
+        return float("nan")
+    return float((others["before"] - others["found"]) / whole)
 
 
 def against_good(result: Result) -> float:

@@ -100,6 +100,7 @@ def test_what_is_named_with_nothing_hidden_is_not_wrong() -> None:
 def test_the_gap_is_a_share_of_what_the_terms_own_return_closes() -> None:
     result = a_result("wind load", "wind_load", off=(0.10, 0.06, 0.07))
     assert closed(result) == pytest.approx(0.75)
+    assert np.isnan(closed(a_result("heading bias", "heading_bias", off=(0.10, 0.11, 0.10))))
     assert against_good(result) == pytest.approx(0.07 / 0.06)
 
 
