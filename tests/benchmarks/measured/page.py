@@ -9,9 +9,11 @@ import numpy as np
 
 from tests.benchmarks.diagnosis.scoring import Share, names, reported_set
 from tests.benchmarks.measured.kinds import KINDS
-from tests.benchmarks.measured.scoring import Result, against_good, by_part, closed, outcome, tells
+from tests.benchmarks.measured.scoring import Result, against_good, alone_right, by_part, closed, outcome, tells
 
 Row = tuple[str, ...]
+
+_SHOWN = 5  # of the names that are said to be alike
 
 
 def scores(results: Sequence[Result]) -> list[Row]:
@@ -19,6 +21,7 @@ def scores(results: Sequence[Result]) -> list[Row]:
     usual = by_part(results)
     told = [each for each in results if tells(each)]
     said = [outcome(each, usual.get(each["part"])) for each in told]
+    alone = sum(alone_right(each, usual.get(each["part"])) for each in told)
     every = [closed(each) for each, what in zip(told, said, strict=True) if what == "right"]
     shares = [each for each in every if not isnan(each)]
     none = list(usual.values())
@@ -27,6 +30,11 @@ def scores(results: Sequence[Result]) -> list[Row]:
     good = [against_good(each) <= 1.2 for each in ships]
     return [
         ("the right name, or a group with it", str(Share(said.count("right"), len(said))), "85 %"),
+        (
+            "the right name, and none besides that is not always said",
+            str(Share(alone, len(said))),
+            "",
+        ),
         ("a wrong name outright", str(Share(said.count("wrong"), len(said))), "at most 5 %"),
         ("rightly named: share of the gap, median", f"{np.median(shares):.2f}" if shares else "-", "0.8"),
         (
@@ -60,7 +68,8 @@ def _named(result: Result) -> str:
         for each in result["said"]["effects"]
     ]
     tied = sorted(reported_set(result) - set(names(result)))
-    beside = f"; alike: {', '.join(tied)}" if tied else ""
+    more = f" and {len(tied) - _SHOWN} more" if len(tied) > _SHOWN else ""
+    beside = f"; alike: {', '.join(tied[:_SHOWN])}{more}" if tied else ""
     return (", ".join(f"{name} {size}" for name, size in sizes) or "-") + beside
 
 

@@ -30,7 +30,15 @@ def outcome(result: Result, usual: Result | None = None) -> Outcome:
     """Whether a right name is said, alone or in a group, or a wrong one; not one that is always said."""
     if KINDS[result["kind"]].names & reported_set(result):
         return "right"
-    return "wrong" if set(names(result)) - (reported_set(usual) if usual else set()) else "not named"
+    return "wrong" if set(names(result)) - (set(names(usual)) if usual else set()) else "not named"
+
+
+def alone_right(result: Result, usual: Result | None = None) -> bool:
+    """Whether what is named is right names, or in a pair or group with one, or named with nothing hidden, too."""
+    right, always = KINDS[result["kind"]].names, set(names(usual)) if usual else set()
+    tied = [set(group) for group in result["said"]["indistinguishable"] if right & set(group)]
+    own = {name for name in names(result) if name in right or any(name in group for group in tied)}
+    return bool(own) and set(names(result)) <= own | always
 
 
 def closed(result: Result) -> float:

@@ -16,7 +16,7 @@ from tests.benchmarks import hidden_in_measured
 from tests.benchmarks.measured.judge import VESSEL, cases_of
 from tests.benchmarks.measured.kinds import KINDS
 from tests.benchmarks.measured.page import page
-from tests.benchmarks.measured.scoring import against_good, closed, outcome, tells
+from tests.benchmarks.measured.scoring import against_good, alone_right, closed, outcome, tells
 
 GOOD = load_vessel(VESSEL)
 CATALOGUE = catalogue_of(GOOD)
@@ -90,6 +90,14 @@ def test_a_right_name_a_group_with_it_and_a_wrong_one() -> None:
     assert outcome(a_result("yaw damping", "trim", tied=("trim", "yaw_damping"), off=off)) == "right"
     assert outcome(a_result("wind load", "loading", off=off)) == "wrong"
     assert outcome(a_result("wind load", off=off)) == "not named"
+
+
+def test_other_names_beside_the_right_one_are_counted() -> None:
+    off = (0.10, 0.06, 0.065)
+    assert alone_right(a_result("wind load", "wind_load", off=off))
+    assert alone_right(a_result("yaw damping", "trim", tied=("trim", "yaw_damping"), off=off))
+    assert not alone_right(a_result("wind load", "wind_load", "loading", off=off))
+    assert not alone_right(a_result("wind load", off=off))
 
 
 def test_what_is_named_with_nothing_hidden_is_not_wrong() -> None:
