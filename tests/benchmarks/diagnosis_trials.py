@@ -1,10 +1,10 @@
 """Does the diagnosis name what is hidden, and nothing else? Trials simulated with hidden effects, scored blind.
 
-    python -m tests.benchmarks.diagnosis_trials -o results.jsonl [--size small|full] [--only GROUP] [--every N]
+    python -m tests.benchmarks.diagnosis_trials -o results.jsonl [--size SIZE] [--only GROUP] [--every N]
 
 The analyst sees the 13 channels only; the truth is compared afterwards. What stands in the file of results is not
-done again, so that a run may be broken off and taken up. ``small`` takes some ten minutes on two cores, ``full``
-a night, and less with ``--every``: every so many cases of each group. ``--page`` writes the results as a page, its
+done again, so that a run may be broken off and taken up. ``small`` takes some ten minutes on two cores,
+``designed``, 300 cases of all groups, two hours, ``full`` a night. ``--page`` writes the results as a page, its
 pictures beside it; ``--done`` does nothing new and writes it of what stands in the file.
 """
 
@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from acquisition.core.progress import bar
-from tests.benchmarks.diagnosis.cases import GROUPS, cases_of
+from tests.benchmarks.diagnosis.cases import GROUPS, Size, cases_of
 from tests.benchmarks.diagnosis.page import write_page
 from tests.benchmarks.diagnosis.plan import planned, preparations
 from tests.benchmarks.diagnosis.store import carried_out, stored
@@ -25,7 +25,7 @@ def main() -> None:
     """Prepare, run, score, write."""
     parser = argparse.ArgumentParser(prog="diagnosis_trials", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of results, one JSON line a case")
-    parser.add_argument("--size", choices=["small", "full"], default="small")
+    parser.add_argument("--size", choices=get_args(Size), default="small")
     parser.add_argument("--only", action="append", choices=GROUPS, help="a group; may be given several times")
     parser.add_argument("--every", type=int, default=1, help="take every so many cases of each group only")
     parser.add_argument("--done", action="store_true", help="only write the page of what has been done")

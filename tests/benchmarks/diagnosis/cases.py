@@ -6,12 +6,20 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Literal
 
+import numpy as np
+
 from hybrid.effects import CATALOGUE
 from tests.benchmarks.diagnosis.design import Design
 from tests.benchmarks.other_ship.outside import OUTSIDE
 
-Size = Literal["small", "full"]
+Size = Literal["small", "designed", "full"]
 GROUPS = ("nothing", "singles", "model_off", "pairs", "triples", "outside", "without", "cannot_tell")
+
+DESIGNED = {
+    "nothing": 80, "singles": 60, "model_off": 15, "pairs": 30, "triples": 20, "outside": 25, "without": 40,
+    "cannot_tell": 30,
+}  # fmt: skip
+"""How many of all cases the designed set has of each group."""
 
 _USUAL = Design(0, "", "", 0.0)
 _PROGRAMME_S, _SHORT_S, _SMALL_S = 3600.0, 1800.0, 1500.0
@@ -66,12 +74,22 @@ class Case:
 
 
 def cases_of(size: Size) -> list[Case]:
-    """All cases, by group in the order of :data:`GROUPS`."""
+    """All cases, by group in the order of :data:`GROUPS`; ``designed`` are 300 drawn once from all."""
+    if size == "designed":
+        return _drawn_once(cases_of("full"))
     make = {
         "nothing": _nothing, "singles": _singles, "model_off": _model_off, "pairs": _pairs, "triples": _triples,
         "outside": _outside, "without": _without, "cannot_tell": _cannot_tell,
     }  # fmt: skip
     return [case for group in GROUPS for case in make[group](size)]
+
+
+def _drawn_once(cases: list[Case]) -> list[Case]:
+    random, drawn = np.random.default_rng(0), []
+    for group in GROUPS:
+        own = [case for case in cases if case.group == group]
+        drawn += [own[number] for number in sorted(random.choice(len(own), DESIGNED[group], replace=False))]
+    return drawn
 
 
 def _design(programme: str, sea: str, seed: int, size: Size, **other: Any) -> Design:

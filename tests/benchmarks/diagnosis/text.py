@@ -9,7 +9,7 @@ python -m tests.benchmarks.diagnosis_trials -o results.jsonl --size {size} --pag
 
 simulates trials with effects hidden in them, has each diagnosed from its 13 channels alone, and compares what was
 said with the truth afterwards. This page is written by that command: size `{size}`, {cases} of its {whole} cases
-(`--every` and `--only` choose, `--done` writes the page of what is done), {version}, catalogue version
+(`--only` and `--every` choose among them, `--done` writes the page of what is done), {version}, catalogue version
 {catalogue} with {effects} effects, tolerance 1 %.
 In brackets: how many of how many, and the exact 95 % interval (Clopper and Pearson 1934) in percent.
 On measured data: [effects hidden in them](hidden_in_measured.md)."""

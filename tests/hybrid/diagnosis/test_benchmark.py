@@ -79,7 +79,7 @@ def test_effects_that_a_straight_course_cannot_tell_apart_are_kept_together() ->
     assert "surge_added_mass" in {name for group in result["said"]["indistinguishable"] for name in group}
 
 
-@pytest.mark.parametrize("size", ["small", "full"])
+@pytest.mark.parametrize("size", ["small", "designed", "full"])
 def test_every_case_has_a_key_of_its_own_and_every_group_cases(size: Any) -> None:
     cases = cases_of(size)
     assert len({case.key for case in cases}) == len(cases)
