@@ -108,9 +108,11 @@ class Sound:
     def hidden(self, names: Sequence[str], multiple: float, random: np.random.Generator) -> Values | None:
         """Effects at ``multiple`` times their limits, given the others; None if a size is out of bounds."""
         result: Values = {}
+        if not all(self.identifiable(name) for name in names):
+            return None
         for name in names:
             size = multiple * self.limits[name] / sqrt(max(self.kept(name, names), 1e-9))
-            values = placed(CATALOGUE[name], size, random) if self.identifiable(name) else None
+            values = placed(CATALOGUE[name], size, random)
             if values is None:
                 return None
             result[name] = values
