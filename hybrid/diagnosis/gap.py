@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from acquisition.core.actuators import control_names
 from acquisition.core.arrays import Floats, Ints
 from analysis.estimation.process_models import decay
 from hybrid.diagnosis.acceptance import FALSE_ALARM
@@ -32,6 +33,7 @@ from hybrid.diagnosis.result import Gap, Tracks
 from hybrid.diagnosis.select_effects import Coordinates, fitted_coordinates, search_effects
 from hybrid.prediction.baselines import present_motion_held
 from hybrid.prediction.scores import distances
+from hybrid.vessel.actuators import control_units
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.sensors import measure
 from hybrid.vessel.simulate import simulate_batch
@@ -160,8 +162,16 @@ def gap_on_unseen_legs(
     floor = best if mean_m[2] < mean_m[1] else after
     gap = Gap(mean_m[0], mean_m[1], min(mean_m[1:3]), mean_m[3], int(known.any(axis=1).sum()), HORIZON_S)
     shares = _shares(gap, dict(zip(names, mean_m[4:], strict=True)))
-    tracks = Tracks(windows.measured, windows.before, after, floor, present, log.leg[starts], log.time_s[starts])
+    when = log.leg[starts], log.time_s[starts], _controls(log, starts)
+    tracks = Tracks(windows.measured, windows.before, after, floor, present, *when)
     return HeldOutGap(gap, shares, tracks, without)
+
+
+def _controls(log: Log, starts: Ints) -> dict[str, Floats]:
+    """What each channel of the actuators was second by second of each window [N, H+1], as it is recorded."""
+    rows = starts[:, None] + np.arange(HORIZON_S + 1)
+    recorded = log.controls[rows, 0] / control_units(log.actuators)
+    return {name: recorded[..., number] for number, name in enumerate(control_names(log.actuators))}
 
 
 def _less(at: Coordinates, name: str) -> Coordinates:
@@ -201,7 +211,9 @@ def _shares(gap: Gap, lacking_m: Mapping[str, float]) -> dict[str, float]:
 def with_noise_floor(held: HeldOutGap, equations: NormalEquations) -> HeldOutGap:
     """The same with what noise alone would leave as the floor, for a trial of which no model knows everything."""
     floor_m = left_by_noise_m(equations, window_starts(equations.log), HORIZON_S)
-    return replace(held, gap=replace(held.gap, floor_m=min(floor_m, held.gap.after_m)))
+    gap = replace(held.gap, floor_m=min(floor_m, held.gap.after_m))
+    ratio = gap.closed / held.gap.closed if held.gap.closed > 0.0 else 1.0
+    return replace(held, gap=gap, shares={name: ratio * share for name, share in held.shares.items()})
 
 
 def _asked_for(rest: Evidence, barred: frozenset[str]) -> Coordinates:

@@ -198,7 +198,7 @@ class Tracks:
 
     ``before`` is the reference model's, ``after`` that of the model with what other legs named, ``floor`` with what
     all legs together give; ``constant_velocity`` keeps the first speed. ``leg`` and ``start_s`` [N] say where and
-    when.
+    when, ``controls`` what the actuators did, by channel [N, H+1].
     """
 
     measured: Floats
@@ -208,6 +208,7 @@ class Tracks:
     constant_velocity: Floats
     leg: Ints
     start_s: Ints
+    controls: Mapping[str, Floats]
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,7 @@ from hybrid.diagnosis.result import (
 DIAGNOSIS, SHOWN, LADDER = "diagnosis.json", "shown.json", "ladder.json"
 MAP, TRACKS = "map.parquet", "tracks.parquet"
 _WAYS = ("measured", "before", "after", "floor", "constant_velocity")
+_CONTROL = "control_"
 _TRACK = ("north_m", "east_m", "heading_rad")
 _UNITS = {"_m": "m", "_rad": "rad", "_s": "s", "_mps": "m/s", "_dps": "deg/s", "_deg": "deg", "rpm": "rpm"}
 """Units by the names' endings, in a spelling for people."""
@@ -128,7 +129,7 @@ def _maps_of(folder: Path, cells: Mapping[str, tuple[Place, ...] | None]) -> lis
 
 
 def _tracks_table(tracks: Tracks | None) -> pd.DataFrame | None:
-    """A row a window and second; columns like ``before_north_m``."""
+    """A row a window and second; columns like ``before_north_m`` and ``control_port_rpm``."""
     if tracks is None:
         return None
     windows, seconds = tracks.measured.shape[:2]
@@ -141,7 +142,8 @@ def _tracks_table(tracks: Tracks | None) -> pd.DataFrame | None:
     for way in _WAYS:
         values = getattr(tracks, way).reshape(-1, len(_TRACK))
         columns |= {f"{way}_{name}": values[:, number] for number, name in enumerate(_TRACK)}
-    return pd.DataFrame(columns)
+    controls = {f"{_CONTROL}{name}": values.ravel() for name, values in tracks.controls.items()}
+    return pd.DataFrame({**columns, **controls})
 
 
 def _tracks_of(table: pd.DataFrame) -> Tracks:
@@ -151,9 +153,12 @@ def _tracks_of(table: pd.DataFrame) -> Tracks:
         way: table[[f"{way}_{name}" for name in _TRACK]].to_numpy(dtype=float).reshape(windows, -1, len(_TRACK))
         for way in _WAYS
     }
-    return Tracks(
-        **ways, leg=first["leg"].to_numpy(dtype=np.int64), start_s=first["start_s"].to_numpy(dtype=np.int64)
-    )
+    controls = {
+        str(name).removeprefix(_CONTROL): table[name].to_numpy(dtype=float).reshape(windows, -1)
+        for name in table if str(name).startswith(_CONTROL)
+    }  # fmt: skip
+    when = {name: first[name].to_numpy(dtype=np.int64) for name in ("leg", "start_s")}
+    return Tracks(**ways, **when, controls=controls)
 
 
 def _units(table: pd.DataFrame) -> dict[str, str]:

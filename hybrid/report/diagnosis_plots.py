@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -174,27 +175,55 @@ def error_by_second(axes: Axes, tracks: Tracks, known: bool = True) -> list[Arti
 
 
 def window_tracks(figure: Figure, tracks: Tracks) -> list[Artist]:
-    """Some held-out windows in which all is known, bow up and to scale."""
-    chosen = chosen_windows(tracks)
-    start = tracks.before[:, 0]
+    """Some held-out windows in which all is known, bow up and to scale, and what the actuators did in them."""
+    chosen, units = chosen_windows(tracks), control_units(tracks)
+    rows = figure.subplots(1 + len(units), len(chosen), squeeze=False, height_ratios=[3.0, *[1.0] * len(units)])
     artists: list[Artist] = []
-    for axes, (title, number) in zip(
-        figure.subplots(1, len(chosen), squeeze=False)[0], chosen.items(), strict=True
-    ):
-        drawn = [("measured", tracks.measured, INK), *_predictions(tracks)]
-        for label, track, colour in drawn:
-            seen = start_frame(track[number], start[number])
-            style = "-" if label == "measured" else "--"
-            artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
+    for axes, (title, number) in zip(rows[0], chosen.items(), strict=True):
+        artists += _window(axes, tracks, number)
         before, after = (
             distances(track, tracks.measured)[number].mean() for track in (tracks.before, tracks.after)
         )
         axes.set_title(f"{title}\nleg {int(tracks.leg[number]) + 1}: {before:.2g} m to {after:.2g} m", fontsize=8.5)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.locator_params(nbins=4)
-        axes.set_xlabel("starboard [m]")
-    figure.axes[0].set_ylabel("ahead [m]")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    rows[0, 0].set_ylabel("ahead [m]")
+    figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
+    for (unit, names), row in zip(units.items(), rows[1:], strict=True):
+        for axes, number in zip(row, chosen.values(), strict=True):
+            artists += _controls(axes, {name: tracks.controls[name][number] for name in names})
+            axes.sharey(row[0])
+        row[0].set_ylabel(f"[{unit}]")
+        row[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7)
+    for axes in rows[-1] if units else ():
+        axes.set_xlabel("time [s]")
+    return artists
+
+
+def control_units(tracks: Tracks) -> dict[str, list[str]]:
+    """The channels of the actuators by their unit, with which their names end."""
+    units: dict[str, list[str]] = {}
+    for name in tracks.controls:
+        units.setdefault(name.rpartition("_")[2], []).append(name)
+    return units
+
+
+def _window(axes: Axes, tracks: Tracks, number: int) -> list[Artist]:
+    artists: list[Artist] = []
+    for label, track, colour in [("measured", tracks.measured, INK), *_predictions(tracks)]:
+        seen = start_frame(track[number], tracks.before[number, 0])
+        style = "-" if label == "measured" else "--"
+        artists += axes.plot(seen[:, 0], seen[:, 1], style, color=colour, label=label)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(nbins=4)
+    axes.set_xlabel("starboard [m]")
+    return artists
+
+
+def _controls(axes: Axes, controls: Mapping[str, Floats]) -> list[Artist]:
+    artists: list[Artist] = []
+    for (name, values), style in zip(controls.items(), cycle(("-", "--", ":"))):
+        label = plain(name.rpartition("_")[0])
+        artists += axes.plot(values, style, color=INK, label=label, linewidth=1.2)
+    axes.locator_params(nbins=4)
     return artists
 
 
@@ -218,7 +247,9 @@ def whole_windows(tracks: Tracks) -> Tracks:
     """The windows in which all is known, measured and predicted, to the end."""
     every = (tracks.measured, tracks.before, tracks.after, tracks.floor, tracks.constant_velocity)
     known = np.all([np.isfinite(each).all(axis=(1, 2)) for each in every], axis=0)
-    return Tracks(*(getattr(tracks, name)[known] for name in Tracks.__slots__))
+    controls = {name: values[known] for name, values in tracks.controls.items()}
+    measured, before, after, floor, held = (each[known] for each in every)
+    return Tracks(measured, before, after, floor, held, tracks.leg[known], tracks.start_s[known], controls)
 
 
 def _on_grid(axes: Axes) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 _UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": "rpm", "deg": "deg", "m": "m",
@@ -13,8 +14,10 @@ def plain(name: str) -> str:
 
     >>> plain("ocean_current")
     'ocean current'
+    >>> plain("surge_force_rpm_below_0_surge_above_minus_0p5")
+    'surge force rpm below 0 surge above \u22120.5'
     """
-    return name.replace("_", " ")
+    return re.sub(r"(\d)p(\d)", r"\1.\2", name.replace("_", " ").replace("minus ", "\u2212"))
 
 
 def join_words(words: Sequence[str], last: str = "and") -> str:

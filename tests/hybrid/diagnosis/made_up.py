@@ -56,7 +56,10 @@ def tracks(windows: int = 6, horizon_s: int = 15) -> Tracks:
     after[:, :, 1] += 0.1 * aside
     floor[:, :, 1] += 0.05 * aside
     still[:, :, 0] -= 2.0 * aside
-    return Tracks(measured, before, after, floor, still, np.arange(windows) // 2, 15 * np.arange(windows))
+    steady = np.ones_like(heading)
+    controls = {"propeller_rpm": 120.0 * steady, "rudder_angle_deg": np.degrees(-2.0 * rate) * steady}
+    when = np.arange(windows) // 2, 15 * np.arange(windows)
+    return Tracks(measured, before, after, floor, still, *when, controls)
 
 
 def named() -> Diagnosis:

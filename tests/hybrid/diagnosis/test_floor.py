@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
+from hybrid.diagnosis import gap
 from hybrid.diagnosis.disturbance_model import Noise, smooth_state
 from hybrid.diagnosis.evidence import NormalEquations
-from hybrid.diagnosis.gap import left_by_noise_m
+from hybrid.diagnosis.gap import HeldOutGap, left_by_noise_m, with_noise_floor
+from hybrid.diagnosis.result import Gap
 from tests.hybrid.diagnosis.linear_by_hand import DISTURBANCES, a_ship, one_column
+from tests.hybrid.diagnosis.made_up import tracks
 
 EDGES = 40 * np.arange(6)
 STARTS = np.array([0, 20, 60, 100, 140])
@@ -57,3 +60,14 @@ def test_more_noise_leaves_more() -> None:
     ]
     assert left == sorted(left)
     assert left[2] > 2.0 * left[0]
+
+
+def test_shares_add_up_to_what_is_closed_with_noise_as_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a floor that lies lower, the same effects close less."""
+    monkeypatch.setattr(gap, "left_by_noise_m", lambda *_: 0.1)
+    monkeypatch.setattr(gap, "window_starts", lambda log: np.zeros(1))
+    held = HeldOutGap(Gap(1.0, 0.4, 0.4, 1.2, 10, 15), {"trim": 0.75, "skeg": 0.25}, tracks(), {})
+    lower = with_noise_floor(held, cast("NormalEquations", SimpleNamespace(log=None)))
+    assert lower.gap.closed == pytest.approx(2.0 / 3.0)
+    assert sum(lower.shares.values()) == pytest.approx(lower.gap.closed)
+    assert lower.shares["trim"] == pytest.approx(3.0 * lower.shares["skeg"])

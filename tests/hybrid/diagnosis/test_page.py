@@ -215,6 +215,18 @@ def test_chosen_windows_are_what_they_are_called() -> None:
     assert chosen == {"worst before, improved most, worst after": 5, "median before": 3}
 
 
+def test_windows_stand_over_what_the_actuators_did() -> None:
+    """A row of axes for each unit below the tracks, on one scale; the last window's rudder to 3.4 deg."""
+    figure, made = Figure(), tracks()
+    plots.window_tracks(figure, made)
+    below = figure.axes[2:]
+    assert [axes.get_ylabel() for axes in below] == ["[rpm]", "", "[deg]", ""]
+    worst = list(plots.chosen_windows(made).values()).index(5)
+    (line,) = below[2 + worst].get_lines()
+    assert np.asarray(line.get_ydata()) == pytest.approx(-np.degrees(0.06))
+    assert line.get_label() == "rudder angle"
+
+
 def test_windows_with_gaps_are_left_out_of_the_figures() -> None:
     """A window with a second that nobody measured or could predict."""
     made = tracks()
