@@ -253,6 +253,34 @@ def verdict_meaning(diagnosis: Diagnosis) -> str:
     return f"{says[diagnosis.verdict]}{after} {judged}"
 
 
+def next_steps(diagnosis: Diagnosis) -> list[str]:
+    """What whoever reads the page can do about it, the most useful first."""
+    sensors = list(dict.fromkeys(plain(each.name) for each in diagnosis.effects if each.kind == "sensor"))
+    steps = []
+    if sensors:
+        steps.append(
+            f"Look at the sensors first ({join_words(sensors)}): one that is mounted, set and timed right needs no "
+            "correction, and what was named besides may change with it."
+        )
+    if any(each.in_vessel and each.kind != "sensor" for each in diagnosis.effects):
+        steps.append("Use vessel.toml beside this page, the model with what was named: --vessel in every command.")
+    if diagnosis.next_manoeuvre is not None:
+        steps.append("Sail the manoeuvre that stands below: it separates what this trial cannot tell apart.")
+    if diagnosis.regimes:
+        steps.append(
+            "Look for a cause where the model lacks most, in the regimes below, and sail some minutes in each: "
+            "that is where a trial tells most."
+        )
+    if diagnosis.remainder is not None and diagnosis.identified is None:
+        steps.append(
+            "Where many coefficients may be off, as those of another ship are, start from a refit: seatrial "
+            "diagnose with --identify."
+        )
+    if diagnosis.verdict == "nothing_missing":
+        steps.append("Use the model as it is; seatrial train learns on top of it what is left.")
+    return steps
+
+
 def clock(time: str) -> str:
     """A time of UTC for people, to the minute.
 

@@ -16,7 +16,7 @@ from hybrid.diagnosis.calibrator_comparison import doubted_by_calibrator
 from hybrid.diagnosis.result import Consistency, Diagnosis, Extras, Ladder, Ratio, When
 from hybrid.report import diagnosis_map_plots as map_plots
 from hybrid.report import diagnosis_plots as plots
-from hybrid.report.diagnosis_words import model_line, page_of, verdict_sentence, write_report
+from hybrid.report.diagnosis_words import model_line, next_steps, page_of, verdict_sentence, write_report
 from tests.hybrid.diagnosis.made_up import BIAS, CURRENT, SUSPECTS, a_ladder, a_map, named, of_verdict, tracks
 
 SENSORS = Consistency(
@@ -197,6 +197,17 @@ def test_rivals_that_cannot_be_told_apart_stand_out() -> None:
     plots.confusion(figure.subplots(), of_verdict("indistinguishable").rivals)
     near, far = list(bars(figure).patches)
     assert near.get_facecolor() != far.get_facecolor()
+
+
+def test_the_page_says_what_to_do_next() -> None:
+    """Sensors by name, the vessel file, the manoeuvre; a model in which nothing is missing is used."""
+    steps = next_steps(named())
+    assert "heading bias" in steps[0]
+    assert any("vessel.toml" in each for each in steps)
+    assert any("manoeuvre" in each for each in next_steps(of_verdict("indistinguishable")))
+    assert [each.partition(";")[0] for each in next_steps(of_verdict("nothing_missing"))] == [
+        "Use the model as it is"
+    ]
 
 
 def test_error_by_second_is_the_mean_distance() -> None:
