@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from math import cos, hypot, radians, sin
 
+from numba import njit
+
 from hybrid.vessel.effect import DIRECTION, Effect, Parameter, Values, scaling
 from hybrid.vessel.plant import Plant
+from hybrid.vessel.wind import wind_force
 
 
 def _current(plant: Plant, values: Values) -> Plant:
@@ -22,6 +25,22 @@ def _drift(plant: Plant, values: Values) -> Plant:
     if total == 0.0:
         return replace(plant, drift_force_n=0.0)
     return replace(plant, drift_force_n=total, drift_north=north / total, drift_east=east / total)
+
+
+@njit(error_model="numpy")
+def _blown(time_s, state, control, environment, parameters):  # type: ignore[no-untyped-def]
+    """What a steady wind does beside still air, which the model has where none was recorded."""
+    cosine, sine, u, v = cos(state[2]), sin(state[2]), state[3], state[4]
+    north, east = parameters
+    u_air, v_air = north * cosine + east * sine, east * cosine - north * sine
+    X, Y, N = wind_force(environment.plant, u - u_air, v - v_air)
+    still_X, still_Y, still_N = wind_force(environment.plant, u, v)
+    return X - still_X, Y - still_Y, N - still_N
+
+
+def _blow(plant: Plant, values: Values) -> Plant:
+    speed, to_rad = values["speed_mps"], radians(values["direction_deg"])
+    return plant.with_force(_blown, speed * cos(to_rad), speed * sin(to_rad)) if speed > 0.0 else plant
 
 
 def _wind(name: str, coefficient: str, what: str, confused_with: tuple[str, ...]) -> Effect:
@@ -84,3 +103,17 @@ EFFECTS = (
     ),
 )
 """Current, waves and wind."""
+
+STEADY_WIND = Effect(
+    "steady_wind",
+    family="environment",
+    kind="physics",
+    what="A steady wind, in a trial of which none was recorded: hull and house feel the air that moves",
+    source="Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd ed. (2021), ch. 10",
+    parameters=(Parameter("speed_mps", "m/s", 0.0, 0.0, 40.0, 5.0, 0.5), DIRECTION),
+    change=_blow,
+    chart="polar",
+    confused_with=("ocean_current", "wave_drift"),
+    scope="day",
+)
+"""Of no ship and no plan: only a diagnosis without a record of the wind looks for it."""

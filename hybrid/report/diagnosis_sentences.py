@@ -38,6 +38,7 @@ from hybrid.diagnosis.select_effects import CLOSE, rivals_of
 from hybrid.diagnosis.verdict import Conclusion, estimates
 from hybrid.effects import Catalogue, Effect
 from hybrid.effects.catalogue import VERSION
+from hybrid.effects.environment import STEADY_WIND
 from hybrid.report.actuator_sentences import actuator_texts
 from hybrid.report.diagnosis_words import DEPENDS, cell_row, clock, number, parameter_title, percent, when_words
 from hybrid.report.regime_sentences import regime_in_words
@@ -111,6 +112,7 @@ def span(low: float, high: float, unit: str = "") -> str:
 
 _TWO = {
     "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
+    "steady_wind": "A wind that nobody recorded blows with {} m/s towards {} deg",
     "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
     "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
     "reference point",
@@ -245,7 +247,7 @@ def _named_effects(conclusion: Conclusion, name: str) -> list[NamedEffect]:
     )
     whole = NamedEffect(
         effect.base, effect.family, effect.kind, share, test.p_value, "", sizes[-1], conclusion.replicated[name],
-        log_odds, effect.scope,
+        log_odds, effect.scope, in_vessel=effect.base != STEADY_WIND.name,
     )  # fmt: skip
     if isinstance(effect, Varied):
         return in_parts(whole, effect, sizes, equations.log)
@@ -418,7 +420,7 @@ def _remarks(conclusion: Conclusion, effects: Sequence[NamedEffect]) -> tuple[st
     log, vessel, gap = equations.log, equations.model.vessel, conclusion.gap
     remarks = []
     if not log.wind[:, 1].any():
-        remarks.append("no wind was recorded: what the wind does cannot be told from other causes")
+        remarks.append("no wind was recorded: only a steady one was looked for")
     remarks += _about_settings(log)
     if log.refused:
         remarks.append(f"{log.refused} samples lay off by themselves and were refused")

@@ -24,6 +24,7 @@ from analysis.quality.motion.series import GROUPS
 from analysis.tables.table import select, table_controls, table_of, utc_index
 from hybrid.diagnosis.log import BLOCK_S
 from hybrid.effects import Catalogue
+from hybrid.effects.environment import STEADY_WIND
 
 _AROUND = pd.Timedelta(seconds=2.5)
 """Filters and interpolation make a ramp of a jump, and its stamps may be late: so much on either side goes."""
@@ -128,7 +129,8 @@ def between_jumps(
 
 
 def without_wind(catalogue: Catalogue, tables: Sequence[pd.DataFrame]) -> Catalogue:
-    """The catalogue without the effects of the wind where a table has none: nothing tells them then."""
+    """The catalogue; where a table has no wind, a steady one in the place of the effects of a recorded one."""
     if all(set(ENVIRONMENT) <= set(each) and each[list(ENVIRONMENT)].notna().any().all() for each in tables):
         return catalogue
-    return {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
+    kept = {name: effect for name, effect in catalogue.items() if not name.startswith("wind_")}
+    return {**kept, STEADY_WIND.name: STEADY_WIND}

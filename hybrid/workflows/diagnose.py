@@ -65,11 +65,12 @@ def diagnose_tables(
 ) -> DiagnosisRun:
     """Diagnose raw tables and put the conclusion into words; errors as :func:`.diagnose.diagnose`.
 
-    The catalogue is the vessel's unless another is given; where no wind was recorded, without effects of the wind.
+    The catalogue is the vessel's unless another is given; where no wind was recorded, with a steady one in the
+    place of the effects of the wind.
     """
     every = catalogue_of(vessel) if catalogue is None else catalogue
     known = without_wind(every, tables)
-    said = {} if len(known) == len(every) else {"wind": "not recorded: its effects were not looked for"}
+    said = {} if known == every else {"wind": "not recorded: only a steady one was looked for"}
     conclusion = diagnose(tables, vessel, tolerance, known, progress)
     diagnosis, extras = describe(conclusion, {**(provenance or {}), **said})
     return DiagnosisRun(diagnosis, conclusion, extras)

@@ -3,8 +3,9 @@
     python -m tests.benchmarks.at_sea -o results.jsonl [--cases N] [--workers N] [--kind KIND]
 
 N trials each of two days with a fouling and two currents, a tide that turns, a tow that is dropped, a fouling that
-grows from day to day, and two days with nothing hidden; all by the second simulator. What stands in the file of
-results is not done again. About a minute a trial.
+grows from day to day, and two days with nothing hidden; of four to six effects at once, of a fouling and a current
+without a record of the wind, and recorded every two seconds; all by the second simulator. What stands in the file
+of results is not done again. About a minute a trial.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from acquisition.core.progress import bar
 from tests.benchmarks.diagnosis.at_sea import KINDS, cases_at_sea
-from tests.benchmarks.diagnosis.scoring import Share, exact, gap_closed, in_set, share, silently_wrong
+from tests.benchmarks.diagnosis.scoring import Share, exact, gap_closed, in_set, reported_set, share, silently_wrong
 from tests.benchmarks.diagnosis.store import carried_out
 
 _NOTHING = "nothing"
@@ -50,6 +51,8 @@ def print_scores(kind: str, every: list[dict[str, Any]]) -> None:
     inside = [each for result in done for each in result["held"]]
     closed = np.array([gap_closed(result) for result in done])
     print(f"  in the reported set: {share(done, in_set)}")
+    every_effect = [name in reported_set(result) for result in done for name in result["hidden"]]
+    print(f"  effects in the reported set, one by one: {Share(sum(every_effect), len(every_effect))}")
     print(f"  95 % intervals that hold the truth, of all parts: {Share(sum(inside), len(inside))}")
     print(f"  gap closed on unseen legs, median and least: {np.median(closed):.2f}, {closed.min():.2f}")
 

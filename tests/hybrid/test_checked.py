@@ -88,4 +88,4 @@ def test_without_wind_its_effects_are_not_looked_for(sound: pd.DataFrame) -> Non
     for calm in (sound.drop(columns=wind), sound.assign(**dict.fromkeys(wind, np.nan))):
         known = without_wind(CATALOGUE, [sound, calm])
         assert set(CATALOGUE) - set(known) >= {"wind_load", "wind_direction_bias"}
-        assert {"ocean_current", "wave_drift"} <= set(known)
+        assert {"ocean_current", "wave_drift", "steady_wind"} <= set(known)

@@ -11,6 +11,7 @@ import pytest
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects import CATALOGUE
+from hybrid.effects.environment import STEADY_WIND
 from hybrid.effects.hull import aspect_growth
 from hybrid.vessel.plant import Plant
 from hybrid.vessel.simulate import simulate
@@ -251,3 +252,15 @@ def test_a_ship_aground_is_refused(plant: Plant) -> None:
     deep = Plant(**{name: getattr(plant, name) for name in plant.__slots__} | {"draught_m": 6.0})
     with pytest.raises(ConfigurationError, match="draught"):
         with_effect(deep, "shallow_water", depth_m=5.0)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_steady_wind_that_nobody_recorded_blows_like_one_that_was(plant: Plant, motion: Force) -> None:
+    """Towards, where a vane says from."""
+    order, steps = np.tile(ORDER, (20, 1)), 1.0
+    recorded = np.tile([radians(FROM_DEG), WIND_MPS], (20, 1))
+    towards = {"speed_mps": WIND_MPS, "direction_deg": FROM_DEG + 180.0}
+    start = [0.0, 0.0, 0.4, *motion]
+    blown = simulate(STEADY_WIND.apply(plant, towards), start, order, np.zeros((20, 2)), steps)
+    assert blown == pytest.approx(simulate(plant, start, order, recorded, steps), abs=1e-9)
+    assert np.abs(blown - simulate(plant, start, order, np.zeros((20, 2)), steps)).max() > 0.1

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from acquisition.core.arrays import Floats
+from acquisition.core.channels import ENVIRONMENT
 from hybrid.diagnosis.acceptance import Acceptance, lack_of_fit
 from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.diagnosis.verdict import close_rivals
+from hybrid.vessel.files import load_vessel
+from hybrid.workflows.diagnose import diagnose_tables
+from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.conftest import Diagnosed
 
 CURRENT = {"ocean_current": {"speed_mps": 0.3, "direction_deg": 200.0}}
@@ -80,3 +84,21 @@ def test_a_wind_scale_far_from_one_is_compared_with_the_wind_load_where_each_exp
     assert len(naming.names) == 1
     alike = {each.name for each in close_rivals(naming) if each.evidence < CLOSE}
     assert "wind_speed_scale" in {*naming.names, *alike}
+
+
+@pytest.mark.slow
+def test_without_a_record_of_the_wind_a_steady_one_is_named_beside_the_rest() -> None:
+    """A gentle sea's wind; without its name a current and a fouling would be the unknown's."""
+    hidden = {
+        "hull_fouling": {"resistance_factor": 1.35},
+        "ocean_current": {"speed_mps": 0.25, "direction_deg": 40.0},
+    }
+    table, _ = make_trial(700500, hidden, sea="gentle", duration_s=1800.0, rate_hz=2.0)
+    run = diagnose_tables([table.drop(columns=list(ENVIRONMENT))], load_vessel("gunnerus_short"))
+    effects = {each.name: each for each in run.diagnosis.effects}
+    assert set(effects) == {*hidden, "steady_wind"}
+    for name, truth in hidden.items():
+        for parameter, value in truth.items():
+            assert effects[name].parameters[parameter].value == pytest.approx(value, rel=0.1)
+    assert not effects["steady_wind"].in_vessel
+    assert run.diagnosis.gap.after_m < 0.3 * run.diagnosis.gap.before_m
