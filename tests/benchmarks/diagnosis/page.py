@@ -25,6 +25,8 @@ from tests.benchmarks.diagnosis.scoring import (
     detected,
     error_quartiles,
     exact,
+    fades,
+    fading_named,
     gap_closed,
     in_set,
     mean_set_size,
@@ -112,7 +114,9 @@ def _scores(results: Sequence[Result]) -> list[Row]:
 
 
 def _outside_scores(results: Sequence[Result]) -> list[Row]:
-    outside, without = of_group(results, "outside"), of_group(results, "without")
+    every, without = of_group(results, "outside"), of_group(results, "without")
+    fading = [each for each in every if fades(each)]
+    outside = [each for each in every if not fades(each)]
     size = _tolerances([against_tolerance(each, each["truth"]["outside_rms"]) for each in outside])
     unknown = [each for each in outside if says_unknown(each)]
     return [
@@ -122,6 +126,7 @@ def _outside_scores(results: Sequence[Result]) -> list[Row]:
         ("outside the catalogue, `unknown`: on what it depends right", str(share(unknown, place_right)), ""),
         ("outside the catalogue, `unknown`: axis right", str(share(unknown, axis_right)), ""),
         ("outside the catalogue: its forces, rms, median", size, ""),
+        ("thrust that fades: a loss of thrust named that drifts", str(share(fading, fading_named)), ""),
         ("taken out of the catalogue: silently misnamed", str(share(without, silently_wrong)), "at most 10 %"),
         ("taken out of the catalogue: misnamed, `indistinguishable`", str(share(without, wrong_in_doubt)), ""),
         ("taken out of the catalogue: `unknown`", str(share(without, says_unknown)), ""),

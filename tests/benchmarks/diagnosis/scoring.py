@@ -91,6 +91,16 @@ def names_something(result: Result) -> bool:
     return bool(names(result))
 
 
+def fades(result: Result) -> bool:
+    """Whether a thrust that fades is hidden: in no catalogue, but a loss of thrust that drifts is like it."""
+    return "fading_thrust" in result["outside"]
+
+
+def fading_named(result: Result) -> bool:
+    """Whether a loss of thrust is named that is another at the end."""
+    return any(each["name"].startswith("thrust_loss") and each["drift"] for each in result["said"]["effects"])
+
+
 def says_unknown(result: Result) -> bool:
     """Whether something is said to be missing that no effect explains."""
     return bool(result["said"]["verdict"] == "unknown")

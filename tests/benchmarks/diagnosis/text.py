@@ -43,7 +43,8 @@ shows.
 - **outside**: what no effect of the catalogue describes, at 3 times the size at which nine of ten trials show
   that something remains. That size follows from the gain of the family of remainders that stands out most in a
   trial where it is alone, beside whatever the search names there: less what chance gives, the gain grows with
-  the square of the size.
+  the square of the size. A thrust that fades while the side force of the pods stays is counted by itself: it is a
+  loss of thrust that drifts, and a side force that grows against it.
 - **without**: an effect at 3 times its limit that the analyst's catalogue lacks. Silently misnamed is what is
   `named` and is not there; beside it stand `unknown` and `indistinguishable`, which say that it may be another.
   Two effects often make up one that is lacking, a loss of thrust at port and one at starboard that at both: then
