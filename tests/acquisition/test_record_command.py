@@ -56,7 +56,9 @@ def config_file(tmp_path: Path, section: str) -> Path:
 def test_signals_end_a_recording_cleanly(tmp_path: Path, number: signal.Signals) -> None:
     config = config_file(tmp_path, f'type = "udp"\nport = {free_port()}\n')
     table = write_voyage(tmp_path / "voyage.mcap", duration_s=3.0)
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored under nohup, and what is started inherits that
     process = start_recorder(config, tmp_path / "out")
+    signal.signal(signal.SIGHUP, before)
     emulate(tmp_path / "voyage.mcap", load_config(config), speed=3.0)
     wait_for(lambda: recorded_count(tmp_path / "out") == len(table))
     process.send_signal(number)
