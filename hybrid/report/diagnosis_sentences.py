@@ -85,9 +85,18 @@ def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple
 
 
 def _of_two(text: str, parameters: Parameters) -> tuple[str, str]:
+    """A place is said by its side of the reference point, and its interval on that side."""
+    for way, other, each in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=True):
+        if f"{{}} m {way}" in text and parameters[each].value < 0.0:
+            text = text.replace(f"m {way}", f"m {other}")
+            parameters = {**parameters, each: _mirrored(parameters[each])}
     values = [number(each.value) if each.unit != "deg" else f"{each.value:.0f}" for each in parameters.values()]
     ends = "; ".join(span(each.low, each.high, each.unit) for each in parameters.values())
     return text.format(*values), ends
+
+
+def _mirrored(estimate: Estimate) -> Estimate:
+    return replace(estimate, value=-estimate.value, low=-estimate.high, high=-estimate.low)
 
 
 def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:

@@ -44,6 +44,12 @@ def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) ->
         ("heading_bias", [(-1.5, -1.6, -1.4)], "The compass reads 1.5 deg too little (1.4-1.6)"),
         ("azimuth_offset_port", [(-2.0, -2.5, -1.5)], "The port azimuth truly stands −2 deg beyond"),
         ("speed_scale", [(0.97, 0.96, 0.98)], "Reported speeds are 0.97 times the true ones (0.96-0.98)"),
+        (
+            "position_antenna_offset",
+            [(-5.22, -6.3, -4.14), (0.5, -0.66, 1.65)],
+            "The recorded position is that of a point 5.22 m astern and 0.5 m to starboard of the reference point "
+            "(4.14-6.3; \u22120.66 to 1.65)",
+        ),
         ("shallow_water", [(8.0, 7.0, 9.5)], "The water is about 8 m deep, and the hull feels it (7-9.5)"),
     ],
 )  # fmt: skip
