@@ -151,7 +151,7 @@ def table3(
         make_folder(output)
     with bar("campaigns") as progress:
         seas = seas_of(papers_jobs(seed, seeds), workers, progress)
-    table = table_of([each for sea in seas for each in sea.errors])
+    table = table_of(seas)
     if output is not None:
         from hybrid.reproduction.figures import figure_data_of, write_figure_data
         from hybrid.reproduction.page import write_page

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Group, RenderableType
@@ -9,7 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from analysis.report.plots import FAINT, INK, PALETTE
-from hybrid.identification.identify import Estimate, Identification
+from hybrid.identification.identify import Estimate, Identification, Judgement
+from hybrid.identification.next_trial import Candidate
+from hybrid.report.tables import text_table
 
 _BLUE, _ORANGE = PALETTE[:2]
 _TRIALS = 5
@@ -21,17 +25,10 @@ def identification_view(found: Identification) -> Group:
     for one, other, correlation in found.entangled:
         parts.append(Text(f"{one} and {other} cannot be told apart here (correlation {correlation:+.2f})."))
     if found.validation is not None:
-        parts.append(_validation(found))
+        parts.append(_validation(found.validation))
     if found.candidates:
-        parts.append(_next(found))
+        parts.append(_next(found.candidates))
     return Group(*parts)
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
-    for number, name in enumerate(columns):
-        table.add_column(name, justify="left" if number == 0 else "right", overflow="fold")
-    return table
 
 
 def _coefficients(found: Identification) -> Table:
@@ -40,7 +37,7 @@ def _coefficients(found: Identification) -> Table:
         f"{found.vessel.name}: {known} of {len(found.coefficients)} coefficients known by {found.segments} "
         f"segments of {found.duration_s:.0f} s"
     )
-    table = _table(title, "coefficient", "value", "95 % from", "to", "start", "")
+    table = text_table(title, ("coefficient", "value", "95 % from", "to", "start", ""), (), pad_edge=False)
     for each in found.coefficients:
         cells = [f"{number:.4g}" for number in (each.value, each.low, each.high, each.start)]
         said, style = ("", "") if each.known else ("not told", "dim")
@@ -48,26 +45,22 @@ def _coefficients(found: Identification) -> Table:
     return table
 
 
-def _validation(found: Identification) -> Table:
-    judged = found.validation
-    assert judged is not None
+def _validation(judged: Judgement) -> Table:
     title = f"left out: {judged.held_out}; {judged.windows} windows of {judged.horizon_s} s"
-    table = _table(title, "method", "mean distance m", "at the end m", "heading deg")
-    for name, each in judged.scores.items():
-        figures = (f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.heading_error_deg:.2f}")
-        table.add_row(name, *figures)
-    return table
+    rows = [
+        [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.heading_error_deg:.2f}"]
+        for name, each in judged.scores.items()
+    ]
+    return text_table(title, ("method", "mean distance m", "at the end m", "heading deg"), rows, pad_edge=False)
 
 
-def _next(found: Identification) -> Table:
-    minutes = found.candidates[0].minutes
-    table = _table(
-        f"What {minutes:.0f} minutes more would tell", "manoeuvre", "nats", "variances left", "would become known"
-    )
-    for each in found.candidates[:_TRIALS]:
-        newly = str(len(each.newly_known))
-        table.add_row(each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", newly)
-    return table
+def _next(candidates: Sequence[Candidate]) -> Table:
+    title = f"What {candidates[0].minutes:.0f} minutes more would tell"
+    rows = [
+        [each.manoeuvre, f"{each.gain:.1f}", f"{each.left:.0%}", str(len(each.newly_known))]
+        for each in candidates[:_TRIALS]
+    ]
+    return text_table(title, ("manoeuvre", "nats", "variances left", "would become known"), rows, pad_edge=False)
 
 
 def draw_identification(figure: Figure, found: Identification) -> None:

@@ -14,14 +14,14 @@ from analysis.tables.files import atomic_file
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
 from hybrid.report.notebook import templates
-from hybrid.report.tables import heading_of, limit_text, ordinary_text
+from hybrid.report.tables import heading_of, limit_rows
 from hybrid.report.words import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["TOLD_APART", "heading_of"]  # for the template
+__all__ = ["TOLD_APART", "heading_of", "limit_rows"]  # for the template
 
 JSON_FILE, PAGE_FILE = "plan.json", "plan.html"
 _MOST = 100.0  # twice the log likelihood: more than this is plenty in any picture
@@ -65,28 +65,14 @@ def _seen(plan: Plan, programme: Programme, name: str) -> bool:
     return limit <= abs(first.typical - first.neutral)
 
 
-def limit_rows(plan: Plan) -> list[list[str]]:
-    """The size from which each effect is seen."""
-    return [
-        [
-            plain(name),
-            limit_text(effect, plan.asked.limits[name]),
-            limit_text(effect, plan.better.limits[name]),
-            ordinary_text(effect),
-            effect.parameters[0].unit.replace("1", "") or "factor",
-        ]
-        for name, effect in plan.catalogue.items()
-    ]
-
-
 def part_rows(programme: Programme) -> list[list[str]]:
     """What to do, and for how long."""
     return [[f"{part.minutes:.3g}", part.what] for part in programme.parts]
 
 
-def pair_rows(pairs: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """Pairs of effects that are not told apart."""
-    return [[plain(each) for each in pair] for pair in pairs]
+def plain_rows(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Rows with their names as people say them."""
+    return [[plain(each) for each in row] for row in rows]
 
 
 def draw_programmes(axes: Axes, plan: Plan) -> None:

@@ -4,8 +4,9 @@ and the catalogue of effects, which is wider.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 from rich.padding import Padding
@@ -33,23 +34,47 @@ _PREDICTION_COLUMNS = {
 }  # fmt: skip
 
 
+def text_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    best: int | None = None,
+    words: int = 1,
+    **look: Any,
+) -> Table:
+    """A table for a terminal: ``words`` columns to the left, the others to the right, row ``best`` in bold.
+
+    ``look`` is what else :class:`rich.table.Table` takes.
+    """
+    usual = {"title_justify": "left", "caption_justify": "left", "box": None, "header_style": "dim"}
+    table = Table(title=title, **{**usual, **look})
+    for number, name in enumerate(columns):
+        word = number < words
+        table.add_column(name, justify="left" if word else "right", overflow="fold", no_wrap=not word)
+    for number, row in enumerate(rows):
+        table.add_row(*row, style="bold" if number == best else "")
+    return table
+
+
 def validation_table(validation: Validation) -> Table:
     """One row a method, the best mean distance in bold."""
-    horizon_s = validation.windows.horizon_s
-    title = f"{len(validation.windows)} held windows of {horizon_s} s"
-    if validation.windows.commands is not None:
-        title = f"{len(validation.windows)} windows of {horizon_s} s under their commands"
-    table = Table(title=title, title_justify="left", box=None,
-                  header_style="dim", caption=_caption(validation), caption_justify="left")  # fmt: skip
-    table.add_column("method")
-    for title in _METHOD_COLUMNS:
-        table.add_column(title, justify="right")
-    best = min(each.mean_distance_m for each in validation.scores.values())
-    for name, each in validation.scores.items():
-        numbers = (each.mean_distance_m, each.end_distance_m, each.mae_north_m, each.mae_east_m)
-        cells = [f"{number:.3f}" for number in numbers] + [f"{each.heading_error_deg:.2f}"]
-        table.add_row(name, *cells, style="bold" if each.mean_distance_m == best else "")
-    return table
+    windows = validation.windows
+    kind = "held windows of {} s" if windows.commands is None else "windows of {} s under their commands"
+    return text_table(
+        f"{len(windows)} {kind.format(windows.horizon_s)}", ("method", *_METHOD_COLUMNS), *score_rows(validation),
+        caption=_caption(validation),
+    )  # fmt: skip
+
+
+def score_rows(validation: Validation) -> tuple[list[list[str]], int]:
+    """A row a method: its name, distances and errors [m], heading error [deg]; and which is the best."""
+    scores = list(validation.scores.values())
+    rows = [
+        [name, f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
+         f"{each.mae_east_m:.3f}", f"{each.heading_error_deg:.2f}"]
+        for name, each in validation.scores.items()
+    ]  # fmt: skip
+    return rows, min(range(len(scores)), key=lambda row: scores[row].mean_distance_m)
 
 
 def _caption(validation: Validation) -> str:
@@ -81,17 +106,21 @@ def training_view(trained: TrainedCalibrator) -> Text:
 
 def prediction_table(prediction: Prediction) -> Table:
     """One row every few seconds."""
-    rows = prediction.as_dict()["track"]
-    step = max(1, (len(rows) - 1) // 10)
-    table = Table(title=f"{prediction.method} from {prediction.at.isoformat()}", title_justify="left", box=None,
-                  header_style="dim", caption=_UNTRAINED if prediction.outside_domain else None)  # fmt: skip
-    for title in ("second", *_PREDICTION_COLUMNS):
-        table.add_column(title, justify="right")
-    for row in rows:
-        if row["second"] % step == 0 or row["second"] == len(rows) - 1:
-            numbers = [row.get(key) for key in _PREDICTION_COLUMNS.values()]
-            table.add_row(str(row["second"]), *("–" if each is None else f"{each:.2f}" for each in numbers))
-    return table
+    track = prediction.as_dict()["track"]
+    step = max(1, (len(track) - 1) // 10)
+    rows = [
+        [str(row["second"]), *(_known(row.get(key)) for key in _PREDICTION_COLUMNS.values())]
+        for row in track
+        if row["second"] % step == 0 or row is track[-1]
+    ]
+    return text_table(
+        f"{prediction.method} from {prediction.at.isoformat()}", ("second", *_PREDICTION_COLUMNS), rows, words=0,
+        caption=_UNTRAINED if prediction.outside_domain else None,
+    )  # fmt: skip
+
+
+def _known(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
 
 
 MEANING = {
@@ -119,27 +148,25 @@ def methods_table(horizon_s: int, split: SplitSummary) -> Table:
 
     The first and the ratio with their 95 % intervals; all others have theirs in the JSON and on the page.
     """
-    table = _table(f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s",
-                   caption_of(split), *_SPLIT_COLUMNS)  # fmt: skip
-    for name, each in split.whole.methods.items():
-        cells = (
-            spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}", f"{each.heading_error_deg.value:.1f}",
-            spread(each.ratio), f"{each.coverage_95.value:.1%}",
-        )  # fmt: skip
-        table.add_row(name, *cells, style="bold" if name == split.whole.best else "")
-    return table
+    rows = [
+        [name, spread(each.mean_distance_m), f"{each.end_distance_m.value:.2f}",
+         f"{each.heading_error_deg.value:.1f}", spread(each.ratio), f"{each.coverage_95.value:.1%}"]
+        for name, each in split.whole.methods.items()
+    ]  # fmt: skip
+    title = f"{split.kind}: {MEANING[split.kind]}; {counts_of(split.whole)} of {horizon_s} s"
+    best = list(split.whole.methods).index(split.whole.best)
+    return text_table(title, ("", *_SPLIT_COLUMNS), rows, best, caption=caption_of(split))
 
 
 def breakdown_table(split: SplitSummary) -> Table:
     """One row a class, the mean distance of every method, the best in bold."""
+    rows = []
+    for name, summary in (each for classes in split.shown.values() for each in classes.items()):
+        figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
+        figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
+        rows.append([name, f"{summary.windows}/{summary.legs}", *figures.values()])
     methods = [name.replace("_", "\n") for name in split.whole.methods]
-    table = _table(f"{split.kind}: mean distance m by class, with windows/legs", None, "", *methods)
-    for classes in split.shown.values():
-        for name, summary in classes.items():
-            figures = {method: f"{each.mean_distance_m.value:.2f}" for method, each in summary.methods.items()}
-            figures[summary.best] = f"[bold]{figures[summary.best]}[/bold]"
-            table.add_row(name, f"{summary.windows}/{summary.legs}", *figures.values())
-    return table
+    return text_table(f"{split.kind}: mean distance m by class, with windows/legs", ("", "", *methods), rows)
 
 
 def caption_of(split: SplitSummary) -> str:
@@ -182,19 +209,8 @@ def spread(interval: Interval) -> str:
 
 
 def _leak_table(evaluation: Evaluation) -> Table:
-    table = _table("error on unseen legs over random's", None, "times")
-    for name, factor in evaluation.leak.items():
-        table.add_row(name, spread(factor))
-    return table
-
-
-def _table(title: str, caption: str | None, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, header_style="dim", caption=caption,
-                  caption_justify="left")  # fmt: skip
-    table.add_column("", overflow="fold")
-    for column in columns:
-        table.add_column(column, justify="right", no_wrap=True)
-    return table
+    rows = [[name, spread(factor)] for name, factor in evaluation.leak.items()]
+    return text_table("error on unseen legs over random's", ("", "times"), rows)
 
 
 _MOST_PAIRS = 12
@@ -206,7 +222,7 @@ def plan_view(plan: Plan) -> RenderableType:
         _parts("Your programme", plan.asked),
         _parts("A better one", plan.better),
         Text(f"\n{heading_of(plan)}\n"),
-        _limits(plan),
+        text_table("", ("effect", "yours", "better", "ordinary", ""), limit_rows(plan), pad_edge=False),
         _alike("Your programme", plan.asked),
         _alike("The better one", plan.better),
     )
@@ -244,18 +260,13 @@ def _parts(title: str, programme: Programme) -> RenderableType:
     return Group(Text(f"{title}, {programme.minutes:.3g} minutes", style="bold"), table)
 
 
-def _limits(plan: Plan) -> Table:
-    table = Table(box=None, header_style="dim", pad_edge=False)
-    table.add_column("effect", no_wrap=True)
-    for title in ("yours", "better", "ordinary"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("", no_wrap=True)
-    for name, effect in plan.catalogue.items():
-        first = effect.parameters[0]
-        unit = "" if first.unit == "1" else first.unit
-        limits = [limit_text(effect, each.limits[name]) for each in (plan.asked, plan.better)]
-        table.add_row(name, *limits, ordinary_text(effect), unit)
-    return table
+def limit_rows(plan: Plan) -> list[list[str]]:
+    """The size from which each effect is seen, by either programme, its ordinary size, and their unit."""
+    return [
+        [name, *(limit_text(effect, each.limits[name]) for each in (plan.asked, plan.better)),
+         ordinary_text(effect), effect.parameters[0].unit.replace("1", "") or "factor"]
+        for name, effect in plan.catalogue.items()
+    ]  # fmt: skip
 
 
 def _alike(title: str, programme: Programme) -> Text:

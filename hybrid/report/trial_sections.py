@@ -14,6 +14,7 @@ from analysis.report.pages import events_of, run_sheet
 from hybrid.prediction.scores import FEW_LEGS
 from hybrid.report.case import Case
 from hybrid.report.errors import ENOUGH_S, QUANTITIES, Calibration, error_rows
+from hybrid.report.tables import score_rows
 from hybrid.report.words import join_words, plain, quantity_title
 
 if TYPE_CHECKING:
@@ -114,14 +115,12 @@ def source_rows(products: Products) -> list[list[str]]:
 def baseline_rows(case: Case) -> tuple[list[list[str]], int]:
     """Every method on windows that none has seen, and the best one's row."""
     judged = case.validation
-    rows = [
-        [plain(name), f"{each.mean_distance_m:.3f}", f"{each.end_distance_m:.3f}", f"{each.mae_north_m:.3f}",
-         f"{each.mae_east_m:.3f}", f"{each.heading_error_deg:.2f}",
-         f"{each.mean_distance_m / judged.scores['reference'].mean_distance_m - 1.0:+.1%}".replace("-", "\u2212")]
-        for name, each in judged.scores.items()
-    ]  # fmt: skip
-    best = int(np.argmin([each.mean_distance_m for each in judged.scores.values()]))
-    return rows, best
+    rows, best = score_rows(judged)
+    whole = judged.scores["reference"].mean_distance_m
+    against = [
+        f"{each.mean_distance_m / whole - 1.0:+.1%}".replace("-", "\u2212") for each in judged.scores.values()
+    ]
+    return [[plain(name), *row, less] for (name, *row), less in zip(rows, against, strict=True)], best
 
 
 def baseline_words(case: Case) -> str:

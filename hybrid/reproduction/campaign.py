@@ -9,13 +9,12 @@ are the seconds of all sequences, and those before and after a test row are in t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from acquisition.core.actuators import names_of
 from acquisition.core.arrays import Bools, Floats, Ints
@@ -61,13 +60,11 @@ class Campaign:
     ship_start: Floats
     ship_track: Floats
     truth: Plant
-    sea_state: str
-    seed: int
 
     def __len__(self) -> int:
         return len(self.windows)
 
-    def subset(self, chosen: NDArray[np.bool_]) -> Campaign:
+    def subset(self, chosen: Bools) -> Campaign:
         """The sequences that a mask chooses."""
         return replace(
             self,
@@ -102,7 +99,7 @@ def paper_campaign(
             chosen = rows[rows["window"].isin(numbers)]
             windows = windows_from_rows(chosen, start_motion(chosen, one_hz), {f"{sea_state}-{seed}": one_hz})
             ship = _ship_states(windows, table.index[0], truth["states"])
-            return Campaign(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"], sea_state, seed)
+            return Campaign(windows, azimuth_deg, ship[:, 0], ship[..., :3], truth["plant"])
         duration_s, found = 1.5 * duration_s, len(numbers)
     raise DataShortageError(
         f"{found} of {sequences} sequences found in {duration_s / 1.5:.0f} s of zigzags in a {sea_state} sea",
@@ -195,29 +192,8 @@ class Errors:
     ``radius_m`` [n, H] is that of the method's 95 % regions, NaN for those that have none.
     """
 
-    job: Job
-    method: str
-    split: str
     gap_m: Floats
     radius_m: Floats
-
-
-def campaign_of(job: Job) -> tuple[Campaign, Floats]:
-    """The campaign of a job and the reference's tracks on it, without windows in which it leaves its range."""
-    campaign = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
-    tracks = reference(campaign.windows, vessel_plant(load_vessel(job.model)))
-    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
-    return campaign.subset(inside), tracks[inside]
-
-
-def compare_methods(job: Job, campaign: Campaign, tracks: Floats) -> list[Errors]:
-    """The errors of every method on a campaign under both splits."""
-    plant = vessel_plant(load_vessel(job.model))
-    return [
-        error
-        for split in SPLITS
-        for error in _compare(job, campaign, tracks, plant, split, parts_of(campaign.windows, split, job.seed))
-    ]
 
 
 def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
@@ -236,9 +212,9 @@ def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
     return Parts(*rows)
 
 
-def _compare(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: str, parts: Parts) -> list[Errors]:
-    """The errors on the test rows, baselines and floor first."""
-    windows = campaign.windows
+def _compare(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: str) -> dict[str, Errors]:
+    """The errors of every method on the test rows of a split, baselines and floor first."""
+    windows, parts = campaign.windows, parts_of(campaign.windows, split, job.seed)
     tested = np.asarray(parts.test.any(axis=1))
     judged = windows.subset(tested)
     predicted = {
@@ -256,10 +232,10 @@ def _compare(job: Job, campaign: Campaign, tracks: Floats, plant: Plant, split: 
         predicted[method], uncertainty = learned.predict_with_uncertainty(judged, tracks[tested])
         radius_m[method] = uncertainty * learned.conformal_radius(stopping)
     measured = _masked(judged.track, parts.test[tested])
-    return [
-        Errors(job, method, split, (track[..., :2] - measured[..., :2])[:, 1:], radius_m[method])
+    return {
+        method: Errors((track[..., :2] - measured[..., :2])[:, 1:], radius_m[method])
         for method, track in predicted.items()
-    ]
+    }
 
 
 def _examples(windows: PredictionWindows, tracks: Floats, rows: Bools) -> Examples:
@@ -277,42 +253,41 @@ def _masked(track: Floats, rows: Bools) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Sea:
-    """One sea state: its campaign, the reference's tracks on it, and the errors of all methods.
-
-    ``unseen`` indexes the test sequences of the split by sequence; ``errors`` are those of
-    :func:`compare_methods`.
-    """
+    """One sea state: its campaign, the reference's tracks on it, and the errors by split and method."""
 
     job: Job
     campaign: Campaign
     reference: Floats
-    unseen: NDArray[np.int64]
-    errors: tuple[Errors, ...]
+    errors: Mapping[str, Mapping[str, Errors]]
+
+    @property
+    def unseen(self) -> Ints:
+        """The numbers of the test sequences of the split by sequence."""
+        return np.flatnonzero(parts_of(self.campaign.windows, "sequence", self.job.seed).test.any(axis=1))
 
     @property
     def judged(self) -> PredictionWindows:
         """The windows that no method has seen."""
         return self.campaign.windows.subset(self.unseen)
 
-    def gap_m(self, method: str, split: str = "sequence") -> Floats:
-        """Predicted minus measured north and east [n, H, 2]."""
-        return next(each.gap_m for each in self.errors if (each.method, each.split) == (method, split))
-
-    def radius_m(self, method: str) -> Floats:
-        """The radius of the method's 95 % regions on the unseen sequences [n, H]."""
-        return next(each.radius_m for each in self.errors if (each.method, each.split) == (method, "sequence"))
-
     def predicted(self, method: str) -> Floats:
         """North and east that ``method`` predicts on the unseen sequences [n, H+1, 2]."""
         begin = self.judged.start[:, None, :2]
-        return np.concatenate([begin, self.judged.track[:, 1:, :2] + self.gap_m(method)], axis=1)
+        gap_m = self.errors["sequence"][method].gap_m
+        return np.concatenate([begin, self.judged.track[:, 1:, :2] + gap_m], axis=1)
 
 
 def sea_of(job: Job) -> Sea:
-    """Simulate the campaign of ``job``, train every method on it and judge them."""
-    campaign, tracks = campaign_of(job)
-    unseen = np.flatnonzero(parts_of(campaign.windows, "sequence", job.seed).test.any(axis=1))
-    return Sea(job, campaign, tracks, unseen, tuple(compare_methods(job, campaign, tracks)))
+    """Simulate the campaign of ``job``, train every method on it under both splits, and judge them.
+
+    Windows in which the reference leaves its range are left out.
+    """
+    whole = paper_campaign(job.sea_state, job.seed, job.vessel, job.sequences, job.horizon_s)
+    plant = vessel_plant(load_vessel(job.model))
+    tracks = reference(whole.windows, plant)
+    inside = np.asarray(np.isfinite(tracks).all(axis=(1, 2)))
+    campaign, tracks = whole.subset(inside), tracks[inside]
+    return Sea(job, campaign, tracks, {split: _compare(job, campaign, tracks, plant, split) for split in SPLITS})
 
 
 def seas_of(
@@ -322,9 +297,9 @@ def seas_of(
     return tuple(map_calls([(sea_of, job) for job in jobs], workers, progress))
 
 
-def example_sequence(sea_state: str, seed: int, vessel: str) -> pd.DataFrame:
-    """One sequence of the campaign as it is recorded, every sample and channel, indexed by UTC."""
-    table, _ = simulate_trial(vessel, sea_state, "paper", _EXAMPLE_S, RATE_HZ, seed)
+def example_sequence(job: Job) -> pd.DataFrame:
+    """One sequence of a campaign as it is recorded, every sample and channel, indexed by UTC."""
+    table, _ = simulate_trial(job.vessel, job.sea_state, "paper", _EXAMPLE_S, RATE_HZ, job.seed)
     rows = held_windows(resample(table), HORIZON_S, 1, trial="example").rows
     first = rows[rows["second"] == 0]
     actuators = table_actuators(table)

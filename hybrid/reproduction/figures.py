@@ -168,11 +168,10 @@ WRITTEN = ("png", *ENDINGS)
 
 @dataclass(frozen=True, slots=True)
 class FigureData:
-    """What the figures are drawn from: the sea states, and one sequence with all its channels."""
+    """What the figures are drawn from: the sea states, and one sequence of the last with all its channels."""
 
     seas: tuple[Sea, ...]
     example: pd.DataFrame
-    example_sea: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +182,10 @@ class FigureSpec:
     size_inch: tuple[float, float]
     caption: str
 
+    def filled(self, shown: FigureData) -> Figure:
+        """The figure of what is to be shown."""
+        return fill_figure(lambda empty: self.draw(empty, shown), self.size_inch)
+
 
 def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share: None) -> list[Path]:
     """Simulate, train, draw, and write every figure as PNG, SVG, PDF and JSON. Raises :class:`StorageError`."""
@@ -192,30 +195,23 @@ def write_figures(folder: Path, seed: int = 0, progress: Progress = lambda share
 
 def figure_data_of(seas: Sequence[Sea]) -> FigureData:
     """The sea states shown, in their order, one campaign each; the example is from the last of them."""
-    last = seas[-1].job
-    return FigureData(tuple(seas), example_sequence(last.sea_state, last.seed, last.vessel), last.sea_state)
+    return FigureData(tuple(seas), example_sequence(seas[-1].job))
 
 
 def write_figure_data(shown: FigureData, folder: Path) -> list[Path]:
     """Every figure in ``folder`` as PNG, SVG and PDF, its numbers as JSON, and where each is."""
     return [
-        path
-        for name, each in FIGURES.items()
-        for path in write_figure(fill_figure(_filling(each, shown), each.size_inch), folder, name, WRITTEN)
+        path for name, each in FIGURES.items() for path in write_figure(each.filled(shown), folder, name, WRITTEN)
     ]
-
-
-def _filling(drawn: FigureSpec, shown: FigureData) -> Callable[[Figure], None]:
-    return lambda figure: drawn.draw(figure, shown)
 
 
 def draw_tracks(figure: Figure, shown: FigureData) -> None:
     """Figure 4."""
-    panels = _row(figure, len(shown.seas))
+    panels = figure.subplots(1, len(shown.seas), squeeze=False)[0]
     for axes, sea in zip(panels, shown.seas, strict=True):
         first = np.arange(min(TRACKS, len(sea.campaign)))
         campaign_tracks(axes, sea.campaign.windows.subset(first), sea.campaign.azimuth_deg[first])
-        text = f"{sea.campaign.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
+        text = f"{sea.job.sea_state}: {len(first)} of {len(sea.campaign)} sequences"
         axes.set_title(text, loc="left")
     before = Line2D([], [], color=FAINT, label=f"{PAST_S} s before")
     handles = [*panels[0].get_legend_handles_labels()[0], before]
@@ -226,7 +222,7 @@ def draw_channels(figure: Figure, shown: FigureData) -> None:
     """Figure 5."""
     table = shown.example
     seconds = np.asarray((table.index - table.index[0]).total_seconds(), dtype=float)
-    figure.suptitle(f"One sequence in the {shown.example_sea} sea, as it is recorded", x=0.01, ha="left")
+    figure.suptitle(f"One sequence in the {shown.seas[-1].job.sea_state} sea, as it is recorded", x=0.01, ha="left")
     for axes, (unit, values) in zip(
         figure.subplots(3, 3, sharex=True).ravel(), _channels(table).items(), strict=True
     ):
@@ -255,13 +251,13 @@ def _channels(table: pd.DataFrame) -> dict[str, Mapping[str, Floats]]:
 
 def draw_fans(figure: Figure, shown: FigureData) -> None:
     """Figure 6."""
-    panels = _row(figure, len(shown.seas), sharex=True, sharey=True)
+    panels = figure.subplots(1, len(shown.seas), squeeze=False, sharex=True, sharey=True)[0]
     for axes, sea in zip(panels, shown.seas, strict=True):
         chosen = _of_every_azimuth(sea.campaign.azimuth_deg, FAN)
         fans(axes, sea.campaign.windows.subset(chosen), sea.reference[chosen], "reference")
-        error_m = float(np.hypot(*(sea.gap_m("reference").transpose(2, 0, 1))).mean())
-        axes.set_title(f"{sea.campaign.sea_state}: {error_m:.2f} m on average", loc="left")
-    _only_outer_labels(panels)
+        error_m = float(np.hypot(*(sea.errors["sequence"]["reference"].gap_m.transpose(2, 0, 1))).mean())
+        axes.set_title(f"{sea.job.sea_state}: {error_m:.2f} m on average", loc="left")
+        axes.label_outer()
     figure.legend(handles=panels[0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
 
 
@@ -277,11 +273,11 @@ def draw_errors(figure: Figure, shown: FigureData) -> None:
     grid = figure.subplots(2, len(shown.seas), sharex=True, squeeze=False)
     for column, sea in enumerate(shown.seas):
         for row, coordinate in enumerate(("north", "east")):
-            gaps = {method: sea.gap_m(method)[..., row] for method in ("reference", "hybrid")}
+            gaps = {method: sea.errors["sequence"][method].gap_m[..., row] for method in ("reference", "hybrid")}
             error_over_time(grid[row, column], gaps)
             if column == 0:
                 grid[row, column].set_ylabel(f"error {coordinate} [m]")
-        grid[0, column].set_title(sea.campaign.sea_state, loc="left")
+        grid[0, column].set_title(sea.job.sea_state, loc="left")
         grid[1, column].set_xlabel("prediction time [s]")
     figure.legend(handles=grid[0, 0].get_legend_handles_labels()[0], loc="outside lower center", ncols=2)
 
@@ -297,7 +293,7 @@ def draw_predictions(figure: Figure, shown: FigureData) -> None:
                 axes.set_axis_off()
                 continue
             _one_prediction(axes, sea, int(numbers[0]))
-            axes.set_title(f"{sea.campaign.sea_state}, {angle:g}°", loc="left")
+            axes.set_title(f"{sea.job.sea_state}, {angle:g}°", loc="left")
     handles = grid[0, 0].get_legend_handles_labels()[0]
     band = Patch(facecolor=COLOUR["hybrid"], alpha=0.25, label="95 % region at the end")
     figure.legend(handles=[*handles, band], loc="outside lower center", ncols=4)
@@ -308,8 +304,9 @@ def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
     judged = sea.judged
     start = judged.start[number]
     tracks = {method: start_frame(sea.predicted(method)[number], start) for method in ("reference", "hybrid")}
-    band_m = float(sea.radius_m("hybrid")[number, -1])
-    off_m = {method: float(np.linalg.norm(sea.gap_m(method)[number, -1])) for method in tracks}
+    errors = sea.errors["sequence"]
+    band_m = float(errors["hybrid"].radius_m[number, -1])
+    off_m = {method: float(np.linalg.norm(errors[method].gap_m[number, -1])) for method in tracks}
     around_m = float(np.ceil(1.1 * max(off_m["reference"], off_m["hybrid"] + band_m)))
     measured = start_frame(judged.track[number], start)
     track_with_end(axes, measured, tracks, band_m, around_m)
@@ -317,26 +314,17 @@ def _one_prediction(axes: Axes, sea: Sea, number: int) -> None:
 
 def draw_spread(figure: Figure, shown: FigureData) -> None:
     """Figure 10."""
-    panels = _row(figure, len(shown.seas), sharey=True)
+    panels = figure.subplots(1, len(shown.seas), squeeze=False, sharey=True)[0]
     for axes, sea in zip(panels, shown.seas, strict=True):
         errors = {
-            (method, split): np.nanmean(np.linalg.norm(sea.gap_m(method, split), axis=2), axis=1)
+            (method, split): np.nanmean(np.linalg.norm(sea.errors[split][method].gap_m, axis=2), axis=1)
             for method in SPREAD for split in SPLIT_LOOK
         }  # fmt: skip
         error_spread(axes, errors, SPREAD)
-        axes.set_title(sea.campaign.sea_state, loc="left")
+        axes.set_title(sea.job.sea_state, loc="left")
     panels[0].set_ylabel("mean distance of a sequence [m]")
     splits = [Patch(facecolor=INK, alpha=alpha, label=what) for _, alpha, what in SPLIT_LOOK.values()]
     figure.legend(handles=splits, loc="outside lower center", ncols=2)
-
-
-def _row(figure: Figure, count: int, sharex: bool = False, sharey: bool = False) -> list[Axes]:
-    return list(figure.subplots(1, count, squeeze=False, sharex=sharex, sharey=sharey)[0])
-
-
-def _only_outer_labels(panels: Sequence[Axes]) -> None:
-    for axes in panels[1:]:
-        axes.set_ylabel("")
 
 
 FIGURES: dict[str, FigureSpec] = {

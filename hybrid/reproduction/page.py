@@ -8,10 +8,10 @@ import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from matplotlib.figure import Figure
 from rich.console import Group
-from rich.table import Table
 
 from acquisition.core.errors import InputError
 from analysis.report.plots import FAINT
@@ -20,22 +20,35 @@ from analysis.tables.files import atomic_file
 from hybrid.prediction.scores import Interval
 from hybrid.report.notebook import sections, templates
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic
-from hybrid.report.tables import spread
+from hybrid.report.tables import spread, text_table
 from hybrid.report.words import no_wrap, plain
 from hybrid.reproduction.figures import FIGURES, FigureData
 from hybrid.reproduction.table3 import PUBLISHED, Cell, Row, Table3, read_table3
 
 __all__ = ["FIGURES", "counts_of"]  # for the template
 
-_COLUMNS = ("north\nm", "east\nm", "distance m", "less\nerror", "gap\nclosed", "in\n95 %", "random\nm",
-            "less\nerror")  # fmt: skip
+HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
+          "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
+CELLS_HEADER = ["", "published", "hybrid", "95 % interval", "floor", "perfect start", "waves only", "above"]
+_NARROW = ["", "north\nm", "east\nm", "distance m", "less\nerror", "gap\nclosed", "in\n95 %", "random\nm",
+           "less\nerror"]  # fmt: skip
+"""The columns of :data:`HEADER` where a line has 80 characters."""
+_TIGHT: dict[str, Any] = {"padding": (0, 1, 0, 0)}
 TABLE = "table3.json"
 QUANTITY = {"reduction_x": "north", "reduction_y": "east", "reduction": "distance"}
+GAP_WANTED = 0.95
 
 
 def table3_view(table: Table3) -> Group:
     """A table of methods for each sea state, then the published reductions beside ours."""
-    return Group(*(methods_table(rows[0].sea_state, rows) for rows in by_sea_state(table)), cells_table(table))
+    shown = []
+    for rows in by_sea_state(table):
+        lines, best = method_rows(rows)
+        shown.append(text_table(f"{rows[0].sea_state}: {counts_of(rows[0])}", _NARROW, lines, best, **_TIGHT))
+    above = sum(cell.above for cell in table.cells)
+    title = f"reductions on sequences never seen: {above} of {len(table.cells)} above the published"
+    narrow = [each.replace("perfect ", "perfect\n").replace("waves ", "waves\n") for each in CELLS_HEADER]
+    return Group(*shown, text_table(title, narrow, cell_rows(table), **_TIGHT))
 
 
 def draw_table3(figure: Figure, table: Table3) -> None:
@@ -50,41 +63,6 @@ def draw_table3(figure: Figure, table: Table3) -> None:
         axes.set_xlabel("mean distance [m]")
         logarithmic(axes, "x", [row.mean_distance_m for row in unseen])
     figure.axes[0].invert_yaxis()
-
-
-def methods_table(sea_state: str, rows: list[Row]) -> Table:
-    """One row a method: sequences never seen, and in the last columns the paper's random split."""
-    unseen = {row.method: row for row in rows if row.split == "sequence"}
-    mixed = {row.method: row for row in rows if row.split == "random"}
-    some = next(iter(unseen.values()))
-    table = _table(f"{sea_state}: {counts_of(some)}", *_COLUMNS)
-    for method, row in unseen.items():
-        leak = mixed[method]
-        table.add_row(
-            method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
-            f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95),
-            f"{leak.mean_distance_m.value:.2f}", f"{leak.reduction.value:.0%}",
-            style="bold" if method == "hybrid" else "",
-        )  # fmt: skip
-    for each in PUBLISHED:
-        if each.sea_state == sea_state:
-            figures = (f"{each.mae_x_m:.2f}", f"{each.mae_y_m:.2f}", f"{each.mean_distance_m:.2f}")
-            table.add_row(f"published {each.method}", *figures, f"{each.reduction:.1%}", style="dim")
-    return table
-
-
-def cells_table(table: Table3) -> Table:
-    """The published reductions, ours with their intervals, and whether ours are above."""
-    above = sum(cell.above for cell in table.cells)
-    title = f"reductions on sequences never seen: {above} of {len(table.cells)} above the published"
-    shown = _table(title, "published", "hybrid", "95 %", "above", "floor", "perfect\nstart", "waves\nonly")
-    for cell in table.cells:
-        shown.add_row(
-            f"{cell.sea_state} {QUANTITY[cell.quantity]}", f"{cell.published:.1%}", f"{cell.hybrid.value:.1%}",
-            f"{cell.hybrid.low:.1%} to {cell.hybrid.high:.1%}", "yes" if cell.above else "no",
-            f"{cell.floor:.1%}", f"{cell.perfect_start:.1%}", f"{cell.waves_only:.1%}",
-        )  # fmt: skip
-    return shown
 
 
 def counts_of(row: Row) -> str:
@@ -108,19 +86,6 @@ def write_table3(table: Table3, folder: Path) -> tuple[Path, Path]:
         writer.writeheader()
         writer.writerows(plain["rows"])
     return as_json, as_csv
-
-
-def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left", box=None, header_style="dim", padding=(0, 1, 0, 0))
-    table.add_column("", no_wrap=True)
-    for column in columns:
-        table.add_column(column, justify="right", no_wrap=True)
-    return table
-
-
-GAP_WANTED = 0.95
-HEADER = ["method", "north [m]", "east [m]", "distance [m]", "less than reference", "removable gap closed",
-          "in the 95 % region", "random split [m]", "less than reference"]  # fmt: skip
 
 
 def write_page(table: Table3, folder: Path, shown: FigureData | None = None) -> Path:
@@ -171,17 +136,21 @@ def method_rows(rows: list[Row]) -> tuple[list[list[str]], int | None]:
         if each.sea_state == unseen[0].sea_state:
             errors = [f"{value:.2f}" for value in (each.mae_x_m, each.mae_y_m, each.mean_distance_m)]
             less = f"{each.reduction:.1%}" if each.reduction else ""
-            lines.append([no_wrap(f"published {each.method}"), *errors, "", "", "", errors[-1], less])
+            lines.append([f"published {each.method}", *errors, "", "", "", errors[-1], less])
     return lines, next((place for place, row in enumerate(unseen) if row.method == "hybrid"), None)
 
 
 def _line(row: Row, mixed: Row | None) -> list[str]:
     leak = ["", ""] if mixed is None else [f"{mixed.mean_distance_m.value:.2f}", f"{mixed.reduction.value:.1%}"]
     return [
-        no_wrap(plain(row.method)), f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}",
-        no_wrap(spread(row.mean_distance_m)), f"{row.reduction.value:.1%}",
-        f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
+        row.method, f"{row.mae_x_m.value:.2f}", f"{row.mae_y_m.value:.2f}", spread(row.mean_distance_m),
+        f"{row.reduction.value:.1%}", f"{row.removable_gap_closed.value:.0%}", share(row.coverage_95), *leak,
     ]  # fmt: skip
+
+
+def for_page(lines: list[list[str]]) -> list[list[str]]:
+    """The same lines in a page's words, their cells in one line each."""
+    return [[no_wrap(plain(cell)) for cell in line] for line in lines]
 
 
 def cell_rows(table: Table3) -> list[list[str]]:
@@ -211,7 +180,7 @@ def results_sections(folder: Path | str, figures_folder: Path | str) -> Callable
     path = folder / TABLE
     try:
         table = read_table3(json.loads(path.read_text(encoding="utf-8"))) if path.is_file() else None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, InputError, ValueError, KeyError, TypeError) as error:
         raise InputError("is not what this version writes", where=str(path), why=f"{type(error).__name__} {error}",
                          fix="run `seatrial reproduce table3` again") from error  # fmt: skip
     return sections("table3.html", figures_folder, table3=sys.modules[__name__], table=table, folder=folder)

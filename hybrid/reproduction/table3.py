@@ -11,7 +11,7 @@ Three rows are no method: ``floor`` is the true ship from the same measurements,
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,9 @@ from pydantic import computed_field
 
 from acquisition.core.arrays import Floats
 from acquisition.core.result import Result
-from acquisition.core.serialisation import to_json
+from acquisition.core.serialisation import from_json, to_json
 from hybrid.prediction.scores import DRAWS, Interval, LegBootstrap, interval_about
-from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job
+from hybrid.reproduction.campaign import SEA_STATES, SPLITS, Errors, Job, Sea
 
 SEEDS = 5
 ORDER = (
@@ -95,19 +95,6 @@ class Row:
     sequences: int
     seeds: int
 
-    def as_dict(self) -> dict[str, Any]:
-        """The contract's object: ``low`` and ``high`` are of the mean distance, others carry a name before."""
-        flat: dict[str, Any] = {}
-        for name in self.__slots__:
-            each = getattr(self, name)
-            if not isinstance(each, Interval):
-                flat[name] = each
-                continue
-            prefix = "" if name == "mean_distance_m" else f"{name}_"
-            value, low, high = each.as_dict().values()
-            flat |= {name: value, f"{prefix}low": low, f"{prefix}high": high}
-        return flat
-
 
 @dataclass(frozen=True, slots=True)
 class Cell:
@@ -140,44 +127,51 @@ class Table3(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """The contract's JSON object."""
+        plain = to_json(self)
         return {
-            "rows": [each.as_dict() for each in self.rows],
+            "rows": [_flat(row) for row in plain["rows"]],
             "published": to_json(PUBLISHED),
-            "cells": to_json(self.cells),
+            "cells": plain["cells"],
         }
 
 
+def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The contract's row: ``low`` and ``high`` are of the mean distance, others carry a name before."""
+    flat: dict[str, Any] = {}
+    for name, each in row.items():
+        flat[name] = each["value"] if isinstance(each, dict) else each
+        if isinstance(each, dict):
+            flat |= {f"{_bound(name)}low": each["low"], f"{_bound(name)}high": each["high"]}
+    return flat
+
+
+def _bound(name: str) -> str:
+    """What the name of an interval's bound begins with."""
+    return "" if name == "mean_distance_m" else f"{name}_"
+
+
 def read_table3(plain: Mapping[str, Any]) -> Table3:
-    """The inverse of :meth:`Table3.as_dict`. Raises :class:`KeyError` for anything else."""
-    return Table3(tuple(map(_row_of, plain["rows"])), tuple(map(_cell_of, plain["cells"])))
+    """The inverse of :meth:`Table3.as_dict`. Raises :class:`KeyError` or :class:`InputError` for anything else."""
+    return from_json(Table3, {"rows": [_nested(row) for row in plain["rows"]], "cells": plain["cells"]})
 
 
-def _row_of(plain: Mapping[str, Any]) -> Row:
-    values: dict[str, Any] = {}
-    for name, kind in Row.__annotations__.items():
-        prefix = "" if name == "mean_distance_m" else f"{name}_"
-        three = (plain[name], plain.get(f"{prefix}low"), plain.get(f"{prefix}high"))
-        values[name] = _interval_of(*three) if kind == "Interval" else plain[name]
-    return Row(**values)
+def _nested(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The inverse of :func:`_flat`."""
+    nested = {field.name: row[field.name] for field in fields(Row)}
+    for name in (field.name for field in fields(Row) if field.type == "Interval"):
+        ends = {end: row[f"{_bound(name)}{end}"] for end in ("low", "high")}
+        nested[name] = {"value": row[name], **ends}
+    return nested
 
 
-def _cell_of(plain: Mapping[str, Any]) -> Cell:
-    values = {name: plain[name] for name in Cell.__slots__}
-    return Cell(**{**values, "hybrid": _interval_of(**values["hybrid"])})
-
-
-def _interval_of(value: float | None, low: float | None, high: float | None) -> Interval:
-    """JSON has null for what is no number."""
-    return Interval(*(float("nan") if each is None else each for each in (value, low, high)))
-
-
-def table3(errors: Sequence[Errors]) -> Table3:
-    """The table from the errors of every method, split and seed, of any number of sea states."""
+def table3(seas: Sequence[Sea]) -> Table3:
+    """The table of campaigns, any number of seeds in any number of sea states."""
+    states = dict.fromkeys(sea.job.sea_state for sea in seas)
     rows = tuple(
         row
-        for sea_state in dict.fromkeys(each.job.sea_state for each in errors)
+        for state in states
         for split in SPLITS
-        for row in rows_of([each for each in errors if (each.job.sea_state, each.split) == (sea_state, split)])
+        for row in rows_of(state, split, [sea.errors[split] for sea in seas if sea.job.sea_state == state])
     )
     return Table3(rows, tuple(cells_of(rows)))
 
@@ -187,12 +181,14 @@ def papers_jobs(seed: int = 0, seeds: int = SEEDS) -> list[Job]:
     return [Job(sea_state, seed + number) for sea_state in SEA_STATES for number in range(seeds)]
 
 
-def rows_of(errors: Sequence[Errors]) -> list[Row]:
-    """The rows of one sea state and split, from the errors of every method and seed."""
-    drawn = {
-        method: bootstrap_means([figures_of(each) for each in errors if each.method == method]) for method in ORDER
-    }
-    return [_row(errors, method, drawn) for method in ORDER]
+def rows_of(sea_state: str, split: str, by_seed: Sequence[Mapping[str, Errors]]) -> list[Row]:
+    """The rows of one sea state and split, from the errors of each seed by method."""
+    drawn = {method: bootstrap_means([figures_of(errors[method]) for errors in by_seed]) for method in ORDER}
+    sequences = sum(len(errors["reference"].gap_m) for errors in by_seed)
+    return [
+        Row(sea_state, method, split, **_figures(method, drawn), sequences=sequences, seeds=len(by_seed))
+        for method in ORDER
+    ]
 
 
 def figures_of(errors: Errors) -> Floats:
@@ -219,30 +215,21 @@ def _means(figures: Floats, draws: int, seed: int) -> Floats:
     return np.vstack([judged.mean(axis=0), LegBootstrap.of(sequence, seed, draws).means(judged)])
 
 
-def _row(errors: Sequence[Errors], method: str, drawn: dict[str, Floats]) -> Row:
-    mine = [each for each in errors if each.method == method]
+def _figures(method: str, drawn: Mapping[str, Floats]) -> dict[str, Interval]:
+    """The intervals of a method's row."""
     means, reference, floor = drawn[method], drawn["reference"], drawn["floor"]
     less = 1.0 - means[:, :3] / reference[:, :3]
-    return Row(
-        sea_state=mine[0].job.sea_state,
-        method=method,
-        split=mine[0].split,
-        mae_x_m=_interval(means[:, 0]),
-        mae_y_m=_interval(means[:, 1]),
-        mean_distance_m=_interval(means[:, 2]),
-        reduction=_interval(less[:, 2]),
-        reduction_x=_interval(less[:, 0]),
-        reduction_y=_interval(less[:, 1]),
-        removable_gap_closed=_interval((reference - means)[:, 2] / (reference - floor)[:, 2]),
-        coverage_95=_interval(means[:, 3]),
-        sequences=sum(len(each.gap_m) for each in mine),
-        seeds=len(mine),
-    )
-
-
-def _interval(values: Floats) -> Interval:
-    """The first value, with the middle 95 % of those drawn after it."""
-    return interval_about(float(values[0]), values[1:])
+    values = {
+        "mae_x_m": means[:, 0],
+        "mae_y_m": means[:, 1],
+        "mean_distance_m": means[:, 2],
+        "reduction": less[:, 2],
+        "reduction_x": less[:, 0],
+        "reduction_y": less[:, 1],
+        "removable_gap_closed": (reference - means)[:, 2] / (reference - floor)[:, 2],
+        "coverage_95": means[:, 3],
+    }
+    return {name: interval_about(float(each[0]), each[1:]) for name, each in values.items()}
 
 
 def cells_of(rows: Iterable[Row]) -> list[Cell]:

@@ -21,7 +21,7 @@ from hybrid.reproduction import campaign, figures, page
 from hybrid.reproduction.campaign import Job, seas_of
 from hybrid.reproduction.figures import FIGURES, FigureData, figure_data_of, write_figure_data
 from hybrid.reproduction.page import shortfalls, write_page
-from hybrid.reproduction.table3 import Table3, cells_of, rows_of
+from hybrid.reproduction.table3 import Table3, table3
 from hybrid.vessel.plant import Plant
 from tests.hybrid.windows_by_hand import random_windows
 
@@ -45,16 +45,14 @@ def shown() -> Iterator[FigureData]:
 
 @pytest.fixture(scope="module")
 def table(shown: FigureData) -> Table3:
-    errors = shown.seas[0].errors
-    rows = [row for split in campaign.SPLITS for row in rows_of([each for each in errors if each.split == split])]
-    return Table3(tuple(rows), tuple(cells_of(rows)))
+    return table3(shown.seas)
 
 
 def test_predictions_are_the_errors_put_back_on_the_measured_tracks(shown: FigureData) -> None:
     """The reference's tracks from its errors are those that it was simulated to."""
     (sea,) = shown.seas
     assert np.allclose(sea.predicted("reference"), sea.reference[sea.unseen][..., :2])
-    gap_m = np.linalg.norm(sea.gap_m("floor"), axis=2)
+    gap_m = np.linalg.norm(sea.errors["sequence"]["floor"].gap_m, axis=2)
     assert gap_m.mean() < distances(sea.reference[sea.unseen], sea.judged.track).mean()
 
 
