@@ -100,7 +100,6 @@ def held_windows(
     table: pd.DataFrame,
     horizon_s: int = 15,
     stride_s: int = 5,
-    tolerances: Tolerances | None = None,
     trial: str = "trial",
     *,
     keep_moving: bool = False,
@@ -117,18 +116,18 @@ def held_windows(
             f"a horizon of {horizon_s} s every {stride_s} s is not possible",
             fix="give a horizon of at least 2 s and a stride of at least 1 s",
         )
-    actuators, rule = table_actuators(table), tolerances or Tolerances()
+    actuators = table_actuators(table)
     start_ns, values, there = _every_second(table, trial_names(actuators))
     reason = np.empty(0, dtype=np.int64)
     if start_ns.size > horizon_s:
-        reason = _reasons(values, actuators, there, horizon_s + 1, stride_s, rule)
+        reason = _reasons(values, actuators, there, horizon_s + 1, stride_s)
     wanted = reason == len(REASONS)
     if keep_moving:
         wanted |= np.isin(reason, [REASONS.index(name) for name in MOVED])
     starts = np.flatnonzero(wanted).astype(np.int64) * stride_s
     counts = np.bincount(reason[~wanted], minlength=len(REASONS))
     dropped = {name: int(times) for name, times in zip(REASONS, counts, strict=True) if times}
-    legs = _legs(values, actuators, starts, horizon_s, stride_s, rule)
+    legs = _legs(values, actuators, starts, horizon_s, stride_s)
     rows = _rows_of_windows(values, actuators, start_ns, starts, legs, horizon_s, trial)
     if keep_moving:
         rows = rows.assign(held=np.repeat(reason[wanted] == len(REASONS), horizon_s + 1))
@@ -160,7 +159,7 @@ def _every_second(table: pd.DataFrame, names: tuple[str, ...]) -> tuple[Ints, Fl
     return time_ns[0] + np.arange(values.shape[0], dtype=np.int64) * NANO, values, there
 
 
-def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stride: int, rule: Tolerances) -> Ints:
+def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stride: int) -> Ints:
     """For each candidate the index of the first of :data:`REASONS` that applies, their number if none does."""
 
     def always(flag: Bools) -> Bools:
@@ -170,7 +169,7 @@ def _reasons(values: Floats, actuators: Actuators, there: Bools, rows: int, stri
     steady = {sort: np.ones(len(always(there)), dtype=bool) for sort in _MOVED}
     for name, series in zip(trial_names(actuators), values.T, strict=True):
         if name in control_names(actuators):
-            steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, rule, actuators)
+            steady[sort_of(name, actuators)] &= steady_mask(name, series, rows, stride, actuators)
     passed = (
         always(np.asarray(there & valid.any(axis=1))),
         always(np.asarray(valid.all(axis=1))),
@@ -200,9 +199,7 @@ def _rows_of_windows(
     return rows
 
 
-def _legs(
-    values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, stride_s: int, rule: Tolerances
-) -> Ints:
+def _legs(values: Floats, actuators: Actuators, starts: Ints, horizon_s: int, stride_s: int) -> Ints:
     """The number of the leg of each window.
 
     A window continues the leg of the one before it if the two share a second, or if it starts within a
@@ -223,7 +220,7 @@ def _legs(
             apart[:, column] = np.abs(difference(middle[1:], middle[:-1]))
     columns = (values[:, trial_names(actuators).index(name)] for name in names)
     limit = np.array(
-        [tolerance_of(name, rule, actuators).at(each).span for name, each in zip(names, columns, strict=True)]
+        [tolerance_of(name, actuators).at(each).span for name, each in zip(names, columns, strict=True)]
     )
     between = starts[1:] - (starts[:-1] + horizon_s)
     same_leg = (between <= 0) | ((between <= stride_s) & (apart <= limit).all(axis=1))
@@ -305,26 +302,23 @@ class Tolerance:
         return Tolerance(factor * self.span, factor * self.drift, factor * self.noise, self.ordinary)
 
 
-@dataclass(frozen=True, slots=True)
-class Tolerances:
-    """The rule for each sort of setting (:func:`sort_of`); the multiples of noise are in standard deviations.
+TOLERANCES: dict[Sort, Tolerance] = {
+    "azimuth": Tolerance(span=2.0, drift=1.0, noise=2.0),
+    "shaft": Tolerance(span=3.0, drift=1.5, noise=4.0, ordinary=240.0),
+    "tunnel": Tolerance(span=10.0, drift=5.0, noise=10.0, ordinary=500.0),
+    "rudder": Tolerance(span=2.0, drift=1.0, noise=1.0),
+    "nozzle": Tolerance(span=2.0, drift=1.0, noise=1.0),
+    "pitch": Tolerance(span=2.0, drift=1.0, noise=2.0),
+}
+"""The tolerance of each sort of setting: 3 rpm of 240 are a fortieth of the thrust, and so, nearly, are 2 % of
+pitch."""
 
-    At 8 standard deviations of range and 4.75 of drift a held window of 15 s with Gaussian noise is lost
-    once in some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg. ``idle_rpm`` is the
-    idle band of a shaft and ``idle_drift_rpm`` what it may drift in it over a window; they grow as its bounds do.
-    3 rpm of 240 are a fortieth of the thrust, and so, nearly, are 2 % of pitch.
-    """
+SPAN_SIGMAS, DRIFT_SIGMAS = 8.0, 4.75
+"""With so many standard deviations of range and drift a held window of 15 s with Gaussian noise is lost once in
+some 200,000; a ramp of 0.5 deg/s is told from held at noise of up to 1 deg."""
 
-    shaft: Tolerance = field(default_factory=lambda: Tolerance(span=3.0, drift=1.5, noise=4.0, ordinary=240.0))
-    azimuth: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=2.0))
-    tunnel: Tolerance = field(default_factory=lambda: Tolerance(span=10.0, drift=5.0, noise=10.0, ordinary=500.0))
-    rudder: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=1.0))
-    nozzle: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=1.0))
-    pitch: Tolerance = field(default_factory=lambda: Tolerance(span=2.0, drift=1.0, noise=2.0))
-    span_sigmas: float = 8.0
-    drift_sigmas: float = 4.75
-    idle_rpm: float = 12.0
-    idle_drift_rpm: float = 5.0
+IDLE_RPM, IDLE_DRIFT_RPM = 12.0, 5.0
+"""The idle band of a shaft and what it may drift in it over a window; they grow as its bounds do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,28 +355,26 @@ def _shared(rows: int) -> Floats:
     return result[:rows]
 
 
-def steady_mask(
-    name: str, values: Floats, rows: int, stride: int, rule: Tolerances, actuators: Actuators = DEFAULT
-) -> Bools:
+def steady_mask(name: str, values: Floats, rows: int, stride: int, actuators: Actuators = DEFAULT) -> Bools:
     """For each candidate window of ``rows`` values, every ``stride`` values: is the setting held in it?
 
     ``name`` is a control channel of a ship with these ``actuators``; a window with a NaN is not held.
     """
     series = unwrap(values) if is_circular(name) else values
-    stated = tolerance_of(name, rule, actuators)
+    stated = tolerance_of(name, actuators)
     tolerance = stated.at(series)
     feedback = feedback_of(series, tolerance.noise)
     windows = sliding_window_view(series, rows)[::stride]
     line = _line_weights(rows)
     span = windows.max(axis=1) - windows.min(axis=1)
     drift = (windows - windows[:, :1]) @ line
-    span_limit = tolerance.span + rule.span_sigmas * feedback.noise
-    drift_limit = np.hypot(tolerance.drift, rule.drift_sigmas * feedback.drift_of(line))
+    span_limit = tolerance.span + SPAN_SIGMAS * feedback.noise
+    drift_limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * feedback.drift_of(line))
     steady = (span <= span_limit) & (np.abs(drift) <= drift_limit)
     if name.endswith("_rpm"):
         factor = stated.factor(series)
-        idle = np.abs(windows).max(axis=1) <= factor * rule.idle_rpm
-        steady |= idle & (np.abs(drift) <= factor * rule.idle_drift_rpm)
+        idle = np.abs(windows).max(axis=1) <= factor * IDLE_RPM
+        steady |= idle & (np.abs(drift) <= factor * IDLE_DRIFT_RPM)
     return np.asarray(steady)
 
 
@@ -395,10 +387,9 @@ def sort_of(name: str, actuators: Actuators) -> Sort:
     return sort
 
 
-def tolerance_of(name: str, rule: Tolerances, actuators: Actuators = DEFAULT) -> Tolerance:
+def tolerance_of(name: str, actuators: Actuators = DEFAULT) -> Tolerance:
     """The tolerance that is stated for a control channel of a ship with these actuators."""
-    tolerance: Tolerance = getattr(rule, sort_of(name, actuators))
-    return tolerance
+    return TOLERANCES[sort_of(name, actuators)]
 
 
 def _line_weights(rows: int) -> Floats:

@@ -19,7 +19,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
 from analysis.tables.resample import MOTION_FILTER
 from analysis.tables.table import NANO, table_actuators, table_controls, times_ns
-from analysis.windows.held import Tolerances, steady_mask
+from analysis.windows.held import steady_mask
 from hybrid.calibrators.predict import Prediction
 from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
 
@@ -103,15 +103,14 @@ def mean_errors(errors: Iterable[TrackError]) -> MeanErrors:
     return replace(result, **means, inside_band=float(np.mean(inside)) if inside else None)
 
 
-def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int, rule: Tolerances | None = None) -> bool:
+def any_thruster_moved(table: pd.DataFrame, row: int, horizon_s: int) -> bool:
     """Whether a thruster moved in the seconds ``row`` to ``row + horizon_s`` of a 1 Hz table.
 
     What counts as moved is the rule by which windows are held.
     """
-    rules, rows = rule or Tolerances(), horizon_s + 1
     actuators = table_actuators(table)
     return not all(
-        steady_mask(name, table[name].to_numpy(dtype=float), rows, 1, rules, actuators)[row]
+        steady_mask(name, table[name].to_numpy(dtype=float), horizon_s + 1, 1, actuators)[row]
         for name in control_names(actuators)
     )
 

@@ -11,7 +11,7 @@ import pytest
 from acquisition.core.actuators import Actuator, Actuators, as_text, control_names
 from acquisition.core.channels import trial_names
 from analysis.tables.resample import resample
-from analysis.windows.held import REASONS, Tolerances, held_windows, sort_of, steady_mask
+from analysis.windows.held import REASONS, held_windows, sort_of, steady_mask
 from tests.analysis.conftest import table_at
 from tests.analysis.rudder_ships import MODEL, SINGLE, TWIN, Ship, sail, turn
 
@@ -58,11 +58,11 @@ def test_a_rudder_amidships_has_no_idle_band() -> None:
 def test_a_held_shaft_is_held_at_any_usual_speed_and_a_ramp_is_not(rpm: float, noise: float) -> None:
     random = np.random.default_rng(3)
     values = rpm + noise * random.standard_normal(1200)
-    assert steady_mask("propeller_rpm", values, 16, 5, Tolerances(), SINGLE).mean() > 0.99
+    assert steady_mask("propeller_rpm", values, 16, 5, SINGLE).mean() > 0.99
     ramp = np.linspace(0.7 * rpm, rpm, 60)
-    assert not steady_mask("propeller_rpm", ramp, 16, 5, Tolerances(), SINGLE).any()
+    assert not steady_mask("propeller_rpm", ramp, 16, 5, SINGLE).any()
     step = np.repeat([rpm, 0.95 * rpm], 8)
-    assert not steady_mask("propeller_rpm", step, 16, 5, Tolerances(), SINGLE).any()
+    assert not steady_mask("propeller_rpm", step, 16, 5, SINGLE).any()
 
 
 @pytest.mark.parametrize("ship", [Ship(), replace(Ship(), actuators=TWIN), MODEL])

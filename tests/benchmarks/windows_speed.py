@@ -15,7 +15,7 @@ from acquisition.core.angles import unwrap
 from acquisition.core.channels import CIRCULAR, COMMAND, NAMES
 from analysis.estimation.noise_levels import noise_of
 from analysis.tables.table import index_of
-from analysis.windows.held import Tolerances, held_windows, tolerance_of
+from analysis.windows.held import DRIFT_SIGMAS, IDLE_DRIFT_RPM, IDLE_RPM, SPAN_SIGMAS, held_windows, tolerance_of
 
 HOURS, HORIZON_S, STRIDE_S = 4, 15, 5
 
@@ -31,15 +31,14 @@ def voyage(seconds: int) -> pd.DataFrame:
 
 def plain(table: pd.DataFrame) -> list[pd.DataFrame]:
     """The same rule, one candidate and one row at a time."""
-    rule = Tolerances()
     smooth = {name: unwrap(table[name]) if name in CIRCULAR else table[name].to_numpy() for name in COMMAND}
-    noise = {name: min(noise_of(smooth[name]), tolerance_of(name, rule).noise) for name in COMMAND}
+    noise = {name: min(noise_of(smooth[name]), tolerance_of(name).noise) for name in COMMAND}
     kept = []
     centred = np.arange(HORIZON_S + 1) - HORIZON_S / 2
     weights = centred / (centred @ centred) * HORIZON_S
     for start in range(0, len(table) - HORIZON_S, STRIDE_S):
         window = table.iloc[start : start + HORIZON_S + 1]
-        if all(_held(window, smooth, start, name, rule, noise, weights) for name in COMMAND):
+        if all(_held(window, smooth, start, name, noise, weights) for name in COMMAND):
             kept.append(pd.DataFrame([row for _, row in window.iterrows()]))
     return kept
 
@@ -49,16 +48,15 @@ def _held(
     smooth: dict[str, np.ndarray],
     start: int,
     name: str,
-    rule: Tolerances,
     noise: dict[str, float],
     weights: np.ndarray,
 ) -> bool:
     values = pd.Series(smooth[name][start : start + len(window)])
-    tolerance = tolerance_of(name, rule)
+    tolerance = tolerance_of(name)
     drift = abs(sum(value * weight for value, weight in zip(values, weights, strict=True)))
-    limit = np.hypot(tolerance.drift, rule.drift_sigmas * noise[name] * np.sqrt(weights @ weights))
-    steady = values.max() - values.min() <= tolerance.span + rule.span_sigmas * noise[name] and drift <= limit
-    idle = name not in CIRCULAR and values.abs().max() <= rule.idle_rpm and drift <= rule.idle_drift_rpm
+    limit = np.hypot(tolerance.drift, DRIFT_SIGMAS * noise[name] * np.sqrt(weights @ weights))
+    steady = values.max() - values.min() <= tolerance.span + SPAN_SIGMAS * noise[name] and drift <= limit
+    idle = name not in CIRCULAR and values.abs().max() <= IDLE_RPM and drift <= IDLE_DRIFT_RPM
     return bool(steady or idle)
 
 
