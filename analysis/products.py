@@ -108,7 +108,7 @@ def _with_motion(one_hz: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
 def cause_of(error: BaseException) -> str:
     """What failed in one line that is the same for all recordings of one fault: without the file's path."""
     if isinstance(error, SeatrialError):
-        return str(type(error)(error.what, why=error.why, fix=error.fix))
+        return str(error.at(""))
     trace, where = error.__traceback__, ""
     while trace is not None:
         where = f"{Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"

@@ -51,11 +51,11 @@ from matplotlib.patches import Patch, Rectangle
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import DataShortageError
+from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from analysis.batch.workers import map_calls
 from analysis.report.figures import fill_figure, png_of, write_figure
 from analysis.report.plots import INK
-from analysis.tables.files import atomic_file
 from hybrid.calibrators import make_calibrator
 from hybrid.effects import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference

@@ -131,16 +131,18 @@ def parse_for_ship(
     """
     raw = parse_toml(text, path)
     ship = validate({key: raw[key] for key in ("actuator", "trial") if key in raw}, text, path, _Ship)
-    try:
-        listed = (
-            check_actuators(Actuator(each.name, each.kind) for each in ship.actuator) if ship.actuator else None
-        )
-    except ConfigurationError as error:
-        where = f"{path}, line {line_of(text, ['actuator'])}"
-        raise ConfigurationError(error.what, where=where, why=error.why, fix=error.fix) from error
+    listed = check_listed(ship.actuator, text, path)
     actuators = listed or known or actuators_of_ship(str(ship.trial.vessel), Path(path).parent) or DEFAULT
     context = {"actuators": actuators, "folder": Path(path).resolve().parent, "dbc_files": dbc_files or {}}
     return validate(raw, text, path, model, context), actuators
+
+
+def check_listed(listed: tuple[ActuatorSection, ...], text: str, path: Path | str) -> Actuators:
+    """The actuators that a file lists, none where it lists none. Raises :class:`ConfigurationError`."""
+    try:
+        return check_actuators(Actuator(each.name, each.kind) for each in listed) if listed else ()
+    except ConfigurationError as error:
+        raise error.at(f"{path}, line {line_of(text, ['actuator'])}") from error
 
 
 @dataclass(frozen=True, config=STRICT)

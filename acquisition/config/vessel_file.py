@@ -98,7 +98,7 @@ def load_actuators(vessel: str | Path) -> Actuators:
         fix = "write an [[actuator]] with name and kind for each"
         raise ConfigurationError("has actuators without name or kind", where=str(path), fix=fix) from error
     except ConfigurationError as error:
-        raise ConfigurationError(error.what, where=str(path), why=error.why, fix=error.fix) from error
+        raise error.at(path) from error
 
 
 def actuators_of_ship(ship: str, folder: Path) -> Actuators:

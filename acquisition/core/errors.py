@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from errno import EACCES, ENOSPC, EPERM, EROFS
 from pathlib import Path
+from typing import Self
 
 _CURES = {
     ENOSPC: "make room on the disk",
@@ -39,6 +40,10 @@ class SeatrialError(Exception):
         if fix:
             text = f"{text}; {fix}"
         super().__init__(" ".join(text.split()))
+
+    def at(self, where: Path | str) -> Self:
+        """The same error, of another place."""
+        return type(self)(self.what, where=str(where), why=self.why, fix=self.fix)
 
 
 class ConfigurationError(SeatrialError, ValueError):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -16,7 +15,8 @@ import orjson
 
 from acquisition.config.configuration import CONFIGURATION, TrialConfig, parse_config
 from acquisition.core.actuators import from_text
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.errors import InputError, StorageError
+from acquisition.core.files import atomic_file
 from acquisition.core.frames import Frame
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial
@@ -52,20 +52,11 @@ def redecode(
         raise StorageError("exists already", where=str(target), fix="name a file that does not, or delete it")
     with tempfile.TemporaryDirectory(prefix="seatrial-redecode-") as scratch:
         config = config or _own_configuration(paths[0], Path(scratch))
-        partial = target.with_name(f".{target.name}.part")
-        try:
+        with atomic_file(target) as partial:
             with RecordingWriter(partial, config.trial, config.attachments) as writer:
                 result = _decode_all(paths, config, writer, progress or (lambda share: None))
             if result.frames == 0:
                 raise InputError("holds no raw input to decode", where=str(paths[0]))
-            partial.replace(target)
-        except OSError as error:
-            if isinstance(error, StorageError):
-                raise
-            raise storage_error(target, error) from error
-        finally:
-            with suppress(OSError):
-                partial.unlink(missing_ok=True)
     return result
 
 

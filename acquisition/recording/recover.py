@@ -37,7 +37,8 @@ from mcap.records import (
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.errors import InputError, StorageError
+from acquisition.core.files import atomic_file
 from acquisition.core.frames import iso
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
@@ -247,9 +248,7 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
     with open_recording(source, whatever_it_is=True) as stream:
         _refuse_existing(source, target)
         definitions = collect_definitions(stream, source, lambda share: progress(0.3 * share))
-        partial = target.with_name(f".{target.name}.{os.getpid()}.part")
-        try:
-            target.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(target) as partial:
             saved = _write(stream, partial, definitions, lambda share: progress(0.3 + 0.5 * share))
             if not (saved.found.messages or saved.found.metadata or saved.found.attachments):
                 raise InputError(
@@ -259,12 +258,6 @@ def recover(source: Path, target: Path, progress: Progress = lambda share: None)
                     fix="give another copy of it",
                 )
             verify(partial, target, saved.digest)
-            partial.replace(target)
-        except OSError as error:
-            raise error if isinstance(error, StorageError) else storage_error(target, error) from error
-        finally:
-            with suppress(OSError):
-                partial.unlink(missing_ok=True)
     progress(1.0)
     return saved.found
 
@@ -385,7 +378,7 @@ def _refuse_existing(source: Path, target: Path) -> None:
 
 
 def _write(stream: BinaryIO, partial: Path, definitions: Definitions, progress: Progress) -> _Saving:
-    with partial.open("xb") as file:
+    with partial.open("wb") as file:
         writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         writer.start(profile=definitions.header.profile, library=software_version())
         saving = _Saving(writer, definitions)

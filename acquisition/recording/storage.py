@@ -7,7 +7,7 @@ file always ends with a complete record; a write that fails halfway is cut off a
 from __future__ import annotations
 
 import os
-import threading
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 from acquisition.config.sections import RecordingSection
@@ -74,32 +74,6 @@ def require_room(folder: Path, settings: RecordingSection) -> None:
         )
 
 
-class BackgroundSync:
-    """One fdatasync in a thread of its own: a slow disk takes seconds over it, which the recorder has not got."""
-
-    def __init__(self, descriptor: int, covers: int) -> None:
-        self.covers = covers
-        self.error: OSError | None = None
-        self._descriptor = descriptor
-        self._thread = threading.Thread(target=self._run, name="sync", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            os.fdatasync(self._descriptor)
-        except OSError as error:
-            self.error = error
-
-    @property
-    def done(self) -> bool:
-        """Whether the disk has answered."""
-        return not self._thread.is_alive()
-
-    def wait(self) -> None:
-        """Wait until it has."""
-        self._thread.join()
-
-
 class CommittedFile:
     """A file that is only ever appended to, with the part of the file interface that MCAP's writer uses.
 
@@ -112,7 +86,10 @@ class CommittedFile:
         self.committed = 0
         self.synced = 0
         self._gathered = bytearray()
-        self._syncing: BackgroundSync | None = None
+        # A slow disk takes seconds to keep what it is given, which the recorder has not got.
+        self._disk = ThreadPoolExecutor(max_workers=1, thread_name_prefix="sync")
+        self._syncing: Future[None] | None = None
+        self._syncing_bytes = 0
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
 
     @property
@@ -149,9 +126,7 @@ class CommittedFile:
     def sync(self) -> None:
         """Flush, and make the disk keep it."""
         self.flush()
-        error = self._wait_for_the_disk()
-        if error is not None:  # the system tells it once only: asked again, it would say that all is well
-            raise error
+        self._end_syncing()
         os.fdatasync(self._descriptor)
         self.synced = self.committed
 
@@ -162,22 +137,20 @@ class CommittedFile:
         """
         self.flush()
         if self._syncing is not None:
-            if not self._syncing.done:
+            if not self._syncing.done():
                 return False
-            last, self._syncing = self._syncing, None
-            if last.error is not None:
-                raise last.error
-            self.synced = last.covers
-        self._syncing = BackgroundSync(self._descriptor, self.committed)
+            self._end_syncing()
+            self.synced = self._syncing_bytes
+        self._syncing_bytes = self.committed
+        self._syncing = self._disk.submit(os.fdatasync, self._descriptor)
         return True
 
-    def _wait_for_the_disk(self) -> OSError | None:
-        """Let a sync in the background come to its end; what went wrong with it."""
-        if self._syncing is None:
-            return None
-        last, self._syncing = self._syncing, None
-        last.wait()
-        return last.error
+    def _end_syncing(self) -> None:
+        """Let a sync in the background come to its end, and raise what went wrong with it: the system tells it once
+        only, and asked again would say that all is well."""
+        if self._syncing is not None:
+            last, self._syncing = self._syncing, None
+            last.result()
 
     def cut_to(self, length: int) -> None:
         """Forget everything after ``length`` bytes; a disk that is gone cannot even do that, and need not."""
@@ -192,7 +165,8 @@ class CommittedFile:
 
         Returns whether the ending was written.
         """
-        self._wait_for_the_disk()
+        self._disk.shutdown()
+        self._syncing = None
         self._gathered.clear()
         self.cut_to(self.synced)
         self._gathered += ending
@@ -226,7 +200,7 @@ class CommittedFile:
     def close(self) -> None:
         """Let go of the file; a second call does nothing."""
         if not self.closed:
-            self._wait_for_the_disk()
+            self._disk.shutdown()
             descriptor, self._descriptor = self._descriptor, -1
             os.close(descriptor)
 

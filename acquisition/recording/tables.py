@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 
 from acquisition.core.actuators import from_text
 from acquisition.core.channels import channel_names
-from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.errors import InputError
+from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality, Sample
 from acquisition.core.trial import Trial
 from acquisition.recording.writer import RecordingWriter
@@ -40,21 +40,10 @@ def write_table(
     unknown = [name for name in table.columns if name not in known]
     if unknown:
         raise InputError(f"columns {', '.join(map(str, unknown))} are no channels", where=str(path))
-    target = Path(path)
-    partial = target.with_name(f".{target.name}.part")
-    try:
-        with RecordingWriter(partial, trial) as writer:
-            for name, said in (metadata or {}).items():
-                writer.write_metadata(name, said)
-            _write_rows(writer, table, source, qualities or {})
-        partial.replace(target)
-    except StorageError as error:  # the person knows the file by its own name only
-        raise StorageError(error.what, where=str(path), why=error.why, fix=error.fix) from error
-    except OSError as error:
-        raise storage_error(path, error) from error
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+    with atomic_file(path) as partial, RecordingWriter(partial, trial) as writer:
+        for name, said in (metadata or {}).items():
+            writer.write_metadata(name, said)
+        _write_rows(writer, table, source, qualities or {})
     return int(table.notna().to_numpy().sum())
 
 

@@ -21,9 +21,9 @@ import pymap3d
 from pydantic import AfterValidator, ConfigDict
 from pydantic.dataclasses import dataclass
 
-from acquisition.config.sections import ActuatorSection, RunSheet, check_channel
+from acquisition.config.sections import ActuatorSection, RunSheet, check_channel, check_listed
 from acquisition.config.toml_file import line_of, load_toml, read_text
-from acquisition.core.actuators import DEFAULT, Actuator, Actuators, check_actuators
+from acquisition.core.actuators import Actuator, Actuators
 from acquisition.core.angles import are_angles, in_turn, wrap_360
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import channel_unit, find_channel
@@ -186,11 +186,7 @@ def load_column_map(path: Path | str) -> ColumnMap:
             "in_name is for seconds, with a zone and without a start",
             where=f"{path}, line {line_of(text, ['time', 'in_name'])}",
         )
-    try:
-        check_actuators(loaded.actuators or DEFAULT)
-    except ConfigurationError as error:
-        where = f"{path}, line {line_of(text, ['actuator'])}"
-        raise ConfigurationError(error.what, where=where, why=error.why, fix=error.fix) from error
+    check_listed(loaded.actuator, text, path)
     return loaded
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
+from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
 from analysis.batch.workers import (
@@ -30,7 +31,7 @@ from analysis.batch.workers import (
 )
 from analysis.products import Options
 from analysis.report.pages import index_page
-from analysis.tables.files import atomic_file, read_parquet, write_parquet
+from analysis.tables.files import read_parquet, write_parquet
 
 Failures = list[tuple[str, list[str]]]
 """Causes and the names of the recordings that failed of each, the most frequent first."""

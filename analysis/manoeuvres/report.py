@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from acquisition.core.files import atomic_file
 from acquisition.core.trial import software_version
 from analysis.manoeuvres.find import find_manoeuvres
 from analysis.manoeuvres.indices import UNITS, Index, Manoeuvre, as_json, unit_of
-from analysis.tables.files import atomic_file
 from analysis.tables.table import provenance_of
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.text import Text
 from numpy.typing import ArrayLike, NDArray
 
+from acquisition.core.files import atomic_file
 from analysis.report.plots import STYLE
-from analysis.tables.files import atomic_file
 
 Draw = Callable[[Figure], object]
 ENDINGS = ("svg", "pdf", "json")

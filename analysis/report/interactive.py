@@ -21,9 +21,10 @@ from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import BY_NAME, is_circular
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
+from acquisition.core.files import atomic_file
 from analysis.report.pages import duration_text
 from analysis.report.rendering import TEMPLATES, render
-from analysis.tables.files import atomic_file, expect_suffix
+from analysis.tables.files import expect_suffix
 from analysis.tables.table import NANO, table_actuators, times_ns, trial_channels
 from analysis.windows.held import held_spans_ns
 

@@ -11,11 +11,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality
 from analysis.quality.findings import ALL
 from analysis.quality.samples import runs
 from analysis.report.rendering import Page, render
-from analysis.tables.files import atomic_file, write_parquet
+from analysis.tables.files import write_parquet
 from analysis.tables.table import main_stretch, times_ns
 
 if TYPE_CHECKING:

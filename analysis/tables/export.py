@@ -17,9 +17,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.channels import channel_unit
+from acquisition.core.files import atomic_file
 from acquisition.core.frames import Quality
 from acquisition.core.trial import software_version
-from analysis.tables.files import atomic_file, expect_suffix, write_parquet
+from analysis.tables.files import expect_suffix, write_parquet
 from analysis.tables.table import NANO, delays_in_ns, provenance_of, times_ns, utc_index
 
 FLAG_SUFFIX, SIGMA_SUFFIX = "_flag", "_sigma"

@@ -1,13 +1,13 @@
-"""Files of results: named by their format, complete or not there at all; Parquet with units on its columns."""
+"""Files of results: named by their format; Parquet with units on its columns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from acquisition.core.errors import InputError, StorageError, storage_error
+from acquisition.core.files import atomic_file
 from acquisition.core.trial import software_version
 
 if TYPE_CHECKING:
@@ -39,25 +39,6 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise storage_error(folder, error) from error
-
-
-@contextmanager
-def atomic_file(path: Path | str) -> Iterator[Path]:
-    """A file to write, which takes the place of ``path`` once it is complete; its folder is made.
-
-    Raises :class:`StorageError` for what the system refuses.
-    """
-    path = Path(path)
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        partial.replace(path)
-    except OSError as error:
-        raise storage_error(path, error) from error
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
 
 
 METADATA_PREFIX = "seatrial."

@@ -12,9 +12,9 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from acquisition.core.files import atomic_file
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
-from analysis.tables.files import atomic_file
 from hybrid.evaluation.study import BASELINES
 from hybrid.evaluation.summary import Evaluation, SplitSummary, Summary
 from hybrid.prediction.scores import Interval

@@ -26,10 +26,11 @@ from markupsafe import Markup
 
 from acquisition.core import errors
 from acquisition.core.errors import ConfigurationError, SeatrialError
+from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from analysis.report.figures import write_figure
 from analysis.report.rendering import Page, environment, render
-from analysis.tables.files import atomic_file, make_folder
+from analysis.tables.files import make_folder
 
 if TYPE_CHECKING:
     from nbformat import NotebookNode

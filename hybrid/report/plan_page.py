@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from acquisition.core.files import atomic_file
 from analysis.report.rendering import Page, render
-from analysis.tables.files import atomic_file
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
 from hybrid.report.notebook import templates

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from rich.console import Group
 
 from acquisition.core.errors import InputError
+from acquisition.core.files import atomic_file
 from analysis.report.plots import FAINT
 from analysis.report.rendering import Page, render
-from analysis.tables.files import atomic_file
 from hybrid.prediction.scores import Interval
 from hybrid.report.notebook import sections, templates
 from hybrid.report.plots import COLOUR, interval_bar, logarithmic

@@ -17,13 +17,13 @@ import pandas as pd
 from acquisition.config.toml_file import load_toml
 from acquisition.core.actuators import as_text
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
 from analysis.batch.one_recording import Row
 from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, run_jobs
 from analysis.products import Options
-from analysis.tables.files import atomic_file
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named

@@ -19,8 +19,8 @@ import pandas as pd
 from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import atomic_file
 from acquisition.core.trial import software_version
-from analysis.tables.files import atomic_file
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.effects.size import growth, scale_of
 from hybrid.simulation.autopilot import drives_of, sail

@@ -57,7 +57,7 @@ def load_vessel(name_or_file: str | Path | Vessel | None = None) -> Vessel:
     try:
         check_actuators(vessel.actuators)
     except ConfigurationError as error:
-        raise ConfigurationError(error.what, where=str(path), why=error.why, fix=error.fix) from error
+        raise error.at(path) from error
     return vessel
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
-from analysis.tables.files import atomic_file
 from analysis.tables.table import refuse_duplicates
 from hybrid.diagnosis.diagnose import TOLERANCE, diagnose
 from hybrid.diagnosis.result import Diagnosis, Extras

@@ -1,0 +1,31 @@
+"""Files of results: complete or not there at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from acquisition.core.errors import StorageError, storage_error
+
+
+@contextmanager
+def atomic_file(path: Path | str) -> Iterator[Path]:
+    """A file to write, which takes the place of ``path`` once it is complete; its folder is made.
+
+    Raises :class:`StorageError` for what the system refuses, always about ``path``: a person knows the file by its
+    own name only.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        partial.replace(path)
+    except StorageError as error:
+        raise error.at(path) from error
+    except OSError as error:
+        raise storage_error(path, error) from error
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
