@@ -11,7 +11,7 @@ from math import log2
 USUAL_LENGTH_M = 30.0
 """The length of a ship for which ordinary sizes are written down."""
 
-_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5}
+_POWERS = {"N": 3.0, "N m": 4.0, "m": 1.0, "m2": 2.0, "m/s": 0.5, "1/s": -0.5}
 
 
 def scale_of(length_m: float) -> float:

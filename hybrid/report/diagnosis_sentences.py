@@ -60,8 +60,8 @@ def sentence(effect: Effect, parameters: Parameters, share_of_gap: float, actuat
 
 def _sized(effect: Effect, parameters: Parameters, actuators: Actuators) -> tuple[str, str]:
     """An effect and its size, and the ends of its intervals."""
-    if effect.base in _TWO:
-        return _of_two(_TWO[effect.base], parameters)
+    if effect.base in _SEVERAL:
+        return _of_several(_SEVERAL[effect.base], parameters)
     if texts := _ONE.get(effect.base) or actuator_texts(effect.base, actuators):
         return _of_one(effect, texts, next(iter(parameters.values())))
     return _of_any(effect, parameters)
@@ -84,19 +84,22 @@ def _of_one(effect: Effect, texts: tuple[str, ...], estimate: Estimate) -> tuple
     return text.format(number(size(estimate.value))), span(low, high)
 
 
-def _of_two(text: str, parameters: Parameters) -> tuple[str, str]:
-    """A place is said by its side of the reference point, and its interval on that side."""
-    for way, other, each in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=True):
+def _of_several(text: str, parameters: Parameters) -> tuple[str, str]:
+    """A place is said by its side of the reference point, and its interval on that side; shares in percent."""
+    if "%" in text:
+        parameters = {name: _times(each, 100.0) for name, each in parameters.items()}
+    for way, other, each in zip(("ahead", "to starboard"), ("astern", "to port"), parameters, strict=False):
         if f"{{}} m {way}" in text and parameters[each].value < 0.0:
             text = text.replace(f"m {way}", f"m {other}")
-            parameters = {**parameters, each: _mirrored(parameters[each])}
+            parameters = {**parameters, each: _times(parameters[each], -1.0)}
     values = [number(each.value) if each.unit != "deg" else f"{each.value:.0f}" for each in parameters.values()]
     ends = "; ".join(span(each.low, each.high, each.unit) for each in parameters.values())
     return text.format(*values), ends
 
 
-def _mirrored(estimate: Estimate) -> Estimate:
-    return replace(estimate, value=-estimate.value, low=-estimate.high, high=-estimate.low)
+def _times(estimate: Estimate, factor: float) -> Estimate:
+    low, high = sorted((factor * estimate.low, factor * estimate.high))
+    return replace(estimate, value=factor * estimate.value, low=low, high=high)
 
 
 def _of_any(effect: Effect, parameters: Parameters) -> tuple[str, str]:
@@ -119,16 +122,18 @@ def span(low: float, high: float, unit: str = "") -> str:
     return "-".join(ends) if low >= 0.0 else " to ".join(ends)
 
 
-_TWO = {
+_SEVERAL = {
     "ocean_current": "The ship drifts with a current of {} m/s towards {} deg",
     "steady_wind": "A wind that nobody recorded blows with {} m/s towards {} deg",
     "wave_drift": "Waves push the ship with {} N in beam sea towards {} deg",
+    "low_speed_damping": "Near rest the water slows the ship more than in the model: surge by {} % a second, "
+    "sway by {} %, yaw by {} %",
     "position_antenna_offset": "The recorded position is that of a point {} m ahead and {} m to starboard of the "
     "reference point",
     "speed_sensor_offset": "The recorded speeds are those of a point {} m ahead and {} m to starboard of the "
     "reference point",
 }
-"""Effects of two parameters, in their order."""
+"""Effects of two parameters and more, in their order."""
 
 
 def _more_or_less(what: str) -> tuple[str, str]:

@@ -28,6 +28,7 @@ from hybrid.vessel.actuators import (
 )  # fmt: skip
 from hybrid.vessel.drift import constant_force, wave_drift_force
 from hybrid.vessel.hulls import hull_force
+from hybrid.vessel.low_speed_damping import low_speed_damping
 from hybrid.vessel.plant import ForceFunction
 from hybrid.vessel.wind import wind_force, wind_vector
 
@@ -129,6 +130,7 @@ def total_force(
     """
     u_r, v_r = u - u_c, v - v_c
     X, Y, N = hull_force(p, u_r, v_r, r)
+    slow_X, slow_Y, slow_N = low_speed_damping(p, u_r, v_r, r)
     actuators_X, actuators_Y, actuators_N = actuators_force(p, held.work, u_r, v_r, r)
     u_air = held.wind_north_mps * cosine + held.wind_east_mps * sine
     v_air = held.wind_east_mps * cosine - held.wind_north_mps * sine
@@ -136,9 +138,9 @@ def total_force(
     drift_X, drift_Y, drift_N = wave_drift_force(p, cosine, sine)
     constant_X, constant_Y, constant_N = constant_force(p)
     arm = p.mass_kg * p.centre_of_gravity_m
-    X += actuators_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r + arm * r * r
-    Y += actuators_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r
-    N += actuators_N + wind_N + drift_N + constant_N - arm * u_r * r
+    X += slow_X + actuators_X + wind_X + drift_X + constant_X + p.mass_kg * v_r * r + arm * r * r
+    Y += slow_Y + actuators_Y + wind_Y + drift_Y + constant_Y - p.mass_kg * u_r * r
+    N += slow_N + actuators_N + wind_N + drift_N + constant_N - arm * u_r * r
     return X, Y, N
 
 

@@ -14,7 +14,9 @@ from hybrid.vessel.plant import SCALARS, TABLES, ActuatorNumbers, HullNumbers, P
 from hybrid.vessel.wind import TABLE_SIZE
 
 Numbers = dict[str, float | tuple[float, ...]]
-LATER = {"centre_of_gravity_m": 0.0, "wind_model": 0.0}
+LATER = dict.fromkeys(
+    ("centre_of_gravity_m", "wind_model", "surge_damping_ps", "sway_damping_ps", "yaw_damping_ps"), 0.0
+)
 """Numbers that plants were stored without; left out where they say nothing, so that old fingerprints hold."""
 
 

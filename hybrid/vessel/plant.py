@@ -107,7 +107,7 @@ class Plant:
     azimuth_scale: float = 1.0
     thruster_lag_s: float = 0.0
     command_delay_s: float = 0.0
-    # slots of effects, neutral: environment and constant forces
+    # slots of effects, neutral: environment, constant forces, damping near rest
     wind_load_factor: float = 1.0
     current_north_mps: float = 0.0
     current_east_mps: float = 0.0
@@ -117,6 +117,9 @@ class Plant:
     constant_X_n: float = 0.0
     constant_Y_n: float = 0.0
     constant_N_nm: float = 0.0
+    surge_damping_ps: float = 0.0
+    sway_damping_ps: float = 0.0
+    yaw_damping_ps: float = 0.0
     # slots of effects, neutral: sensors (reported = factor x true, or true + bias)
     wind_direction_bias_rad: float = 0.0
     wind_speed_factor: float = 1.0

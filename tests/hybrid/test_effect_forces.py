@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, cos, degrees, pi, radians, sin
+from math import atan2, cos, degrees, exp, pi, radians, sin
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from hybrid.effects import CATALOGUE
 from hybrid.effects.environment import STEADY_WIND
 from hybrid.effects.hull import aspect_growth
-from hybrid.vessel.plant import Plant
+from hybrid.vessel.actuators import KINDS
+from hybrid.vessel.files import load_vessel
+from hybrid.vessel.plant import Plant, bare_plant
 from hybrid.vessel.simulate import simulate
 from tests.hybrid.conftest import Held
 
@@ -106,6 +109,13 @@ def pods(p: Plant, u: float, v: float, r: float, wake: float, side: float) -> Fl
     return total
 
 
+def low_speed_damping(p: Plant, u: float, v: float, r: float) -> Force:
+    """A fiftieth of surge and sway and a tenth of the yaw rate a second, while the square of the speed is small."""
+    left = exp(-5.0 * (u * u + v * v))
+    masses = np.diag(mass_matrix(p))
+    return -left * 0.02 * masses[0] * u, -left * 0.02 * masses[1] * v, -left * 0.1 * masses[2] * r
+
+
 def wake_fraction(p: Plant, u: float, v: float, r: float) -> Floats:
     """A fifth slower."""
     return pods(p, u, v, r, 0.2, 1.0) - pods(p, u, v, r, 0.0, 1.0)
@@ -185,6 +195,37 @@ def test_forces_are_those_of_the_formula(
     """The force with the effect less that without is what the line of physics says."""
     difference = force(with_effect(plant, added.__name__, **values), motion) - force(plant, motion)
     assert difference == pytest.approx(np.array(added(plant, *motion)), rel=2e-4, abs=1.0)
+
+
+@pytest.mark.parametrize("motion", [(0.2, 0.1, 0.004), (-0.3, 0.2, -0.01), (1.2, 0.0, 0.02)])
+def test_damping_near_rest_is_in_proportion_and_fades(motion: Force, plant: Plant) -> None:
+    rates = {"surge_ps": 0.02, "sway_ps": 0.02, "yaw_ps": 0.1}
+    difference = force(with_effect(plant, "low_speed_damping", **rates), motion) - force(plant, motion)
+    assert difference == pytest.approx(np.array(low_speed_damping(plant, *motion)), rel=1e-3, abs=1.0)
+
+
+@pytest.mark.parametrize("vessel", ["gunnerus_short", "kvlcc2_7m", "esso_osaka_3m"])
+@pytest.mark.parametrize(("axis", "speed"), [(0, 1e-4), (1, 1e-4), (2, 1e-6)])
+def test_a_ship_that_drifts_ever_so_slowly_comes_to_rest_as_her_time_constants_say(
+    vessel: str, axis: int, speed: float
+) -> None:
+    """The exponential of the matrix of damping over inertia; what goes with the square of the speed is nothing."""
+    bare = bare_plant(load_vessel(vessel))
+    rates = np.array([0.05, 0.03, 0.08])
+    names = ("surge_ps", "sway_ps", "yaw_ps")
+    damped = CATALOGUE["low_speed_damping"].apply(bare, dict(zip(names, rates, strict=True)))
+    start = np.zeros(6)
+    start[3 + axis] = speed
+    controls = sum(len(KINDS[each.kind].units) for each in bare.actuators)
+    states = simulate(damped, start, np.zeros((60, controls)), np.zeros((60, 2)), 1.0)[:, 3:]
+    M, m, x_G = mass_matrix(bare), bare.mass_kg, bare.centre_of_gravity_m
+    M[2, 2] += m * x_G**2
+    M[1:, 1:] += [[0.0, m * x_G], [m * x_G, 0.0]]
+    times = np.arange(61.0)
+    expected = [expm(-t * np.linalg.solve(M, np.diag(rates * np.diag(M)))) @ start[3:] for t in times]
+    assert states == pytest.approx(np.array(expected), rel=1e-2, abs=2e-3 * speed)
+    if axis == 0:
+        assert states[20, 0] == pytest.approx(speed * exp(-1.0), rel=2e-3)
 
 
 @pytest.mark.parametrize("motion", MOTIONS)

@@ -25,9 +25,10 @@ DT_S = 0.5
 def weaving(plant: Plant, effect: Effect) -> Floats:
     """What is measured [61, 6] of half a minute in which shafts, both helms and the tunnel thruster all move.
 
-    The shafts turn astern, slowly, where the effect is of that.
+    The shafts turn astern, slowly, where the effect is of that, and hardly at all where it is of a ship near rest.
     """
-    sense = -0.5 if "astern" in effect.name else 1.0
+    near_rest = "low_speed" in effect.name
+    sense = -0.5 if "astern" in effect.name else 0.1 if near_rest else 1.0
     phase = np.linspace(0.0, 2.0 * np.pi, 60)
     swing = 0.5 - 0.5 * np.cos(phase)
     controls = np.column_stack([
@@ -35,7 +36,8 @@ def weaving(plant: Plant, effect: Effect) -> Floats:
         sense * (2.2 + 0.5 * swing), 0.15 - 0.1 * swing, 300.0 * swing,
     ])  # fmt: skip
     wind = np.tile([0.8, 9.0], (60, 1))
-    return measure(simulate(plant, [0.0, 0.0, 0.2, 4.0, 0.1, 0.01], controls, wind, DT_S), plant, DT_S)
+    start = [0.0, 0.0, 0.2, 0.4 if near_rest else 4.0, 0.1, 0.01]
+    return measure(simulate(plant, start, controls, wind, DT_S), plant, DT_S)
 
 
 def at(effect: Effect, free: Any) -> dict[str, float]:

@@ -79,6 +79,10 @@ def _push(axis: int, sign: float = 1.0) -> Change:
     return change
 
 
+def _die_out(sheet: Sheet, *rates_ps: float) -> None:
+    sheet.dies_out_ps[:] = rates_ps
+
+
 def _lose(*pods: int) -> Change:
     def change(sheet: Sheet, fraction: float) -> None:
         for pod in pods:
@@ -130,6 +134,7 @@ EFFECTS: dict[str, tuple[Change, dict[str, float]]] = {
     "drift_moment": (_scale("yaw", "Nuv", "Nuuv", "Nvvv"), _FACTOR),
     "turning_force": (_scale("sway", "Yur", "Yuur", "Yrrr", "Y_absr_r"), _FACTOR),
     "turning_drag": (_scale("surge", "Xrr", "Xurr", "Xrv", "Xrvu"), _FACTOR),
+    "low_speed_damping": (_die_out, dict.fromkeys(("surge_ps", "sway_ps", "yaw_ps"), 0.0)),
     "trim": (trim, {"shift_m": 0.0}),
     "skeg": (add_skeg, {"area_m2": 0.0}),
     "shallow_water": (over_shallows, {"depth_m": inf}),

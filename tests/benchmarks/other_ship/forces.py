@@ -6,7 +6,7 @@ are one matrix of coefficients times one vector of monomials of u, v, r relative
 
 from __future__ import annotations
 
-from math import atan2, cos, pi, sin
+from math import atan2, cos, exp, pi, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +67,7 @@ class Body(NamedTuple):
     length_m: float
     drift: Floats  # size [N], direction it goes to [rad]
     steady: Floats  # X, Y [N], N [N m]
+    dying: Floats  # how surge, sway and yaw die out near rest: inertia a second
     heel: Heel
     error: Floats  # [3, len(POWERS)], all zero without a polynomial error
     error_scale: Floats  # of u, v, r, azimuth angle
@@ -92,9 +93,10 @@ def body_of(sheet: Sheet, heel_coupling: bool) -> Body:
     air = 0.5 * wind["air_density_kgpm3"]
     lateral = air * wind["lateral_area_m2"]
     areas = np.array([[air * wind["frontal_area_m2"]], [lateral], [lateral * size["length_overall_m"]]])
+    inertia = _mass_matrix(sheet)
     return Body(
         hull_matrix(sheet),
-        np.asarray(np.linalg.inv(_mass_matrix(sheet)), dtype=np.float64),
+        np.asarray(np.linalg.inv(inertia), dtype=np.float64),
         numbers["inertia"]["mass_kg"],
         np.array(places),
         density * D * D * np.array(curve),
@@ -103,6 +105,7 @@ def body_of(sheet: Sheet, heel_coupling: bool) -> Body:
         size["length_overall_m"],
         np.array(sheet.drift_n),
         np.array(sheet.steady_force),
+        np.diag(inertia) * sheet.dies_out_ps,
         _heel(sheet, heel_coupling),
         np.zeros((3, len(POWERS))),
         np.ones(4),
@@ -178,6 +181,13 @@ def hull_force(hull: Floats, u: float, v: float, r: float) -> Three:
         Y += hull[1, i] * terms[i]
         N += hull[2, i] * terms[i]
     return X, Y, N
+
+
+@njit(error_model="numpy")
+def dying_force(body: Body, u: float, v: float, r: float) -> Three:
+    """X, Y [N] and N [N m] in proportion to the motion; above a knot or so nothing is left of them."""
+    share = exp(-5.0 * (u**2 + v**2))
+    return -share * body.dying[0] * u, -share * body.dying[1] * v, -share * body.dying[2] * r
 
 
 @njit(error_model="numpy")

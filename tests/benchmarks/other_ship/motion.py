@@ -17,6 +17,7 @@ from tests.benchmarks.other_ship.forces import (
     Control,
     Three,
     drift_force,
+    dying_force,
     heel_force,
     hull_force,
     outside_force,
@@ -73,12 +74,13 @@ def total_force(
     X_d, Y_d, N_d = drift_force(body.drift[0], body.drift[1] - psi, body.length_m)
     X_s, Y_s, N_s = drift_force(sea.slow_n, sea.slow_to_rad - psi, body.length_m)
     X_o, Y_o, N_o = outside_force(o, north, east, psi)
+    X_l, Y_l, N_l = dying_force(body, u, v, r)
     angle = 0.5 * (control[1] + control[3])
     X_e, Y_e, N_e = polynomial_error(body, u, v, r, angle) if body.error.any() else (0.0, 0.0, 0.0)
     X_r, Y_r, N_r = heel_force(body.heel, body.hull[0, 0] * u * abs(u), u, roll)
-    X = X_h + X_t + X_w + X_d + X_s + X_o + X_e + X_r + body.steady[0] - tow(o, time_s)
-    Y = Y_h + Y_t + Y_w + Y_d + Y_s + Y_o + Y_e + Y_r + body.steady[1]
-    N = N_h + N_t + N_w + N_d + N_s + N_o + N_e + N_r + body.steady[2]
+    X = X_h + X_t + X_w + X_d + X_s + X_o + X_e + X_r + X_l + body.steady[0] - tow(o, time_s)
+    Y = Y_h + Y_t + Y_w + Y_d + Y_s + Y_o + Y_e + Y_r + Y_l + body.steady[1]
+    N = N_h + N_t + N_w + N_d + N_s + N_o + N_e + N_r + N_l + body.steady[2]
     h = body.heel
     K = -h.hull_lever_m * (Y_h + body.mass_kg * u * r) - h.pod_lever_m * Y_t - h.wind_lever_m * Y_w
     return (X, Y, N), K - h.stiffness_nm * sin(roll) - h.damping_nms * roll_rate

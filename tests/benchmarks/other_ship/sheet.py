@@ -23,6 +23,7 @@ class Sheet:
     current_mps: list[float] = field(default_factory=lambda: [0.0, 0.0])  # north, east
     drift_n: list[float] = field(default_factory=lambda: [0.0, 0.0])  # size, direction it goes to [rad]
     steady_force: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # X, Y [N], N [N m]
+    dies_out_ps: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])  # surge, sway, yaw near rest [1/s]
     # port and starboard pod
     pod_share: list[float] = field(default_factory=lambda: [1.0, 1.0])
     pod_offset_rad: list[float] = field(default_factory=lambda: [0.0, 0.0])

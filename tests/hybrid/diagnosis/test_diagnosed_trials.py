@@ -12,6 +12,7 @@ from hybrid.diagnosis.select_effects import CLOSE
 from hybrid.diagnosis.verdict import close_rivals
 from hybrid.vessel.files import load_vessel
 from hybrid.workflows.diagnose import diagnose_tables
+from tests.benchmarks.other_ship.programmes import HOLD, Order, hold
 from tests.benchmarks.other_ship.trial import make_trial
 from tests.hybrid.diagnosis.conftest import Diagnosed
 
@@ -57,6 +58,28 @@ def test_a_biased_compass_is_named_in_a_sea(diagnosed: Diagnosed) -> None:
     naming = diagnosed(seed=5, hidden={"heading_bias": {"angle_deg": 1.5}}, sea="gentle", duration_s=SHORT_S)
     assert naming.names == ("heading_bias",)
     assert np.abs(error(naming, "heading_bias", angle_deg=1.5)) < 4.0 * standard_error(naming, "heading_bias")
+
+
+NEAR_REST = (
+    Order(HOLD, 25.0, 25.0, seconds=60.0), hold(0, 0, 60), hold(0, 0, 40, 150), hold(0, 0, 60),
+    Order(HOLD, -25.0, -25.0, seconds=60.0), hold(0, 0, 60), hold(0, 0, 40, -150), hold(0, 0, 60),
+    hold(20, -90, 50, 110), hold(0, 0, 60), hold(20, 90, 50, -110), hold(0, 0, 60),
+)  # fmt: skip
+"""Short pushes ahead, astern, aside and round, and drifting between them."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rates", [(0.02, 0.0, 0.0), (0.02, 0.02, 0.1), ()])
+def test_damping_near_rest_is_named_where_a_ship_is_pushed_about_slowly(
+    diagnosed: Diagnosed, rates: tuple[float, ...]
+) -> None:
+    """By axis: what is not there has an interval about zero. And nothing is named where nothing is hidden."""
+    truth = dict(zip(("surge_ps", "sway_ps", "yaw_ps"), rates, strict=False))
+    hidden = {"low_speed_damping": truth} if rates else {}
+    naming = diagnosed(seed=2, hidden=hidden, sea="calm", programme=NEAR_REST, duration_s=SHORT_S, rate_hz=2.0)
+    assert naming.names == tuple(hidden)
+    for name in hidden:
+        assert (np.abs(error(naming, name, **truth)) < 4.0 * standard_error(naming, name)).all()
 
 
 @pytest.mark.slow

@@ -50,6 +50,12 @@ def said(name: str, *ranges: tuple[float, float, float], share: float = 0.83) ->
             "The recorded position is that of a point 5.22 m astern and 0.5 m to starboard of the reference point "
             "(4.14-6.3; \u22120.66 to 1.65)",
         ),
+        (
+            "low_speed_damping",
+            [(0.02, 0.018, 0.022), (-0.001, -0.003, 0.001), (0.1, 0.08, 0.12)],
+            "Near rest the water slows the ship more than in the model: surge by 2 % a second, sway by −0.1 %, "
+            "yaw by 10 % (1.8-2.2; −0.3 to 0.1; 8-12)",
+        ),
         ("shallow_water", [(8.0, 7.0, 9.5)], "The water is about 8 m deep, and the hull feels it (7-9.5)"),
     ],
 )  # fmt: skip
