@@ -152,29 +152,14 @@ def simulate(
     ``hidden`` maps names of effects to their parameters; what was hidden goes to ``PATH.truth.json`` and into
     nothing else.
     """
-    from acquisition.core.actuators import as_text
-    from acquisition.core.trial import Trial
-    from acquisition.recording.tables import write_table
     from hybrid.effects.catalogue import catalogue_with
-    from hybrid.simulation.trial import ORIGIN_DEG, simulate_trial, write_truth
+    from hybrid.simulation.trial import record_trial, simulate_trial
     from hybrid.vessel.files import load_vessel
 
     target, ship = Path(path), load_vessel(vessel)
     known = catalogue_with(vessel=ship) if catalogue is None else catalogue
     table, truth = simulate_trial(ship, sea_state, manoeuvre, duration_s, rate_hz, seed, hidden, catalogue=known)
-    latitude_deg, longitude_deg = ORIGIN_DEG
-    trial = Trial(
-        name=target.stem,
-        vessel=ship.name,
-        actuators=as_text(ship.actuators),
-        place="Trondheimsfjord, simulated",
-        origin_latitude_deg=latitude_deg,
-        origin_longitude_deg=longitude_deg,
-        sea_state=truth["sea_state"]["name"],
-        crew_notes=f"simulated {manoeuvre}",
-    )
-    write_table(table, target, trial, source="simulated")
-    write_truth(truth, target.with_suffix(".truth.json"))
+    record_trial(table, truth, target, place="Trondheimsfjord, simulated")
     return table
 
 

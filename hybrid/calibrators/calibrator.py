@@ -96,13 +96,9 @@ class Calibrator(ABC):
         """Which windows [N] lie outside the domain of applicability."""
         return np.asarray(self.domain(windows, reference).outside.any(axis=1))
 
-    def uncertainty(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        """The relative uncertainty of each prediction [N, H], one on average; the same for all here."""
-        return np.ones((len(windows), windows.horizon_s))
-
     def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
-        """:meth:`predict` and :meth:`uncertainty` in one call, where one costs as much as both."""
-        return self.predict(windows, reference), self.uncertainty(windows, reference)
+        """:meth:`predict`, and the relative uncertainty of each prediction [N, H], one on average; here of all."""
+        return self.predict(windows, reference), np.ones((len(windows), windows.horizon_s))
 
     def out_of_sample_tracks(self, stopping: Examples) -> Floats:
         """The tracks [N, H+1, 3] of the ``stopping`` windows of :meth:`fit` by a model not fitted to them."""
@@ -110,7 +106,7 @@ class Calibrator(ABC):
 
     def conformal_radius(self, stopping: Examples) -> Floats:
         """The radius [H] of the 95 % region by second, in metres, for an uncertainty of one."""
-        return conformal_radius(self.out_of_sample_tracks(stopping), stopping[0].track, self.uncertainty(*stopping))
+        return conformal_radius(self.out_of_sample_tracks(stopping), stopping[0].track)
 
     @abstractmethod
     def state_dict(self) -> dict[str, Tensor]:

@@ -20,7 +20,7 @@ from hybrid.calibrators.calibrator import Calibrator, PredictedTracks, predict_w
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import Fallback
 from hybrid.prediction.dataset import Dataset, Source, within_model_range
-from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_to_judge
+from hybrid.prediction.prediction_windows import PredictionWindows, clear_of, draw_windows, unlike_groups
 from hybrid.prediction.scores import score
 from hybrid.vessel.files import load_vessel
 from hybrid.vessel.fingerprint import plant_hash
@@ -118,7 +118,7 @@ def train(
     Raises :class:`DataShortageError` without windows in the range of the model, or with one leg only.
     """
     windows, tracks = within_model_range(dataset.windows, plant)
-    held_out = draw_to_judge(windows, HELD_OUT_SHARE, seed)
+    held_out = draw_windows(windows, unlike_groups(windows), HELD_OUT_SHARE, seed)
     fitting = clear_of(windows, ~held_out, held_out)
     training = (windows.subset(fitting), tracks[fitting])
     stopping = (windows.subset(held_out), tracks[held_out])

@@ -26,9 +26,9 @@ from hybrid.prediction.prediction_windows import (
     WIND,
     PredictionWindows,
     clear_of,
-    draw_legs,
-    draw_to_judge,
+    draw_windows,
     in_ship_axes,
+    unlike_groups,
 )
 
 TEST_SHARE = 0.3
@@ -66,7 +66,7 @@ def refuse_unknown(kinds: Sequence[str]) -> None:
 
 def by_leg(windows: PredictionWindows, draws: int, seed: int) -> list[Draw]:
     """Whole legs with about 30 % of the windows kept back, drawn anew each time."""
-    parts = [draw_legs(windows, TEST_SHARE, seed + draw) for draw in range(draws)]
+    parts = [draw_windows(windows, windows.leg, TEST_SHARE, seed + draw) for draw in range(draws)]
     return [
         with_stopping(windows, clear_of(windows, ~unseen, unseen), unseen, seed + draw)
         for draw, unseen in enumerate(parts)
@@ -134,7 +134,8 @@ def leaked_share(windows: PredictionWindows, draw: Draw) -> float:
 def with_stopping(windows: PredictionWindows, known: Bools, unseen: Bools, seed: int) -> Draw:
     """The draw in which whole legs of what is known, or recordings, are left out of the fit, to stop by."""
     stopping = np.zeros(len(windows), dtype=bool)
-    stopping[known] = draw_to_judge(windows.subset(known), HELD_OUT_SHARE, seed)
+    some = windows.subset(known)
+    stopping[known] = draw_windows(some, unlike_groups(some), HELD_OUT_SHARE, seed)
     return Draw(clear_of(windows, known & ~stopping, stopping), stopping, unseen & windows.whole)
 
 

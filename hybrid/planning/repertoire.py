@@ -24,8 +24,9 @@ from hybrid.simulation.handling import usual_rpm as own_usual_rpm
 from hybrid.simulation.manoeuvres import (
     Leg,
     Manoeuvre,
-    alone,
+    both_ways,
     in_time,
+    one_by_one,
     reciprocal,
     settle,
     steer,
@@ -147,13 +148,8 @@ def repertoire(shafts: Shafts) -> tuple[Candidate, ...]:
 
 
 def _reciprocal(at: Shafts) -> Candidate:
-    legs = (
-        settle(0.0, at.usual),
-        steer(0.0, 220.0, at.usual),
-        settle(180.0, at.usual),
-        steer(180.0, 220.0, at.usual),
-    )
     what = f"Run straight at {at.usual:g} rpm, {at.span(240.0)} on a heading and as long on the reciprocal"
+    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 220.0, at.usual)))
     return at.candidate("reciprocal_headings", what, legs)
 
 
@@ -164,13 +160,9 @@ def _four_headings(at: Shafts) -> Candidate:
 
 def _speed_runs(at: Shafts) -> Candidate:
     speeds = (at.half, at.slow, at.usual, at.fast)
-    legs = [
-        leg
-        for course in (0.0, 180.0)
-        for leg in (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds))
-    ]
     steps = ", ".join(f"{rpm:g}" for rpm in speeds)
     what = f"Run straight at {steps} rpm, {at.span(60.0)} each, on a heading and on the reciprocal"
+    legs = both_ways(lambda course: (settle(course, speeds[0]), *(steer(course, 65.0, rpm) for rpm in speeds)))
     return at.candidate("speed_runs", what, legs)
 
 
@@ -188,75 +180,54 @@ def _turns(helm_deg: float, turn_deg: float) -> Callable[[Shafts], Candidate]:
 def _zigzag(name: str, helm_deg: float, switch_deg: float, share: float = 1.0) -> Callable[[Shafts], Candidate]:
     def make(at: Shafts) -> Candidate:
         rpm = at.usual if share == 1.0 else at.slow
-        legs = [
-            leg
-            for course in (0.0, 180.0)
-            for leg in (settle(course, rpm), *zigzag(helm_deg, switch_deg, rpm, swings=10))
-        ]
+        swings = zigzag(helm_deg, switch_deg, rpm, swings=10)
         by = "" if at.steering else f" with {at.helm(helm_deg, rpm)}"
         what = f"Zigzags {helm_deg:g}/{switch_deg:g} at {rpm:g} rpm{by}, about a heading and about the reciprocal"
-        return at.candidate(name, what, legs)
+        return at.candidate(name, what, both_ways(lambda course: (settle(course, rpm), *swings)))
 
     return make
 
 
 def _speed_changes(at: Shafts) -> Candidate:
-    legs = [
-        leg
-        for course in (0.0, 180.0)
-        for leg in (
-            settle(course, at.fast),
-            *(steer(course, 30.0, rpm) for rpm in (at.half, at.fast) * 4),
-        )
-    ]
     what = (
         f"Speed up to {at.fast:g} rpm and slow down to {at.half:g} rpm every {at.span(30.0)}, {at.span(300.0)} on "
         "a heading and as long on the reciprocal"
     )
+    changes = (at.half, at.fast) * 4
+    legs = both_ways(lambda course: (settle(course, at.fast), *(steer(course, 30.0, rpm) for rpm in changes)))
     return at.candidate("speed_changes", what, legs)
 
 
 def _coasting(at: Shafts) -> Candidate:
     idle = Leg(rpm=0.0, at_most_s=180.0)
-    legs = [
-        leg for course in (0.0, 180.0) for leg in (settle(course, at.usual), steer(course, 60.0, at.usual), idle)
-    ]
     what = (
         f"Speed up to {at.usual:g} rpm and coast without thrust for {at.span(180.0)}, on a heading and on the "
         "reciprocal"
     )
+    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 60.0, at.usual), idle))
     return at.candidate("coasting", what, legs)
 
 
 def _crash_stop(at: Shafts) -> Candidate:
     astern = Leg(rpm=-at.usual, slower_mps=0.0, at_most_s=120.0)
-    legs = [
-        leg for course in (0.0, 180.0) for leg in (settle(course, at.usual), steer(course, 90.0, at.usual), astern)
-    ]
     what = (
         f"Speed up to {at.usual:g} rpm and stop at {at.usual:g} rpm astern until she stands, on a heading and on "
         "the reciprocal"
     )
+    legs = both_ways(lambda course: (settle(course, at.usual), steer(course, 90.0, at.usual), astern))
     return at.candidate("crash_stops", what, legs)
 
 
 def _one_drive(at: Shafts) -> Candidate:
     first, *others = (_named(name, at.drive) for name in at.drives)
     then = "".join(f", then on the {name} alone" for name in others)
-    if not at.steering:
-        legs = [replace(alone(name, at.usual, at.drives), at_most_s=120.0) for name in at.drives]
-        what = f"Run on the {first} alone at {at.usual:g} rpm{then}: {at.span(120.0)} each"
-        return at.candidate("one_thruster_at_a_time", what, legs)
-    legs = []
-    for name in at.drives:
-        single = alone(name, at.usual, at.drives)
-        legs.append(replace(single, course_deg=0.0, at_most_s=120.0))
-        legs += [replace(single, helm_deg=angle, at_most_s=60.0) for angle in (0.0, 15.0, -15.0)]
-    what = (
-        f"Run on the {first} alone at {at.usual:g} rpm{then}: {at.span(120.0)} on a course, "
-        f"then {at.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
-    )
-    return at.candidate("one_thruster_at_a_time", what, legs)
+    seconds, spans = 120.0, f"{at.span(120.0)} each"
+    if at.steering:
+        held = f"{at.span(60.0)} each held straight, at 15 degrees and at -15 degrees"
+        seconds, spans = 300.0, f"{at.span(120.0)} on a course, then {held}"
+    legs = one_by_one(at.drives, at.usual, seconds, by_angle=bool(at.steering))
+    what = f"Run on the {first} alone at {at.usual:g} rpm{then}: {spans}"
+    return at.candidate("one_thruster_at_a_time", what, [leg for each in legs for leg in each])
 
 
 def _named(name: str, drive: str) -> str:

@@ -226,13 +226,11 @@ def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
     return np.column_stack([north, east, np.deg2rad(near), surge, sway, np.deg2rad(rate)])
 
 
-def split_by_group(
-    groups: NDArray[np.str_], share: float, seed: int
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Two masks that part the windows by whole groups (legs, recordings), never by row.
+def draw_groups(groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np.bool_]:
+    """A mask of windows by whole groups (legs, recordings), never by row, that holds about ``share`` of them.
 
-    Groups are drawn at random until the second part holds about ``share`` of the windows, at least one group
-    and never all. Raises :class:`DataShortageError` when there is one group only.
+    Groups are drawn at random, at least one and never all. Raises :class:`DataShortageError` when there is one
+    group only.
     """
     names, counts = np.unique(groups, return_counts=True)
     if len(names) < 2:
@@ -248,24 +246,15 @@ def split_by_group(
         if fits and taken < wanted and len(held_out) < len(names) - 1:
             held_out.append(int(group))
             taken += int(counts[group])
-    second = np.isin(groups, names[held_out or [int(np.argmin(counts))]])
-    return ~second, second
+    return np.isin(groups, names[held_out or [int(np.argmin(counts))]])
 
 
-def draw_legs(windows: PredictionWindows, share: float, seed: int) -> NDArray[np.bool_]:
-    """The windows [N] of legs drawn by :func:`split_by_group` until they hold that share of the whole ones."""
-    return _drawn(windows, windows.leg, share, seed)
-
-
-def draw_to_judge(windows: PredictionWindows, share: float, seed: int) -> NDArray[np.bool_]:
-    """As :func:`draw_legs`, in :func:`unlike_groups`."""
-    return _drawn(windows, unlike_groups(windows), share, seed)
-
-
-def _drawn(windows: PredictionWindows, groups: NDArray[np.str_], share: float, seed: int) -> NDArray[np.bool_]:
+def draw_windows(
+    windows: PredictionWindows, groups: NDArray[np.str_], share: float, seed: int
+) -> NDArray[np.bool_]:
+    """The windows [N] of ``groups`` [N] drawn by :func:`draw_groups` to hold that share of the whole ones."""
     whole = windows.whole
-    chosen = split_by_group(groups[whole], share, seed)[1]
-    return np.isin(groups, groups[whole][chosen])
+    return np.isin(groups, groups[whole][draw_groups(groups[whole], share, seed)])
 
 
 ENOUGH_RECORDINGS = 3

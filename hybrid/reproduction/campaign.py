@@ -29,7 +29,7 @@ from hybrid.calibrators.calibrator import Examples
 from hybrid.effects.catalogue import vessel_plant
 from hybrid.prediction.baselines import constant_velocity, reference
 from hybrid.prediction.dataset import start_motion
-from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, split_by_group, windows_from_rows
+from hybrid.prediction.prediction_windows import PAST_S, PredictionWindows, draw_groups, windows_from_rows
 from hybrid.simulation.manoeuvres import Manoeuvre, manoeuvre_named
 from hybrid.simulation.trial import simulate_trial
 from hybrid.vessel.files import load_vessel
@@ -204,11 +204,10 @@ def parts_of(windows: PredictionWindows, split: str, seed: int) -> Parts:
         test = drawn < TEST_SHARE
         stopping = ~test & (drawn < TEST_SHARE + STOPPING_SHARE * (1.0 - TEST_SHARE))
         return Parts(~test & ~stopping, stopping, test)
-    learned, held_out = split_by_group(windows.leg, TEST_SHARE, seed)
-    _, stops = split_by_group(windows.leg[learned], STOPPING_SHARE, seed)
+    test = draw_groups(windows.leg, TEST_SHARE, seed)
     stopping = np.zeros(len(windows), dtype=bool)
-    stopping[np.flatnonzero(learned)[stops]] = True
-    rows = (np.broadcast_to(each[:, None], shape) for each in (learned & ~stopping, stopping, held_out))
+    stopping[~test] = draw_groups(windows.leg[~test], STOPPING_SHARE, seed)
+    rows = (np.broadcast_to(each[:, None], shape) for each in (~test & ~stopping, stopping, test))
     return Parts(*rows)
 
 

@@ -15,19 +15,17 @@ from typing import Any
 import pandas as pd
 
 from acquisition.config.toml_file import load_toml
-from acquisition.core.actuators import as_text
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
-from acquisition.core.trial import Trial, software_version
-from acquisition.recording.tables import write_table
+from acquisition.core.trial import software_version
 from analysis.batch.one_recording import Row
 from analysis.batch.workers import Job, attempt, check_address, exclusive_folder, run_jobs
 from analysis.products import Options
 from hybrid.effects import apply_effects, vessel_plant
 from hybrid.simulation.manoeuvres import manoeuvre_named
 from hybrid.simulation.sea_state import sea_state_named
-from hybrid.simulation.trial import ORIGIN_DEG, Noise, simulate_trial, write_truth
+from hybrid.simulation.trial import Noise, record_trial, simulate_trial
 from hybrid.vessel.files import load_vessel, locate_vessel
 
 INDEX = "campaign.csv"
@@ -182,16 +180,7 @@ def _made(job: Job) -> Row:
         trial.vessel, trial.sea_state, trial.manoeuvre, trial.duration_s, trial.rate_hz, trial.seed, trial.hidden,
         noise=trial.noise, heading_deg=trial.heading_deg,
     )  # fmt: skip
-    latitude_deg, longitude_deg = ORIGIN_DEG
-    sheet = Trial(
-        name=trial.name, vessel=truth["vessel"], place="simulated",
-        actuators=as_text(truth["plant"].layout),
-        origin_latitude_deg=latitude_deg, origin_longitude_deg=longitude_deg,
-        sea_state=truth["sea_state"]["name"],
-        crew_notes=f"simulated {trial.manoeuvre}",
-    )  # fmt: skip
-    write_table(table, recording, sheet, source="simulated")
-    write_truth({**truth, "plan": plan}, truth_path)
+    record_trial(table, truth, recording, plan=plan)
     return {"status": "done", "cause": "", "sha256": _digest(recording)}
 
 

@@ -10,7 +10,7 @@ makes them another ship's.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isnan, nan, radians
 
@@ -174,67 +174,59 @@ def zigzag(
     return tuple(legs)
 
 
+def both_ways(legs_on: Callable[[float], Iterable[Leg]]) -> Manoeuvre:
+    """Legs about the first heading, and once more about the reciprocal."""
+    return tuple(leg for course in (0.0, 180.0) for leg in legs_on(course))
+
+
 def turning_circle(helm_deg: float = 20.0, rpm: float = CRUISE_RPM, turn_deg: float = 720.0) -> Manoeuvre:
     """A straight approach and a turn, to one side and then to the other."""
-    turns = [replace(helm(side * helm_deg, rpm), turn_deg=turn_deg) for side in (1.0, -1.0)]
-    return (
-        steer(0.0, 30.0, rpm),
-        turns[0],
-        settle(0.0, rpm),
-        steer(0.0, 30.0, rpm),
-        turns[1],
-        settle(0.0, rpm),
-    )
+    turns = (replace(helm(side * helm_deg, rpm), turn_deg=turn_deg) for side in (1.0, -1.0))
+    return tuple(leg for turn in turns for leg in (steer(0.0, 30.0, rpm), turn, settle(0.0, rpm)))
 
 
 def speed_runs(seconds: float = 75.0) -> Manoeuvre:
     """Straight runs at five shaft speeds, on a course and on its reciprocal."""
-    legs: list[Leg] = []
-    for course in (0.0, 180.0):
-        legs.append(settle(course, 120.0))
-        legs += [steer(course, seconds, rpm) for rpm in (90.0, 120.0, 150.0, 175.0, 198.0)]
-    return tuple(legs)
+    speeds = (90.0, 120.0, 150.0, 175.0, 198.0)
+    return both_ways(lambda course: (settle(course, 120.0), *(steer(course, seconds, rpm) for rpm in speeds)))
 
 
 def stopping_runs() -> Manoeuvre:
     """Speed up, slow down, coast without thrust, and once more on the reciprocal course."""
-    legs: list[Leg] = []
-    for course in (0.0, 180.0):
-        idle = Leg(rpm=0.0, slower_mps=1.0, at_most_s=120.0)
-        legs += [settle(course, 190.0), steer(course, 70.0, 190.0), steer(course, 60.0, 90.0), idle]
-    return tuple(legs)
+    idle = Leg(rpm=0.0, slower_mps=1.0, at_most_s=120.0)
+    return both_ways(
+        lambda course: (settle(course, 190.0), steer(course, 70.0, 190.0), steer(course, 60.0, 90.0), idle)
+    )
+
+
+def one_by_one(drives: Sequence[str], rpm: float, seconds: float, *, by_angle: bool) -> list[list[Leg]]:
+    """Each of a ship's drives alone for so long: on a course, held straight, and held at an angle.
+
+    Of a ship that is steered by the difference of her shafts, as she goes.
+    """
+    turns = []
+    for name in drives:
+        single = alone(name, rpm, drives)
+        turns.append([replace(single, at_most_s=seconds)])
+        if by_angle:
+            held = (replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0))
+            turns[-1] = [replace(single, course_deg=0.0, at_most_s=0.4 * seconds), *held]
+    return turns
 
 
 def one_thruster(actuators: Actuators = DEFAULT, seconds: float = 100.0, rpm: float = 150.0) -> Manoeuvre:
-    """Each main thruster alone, one after the other: on a course, held straight, and held at an angle.
-
-    Of a ship that is steered by the difference of her shafts, each alone for a turn.
-    """
-    legs: list[Leg] = []
-    names = drives_in(actuators)
-    for name in names:
-        single = alone(name, rpm, names)
-        if any(each.angle for each in actuators):
-            legs.append(replace(single, course_deg=0.0, at_most_s=0.4 * seconds))
-            legs += [replace(single, helm_deg=angle, at_most_s=0.2 * seconds) for angle in (0.0, 15.0, -15.0)]
-        else:
-            legs.append(replace(single, at_most_s=seconds))
-        legs.append(settle(0.0, rpm))
-    return tuple(legs)
+    """Each main thruster alone, one after the other, and back on the course."""
+    by_angle = any(each.angle for each in actuators)
+    turns = one_by_one(drives_in(actuators), rpm, seconds, by_angle=by_angle)
+    return tuple(leg for legs in turns for leg in (*legs, settle(0.0, rpm)))
 
 
 def tunnel_test(actuators: Actuators = DEFAULT, seconds: float = 40.0) -> Manoeuvre:
     """Each tunnel thruster both ways at slow speed, the helm held."""
     slow = Leg(rpm=50.0, at_most_s=seconds)
-    legs = [steer(0.0, 60.0, 50.0)]
-    for name in names_of(actuators, "tunnel"):
-        legs += [
-            replace(slow, orders={f"{name}_rpm": 300.0}),
-            slow,
-            replace(slow, orders={f"{name}_rpm": -300.0}),
-            slow,
-        ]
-    return tuple(legs)
+    pushes = (replace(slow, orders={f"{name}_rpm": aside})
+              for name in names_of(actuators, "tunnel") for aside in (300.0, -300.0))  # fmt: skip
+    return (steer(0.0, 60.0, 50.0), *(leg for push in pushes for leg in (push, slow)))
 
 
 def reciprocal(seconds: float = 80.0, rpm: float = 160.0) -> Manoeuvre:

@@ -20,7 +20,8 @@ from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import atomic_file
-from acquisition.core.trial import software_version
+from acquisition.core.trial import Trial, software_version
+from acquisition.recording.tables import write_table
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.effects.size import growth, scale_of
 from hybrid.simulation.autopilot import drives_of, sail
@@ -244,6 +245,28 @@ def sail_through(
     return Voyage(
         states, acting_controls(controls, -plant.command_delay_s, dt_s, angle_columns(vessel.actuators)), wind
     )
+
+
+def record_trial(
+    table: pd.DataFrame, truth: Mapping[str, Any], path: Path, place: str = "simulated", **known: Any
+) -> None:
+    """Write a simulated trial as a recording, and beside it what was hidden, with what else is ``known`` of it.
+
+    The truth comes last and marks the recording as complete. Raises :class:`StorageError`.
+    """
+    latitude_deg, longitude_deg = ORIGIN_DEG
+    sheet = Trial(
+        name=path.stem,
+        vessel=truth["vessel"],
+        actuators=as_text(truth["plant"].layout),
+        place=place,
+        origin_latitude_deg=latitude_deg,
+        origin_longitude_deg=longitude_deg,
+        sea_state=truth["sea_state"]["name"],
+        crew_notes=f"simulated {truth['manoeuvre']}",
+    )
+    write_table(table, path, sheet, source="simulated")
+    write_truth({**truth, **known}, path.with_suffix(".truth.json"))
 
 
 def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:

@@ -383,11 +383,11 @@ def test_a_window_without_a_past_is_predicted(plant: Plant, truth: Plant, learne
     for without in (np.arange(8) < 3, np.ones(8, dtype=bool)):
         past = np.where(without[:, None, None], np.nan, windows.past)
         blind = replace(windows, past=past)
-        found, uncertainty = learned.predict(blind, alone), learned.uncertainty(blind, alone)
+        found, uncertainty = learned.predict_with_uncertainty(blind, alone)
         assert np.isfinite(found).all()
         assert np.array_equal(found[~without], learned.predict(windows, alone)[~without])
         assert found[without, 0, :2] == pytest.approx(windows.start[without, :2])
-        assert (uncertainty[without] > np.median(learned.uncertainty(windows, alone))).all()
+        assert (uncertainty[without] > np.median(learned.predict_with_uncertainty(windows, alone)[1])).all()
 
 
 def test_a_window_is_predicted_alone_as_among_others(

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from acquisition.core.channels import CIRCULAR, NAMES
 from acquisition.core.errors import DataShortageError
-from hybrid.prediction.prediction_windows import split_by_group, windows_from_rows
+from hybrid.prediction.prediction_windows import draw_groups, windows_from_rows
 
 START = pd.Timestamp("2026-06-01T08:00:00Z")
 
@@ -95,26 +95,25 @@ def test_a_split_never_leaks(groups: np.ndarray, share: float, seed: int) -> Non
     names = groups.astype(str)
     if len(np.unique(names)) < 2:
         with pytest.raises(DataShortageError, match="only one leg"):
-            split_by_group(names, share, seed)
+            draw_groups(names, share, seed)
         return
-    first, second = split_by_group(names, share, seed)
-    assert np.array_equal(first, ~second)
-    assert not set(names[first]) & set(names[second])
-    assert first.any()
-    assert second.any()
-    assert np.array_equal(second, split_by_group(names, share, seed)[1])
+    drawn = draw_groups(names, share, seed)
+    assert not set(names[drawn]) & set(names[~drawn])
+    assert drawn.any()
+    assert not drawn.all()
+    assert np.array_equal(drawn, draw_groups(names, share, seed))
 
 
 @given(seed=st.integers(0, 200))
 def test_a_split_of_many_even_groups_has_its_share(seed: int) -> None:
     """Forty legs of five windows and a fifth asked for: a fifth is given, within a leg."""
     names = np.repeat(np.arange(40), 5).astype(str)
-    assert abs(split_by_group(names, 0.2, seed)[1].sum() - 40) <= 5
+    assert abs(draw_groups(names, 0.2, seed).sum() - 40) <= 5
 
 
 def test_seeds_choose_different_legs() -> None:
     names = np.repeat(np.arange(40), 5).astype(str)
-    chosen = {tuple(np.unique(names[split_by_group(names, 0.2, seed)[1]])) for seed in range(10)}
+    chosen = {tuple(np.unique(names[draw_groups(names, 0.2, seed)])) for seed in range(10)}
     assert len(chosen) > 5
 
 

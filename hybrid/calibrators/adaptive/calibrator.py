@@ -233,9 +233,6 @@ class AdaptiveCalibrator(Calibrator):
     def predict(self, windows: PredictionWindows, reference: Floats) -> Floats:
         return self.predict_with_uncertainty(windows, reference)[0]
 
-    def uncertainty(self, windows: PredictionWindows, reference: Floats) -> Floats:
-        return self.predict_with_uncertainty(windows, reference)[1]
-
     def predict_with_uncertainty(self, windows: PredictionWindows, reference: Floats) -> tuple[Floats, Floats]:
         tracks, hindcast_m = self._average(self._candidates(windows, self.vectors_), self.weight_power_)
         return tracks, self._uncertainty(hindcast_m, windows)
