@@ -74,22 +74,18 @@ def find_manoeuvres(
     (time [ns since 1970], text) as in a recording. Raises :class:`InputError` where channels are missing.
     Methods: ITTC 7.5-04-02-01, IMO MSC.137(76) and MSC/Circ.1053.
     """
-    motion = motion_of(table)
+    motion = motion_of(table, length_m)
     if motion.time_s.size * motion.step_s < _SHORTEST_S:
         return ()
     marks = marks_of(events)
     smooth = smooth_motion(motion, max(WIDEST_S, 3 * motion.step_s))
-    fastest = float(np.percentile(smooth.speed_mps[motion.known], 98)) if motion.known.any() else 0.0
-    steered, taken = _zigzags_and_turns(motion, fastest, length_m, marks)
-    tests = find_thruster_tests(motion, smooth, ~taken, length_m)
+    steered, taken = _zigzags_and_turns(motion, smooth.fastest_mps, marks)
+    tests = find_thruster_tests(motion, smooth, ~taken)
     for each in tests:
         taken |= _rows_of(motion, each)
-    straight = [
-        *find_stops(motion, smooth, ~taken, fastest, length_m),
-        *find_accelerations(motion, smooth, ~taken, fastest, length_m),
-    ]
-    running = find_speed_runs(motion, smooth, ~taken, fastest, length_m)
-    every = sorted([*steered, *tests, *straight, *running], key=lambda each: each.start)
+    finders = (find_stops, find_accelerations, find_speed_runs)
+    straight = [each for find in finders for each in find(motion, smooth, ~taken)]
+    every = sorted([*steered, *tests, *straight], key=lambda each: each.start)
     named = (
         _apply_mark(each, marks) for each in every if motion.known[_rows_of(motion, each)].mean() >= _KNOWN_SHARE
     )
@@ -97,16 +93,16 @@ def find_manoeuvres(
 
 
 def _zigzags_and_turns(
-    motion: Motion, fastest: float, length_m: float | None, marks: Sequence[Mark]
+    motion: Motion, fastest_mps: float, marks: Sequence[Mark]
 ) -> tuple[list[Manoeuvre], NDArray[np.bool_]]:
     """Zigzags and turns, and the rows that they take."""
     helm = helm_of(motion)
     held = helm_plateaus(motion, helm)
     chains = [chain for chain in zigzag_chains(motion, held, 2) if _is_believable(motion, chain, marks)]
     swings = {each.first for chain in chains for each in chain}
-    found = [zigzag(motion, helm, chain, length_m) for chain in chains]
-    found += [turning_circle(motion, helm, each, length_m) for each in held if each.first not in swings
-              and is_turn(motion, each, fastest, LEAST_TURN_OF_ONE_SIDE_DEG)]  # fmt: skip
+    found = [zigzag(motion, helm, chain) for chain in chains]
+    found += [turning_circle(motion, helm, each) for each in held if each.first not in swings
+              and is_turn(motion, each, fastest_mps, LEAST_TURN_OF_ONE_SIDE_DEG)]  # fmt: skip
     taken = np.zeros(motion.time_s.size, dtype=bool)
     for each in found:
         taken |= _rows_of(motion, each)

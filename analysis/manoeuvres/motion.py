@@ -55,7 +55,7 @@ class Motion:
     position or heading jump as no ship does, as where a piece was cut out of a recording: nothing reaches across.
     ``path_sd_m`` is the standard deviation of a point of the path, by how the positions wander about it.
     ``orders_are_events`` says that the helm was recorded when it changed and filled in between, so that nobody
-    knows when it began to.
+    knows when it began to. ``length_m`` is the ship's length between perpendiculars, if it is known.
     """
 
     origin_ns: int
@@ -76,6 +76,7 @@ class Motion:
     orders_are_events: bool = False
     steering: str = "azimuth"
     words: Mapping[str, str] = field(default_factory=dict)
+    length_m: float | None = None
 
     @property
     def steers_by_thrust(self) -> bool:
@@ -101,6 +102,11 @@ class Motion:
     def speed_mps(self) -> Floats:
         """Speed over ground [rows]."""
         return np.hypot(self.surge_mps, self.sway_mps)
+
+    @property
+    def fastest_mps(self) -> float:
+        """The speed that is exceeded in a fiftieth of what was measured."""
+        return float(np.percentile(self.speed_mps[self.known], 98)) if self.known.any() else 0.0
 
     def with_columns(self, columns: Mapping[str, Floats]) -> Motion:
         """This motion with other values of some of its columns."""
@@ -158,8 +164,8 @@ def steering_of(actuators: Actuators) -> Actuators:
     return tuple(each for each in able if not each.drives) or able
 
 
-def motion_of(table: pd.DataFrame) -> Motion:
-    """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz.
+def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
+    """The motion in a table of raw or resampled samples, at its own rate up to 5 Hz, of a ship of that length.
 
     Raises :class:`InputError` where pose, speeds or the first actuator to steer by are missing, or where nothing
     drives the ship; what is not recorded of the other actuators stands.
@@ -194,7 +200,7 @@ def motion_of(table: pd.DataFrame) -> Motion:
     kind = KINDS[steering[0].kind].parts[-1] if steering else ""
     return Motion(
         int(time_ns[0]), time_s, north, east, turned, surge, sway, yaw_rate, helm, thrust, drives, tunnels,
-        known & ~broken, broken, spread, orders_are_events(table), kind, words,
+        known & ~broken, broken, spread, orders_are_events(table), kind, words, length_m,
     )  # fmt: skip
 
 

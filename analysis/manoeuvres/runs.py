@@ -76,30 +76,28 @@ def straight_rows(smooth: Motion) -> NDArray[np.bool_]:
     return np.abs(_changes(smooth.heading_deg, smooth.step_s)) < _STRAIGHT_DEG
 
 
-def steady_rows(smooth: Motion, fastest_mps: float) -> NDArray[np.bool_]:
+def steady_rows(smooth: Motion) -> NDArray[np.bool_]:
     """Where the smoothed speed ahead changes by less than 4 % of itself in 20 s."""
     change = np.abs(_changes(smooth.surge_mps, smooth.step_s))
-    return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * fastest_mps)
+    return change < _STEADY_SHARE * np.maximum(np.abs(smooth.surge_mps), 0.25 * smooth.fastest_mps)
 
 
-def find_speed_runs(
-    motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
-) -> list[Manoeuvre]:
+def find_speed_runs(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
     """The steady straight stretches of one shaft speed of half a minute and more, reciprocal pairs marked."""
-    good = free & straight_rows(smooth) & steady_rows(smooth, fastest_mps) & motion.known
-    good &= smooth.surge_mps > _UNDER_WAY_SHARE * fastest_mps
+    good = free & straight_rows(smooth) & steady_rows(smooth) & motion.known
+    good &= smooth.surge_mps > _UNDER_WAY_SHARE * smooth.fastest_mps
     found = []
     for held in shaft_plateaus(motion):
         if held.level <= 0.0:
             continue
         inside = np.zeros(good.size, dtype=bool)
         inside[held.first : held.end] = good[held.first : held.end]
-        found += [_speed_run(motion, first, end, length_m)
+        found += [_speed_run(motion, first, end)
                   for first, end in stretches(inside, round(_LEAST_RUN_S / motion.step_s))]  # fmt: skip
     return _pair_reciprocal(sorted(found, key=lambda each: each.start))
 
 
-def _speed_run(motion: Motion, first: int, end: int, length_m: float | None) -> Manoeuvre:
+def _speed_run(motion: Motion, first: int, end: int) -> Manoeuvre:
     part = motion.rows(first, end)
     span = np.array([part.time_s[0], part.time_s[-1]])
     heading = float(wrap_360(circular_mean(part.heading_deg)))
@@ -113,7 +111,7 @@ def _speed_run(motion: Motion, first: int, end: int, length_m: float | None) -> 
         end=motion.utc(span[1]),
         side="",
         settings={**means_of(part.drives), "heading_deg": heading, "duration_s": float(span[1] - span[0])},
-        indices=indices_of(found, length_m),
+        indices=indices_of(found, motion.length_m),
     )  # fmt: skip
 
 
@@ -171,12 +169,10 @@ def shaft_steps(motion: Motion, free: NDArray[np.bool_]) -> list[tuple[Plateau, 
     return steps
 
 
-def find_accelerations(
-    motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
-) -> list[Manoeuvre]:
+def find_accelerations(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
     """More thrust on a straight course, until the speed is steady."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
-    straight, steady = straight_rows(smooth), steady_rows(smooth, fastest_mps)
+    straight, steady = straight_rows(smooth), steady_rows(smooth)
     found = []
     for last, each, start in shaft_steps(motion, free):
         rows = slice(each.first, each.end)
@@ -189,13 +185,11 @@ def find_accelerations(
         end = float(motion.time_s[each.end - 1])
         gain = smooth.surge_mps[each.end - 1] - smooth.at("surge_mps", start)
         if gain > _GAIN_SHARE * smooth.surge_mps[each.end - 1] and bool(free[rows].mean() > 0.9):
-            found.append(_change_of_speed(motion, "acceleration", last, each, start, end, length_m))
+            found.append(_change_of_speed(motion, "acceleration", last, each, start, end))
     return found
 
 
-def find_stops(
-    motion: Motion, smooth: Motion, free: NDArray[np.bool_], fastest_mps: float, length_m: float | None
-) -> list[Manoeuvre]:
+def find_stops(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
     """Thrust taken off or reversed with way on the ship, until she has lost two fifths of it and more."""
     largest = float(np.percentile(np.abs(shaft_along(motion)), 99))
     found = []
@@ -203,24 +197,25 @@ def find_stops(
         before = smooth.at("surge_mps", start)
         off = each.level < _IDLE_SHARE * largest < _UNDER_WAY_SHARE * largest < last.level
         after = smooth.surge_mps[each.first : each.end]
-        if not off or before < _UNDER_WAY_SHARE * fastest_mps or after.min() > _STOPPED_SHARE * before:
+        if not off or before < _UNDER_WAY_SHARE * smooth.fastest_mps or after.min() > _STOPPED_SHARE * before:
             continue
         stopped = np.flatnonzero(after <= 0.0)
         row = each.first + int(stopped[0]) if stopped.size else each.end - 1
-        found.append(_change_of_speed(motion, "stopping", last, each, start, float(motion.time_s[row]), length_m))
+        found.append(_change_of_speed(motion, "stopping", last, each, start, float(motion.time_s[row])))
     return found
 
 
 def _change_of_speed(
-    motion: Motion, kind: str, last: Plateau, each: Plateau, start: float, end: float, length_m: float | None
+    motion: Motion, kind: str, last: Plateau, each: Plateau, start: float, end: float
 ) -> Manoeuvre:
     part = motion.around(start, end, 20.0)
     measure = acceleration_indices if kind == "acceleration" else stopping_indices
     width = half_width_s(part, (end - start) / 2.0)
     found = bootstrap_indices(part, np.array([start, end]), width, measure)
-    indices = indices_of(found, length_m)
+    indices = indices_of(found, motion.length_m)
     reverse = each.level < -_IDLE_SHARE * abs(last.level)
-    limit = TRACK_REACH_LENGTHS * length_m if length_m and reverse and kind == "stopping" else None
+    stops_astern = reverse and kind == "stopping"
+    limit = TRACK_REACH_LENGTHS * motion.length_m if motion.length_m and stops_astern else None
     names = {"acceleration": f"acceleration to {each.level:.0f} rpm",
              "stopping": "stopping with thrust astern" if reverse else "stopping without thrust"}  # fmt: skip
     settings = {"thrust_before_rpm": last.level, "thrust_rpm": each.level, **approach_settings(part, start)}
@@ -298,9 +293,7 @@ def _bridge(true: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     return result
 
 
-def find_thruster_tests(
-    motion: Motion, smooth: Motion, free: NDArray[np.bool_], length_m: float | None
-) -> list[Manoeuvre]:
+def find_thruster_tests(motion: Motion, smooth: Motion, free: NDArray[np.bool_]) -> list[Manoeuvre]:
     """One of several main shafts alone for a quarter of a minute and more, and every run of a tunnel thruster."""
     largest = max(float(np.percentile(np.abs(each), 99)) for each in motion.drives.values())
     state = {name: _running(rpm, largest) for name, rpm in motion.drives.items()}
@@ -317,11 +310,11 @@ def find_thruster_tests(
     driven, sideways = ~_all(~runs for runs, _ in state.values()), np.abs(smooth.sway_mps)
     crab = driven & (sideways > _CRAB_SHARE * np.abs(smooth.surge_mps)) & (sideways > _CRAB_LEAST_MPS)
     found = _tests_of(motion, "crabbing", "crabbing", _bridge(crab & free, round(_BRIDGE_S / motion.step_s)),
-                      _CRAB_LEAST_S, length_m)  # fmt: skip
+                      _CRAB_LEAST_S)  # fmt: skip
     found = [each for each in found if abs(each.indices["heading_change_deg"].value) < _CRAB_TURN_DEG]
     for name, true in cases.items():
         rows = _bridge(true & free & ~crab, round(_BRIDGE_S / motion.step_s))
-        found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S, length_m)
+        found += _tests_of(motion, "thruster_test", name, rows, _LEAST_S)
     return found
 
 
@@ -329,14 +322,12 @@ def _all(masks: Iterable[NDArray[np.bool_]]) -> NDArray[np.bool_]:
     return np.asarray(np.logical_and.reduce(list(masks)))
 
 
-def _tests_of(
-    motion: Motion, kind: str, name: str, rows: NDArray[np.bool_], least_s: float, length_m: float | None
-) -> list[Manoeuvre]:
-    return [_test(motion, kind, name, first, end, length_m)
+def _tests_of(motion: Motion, kind: str, name: str, rows: NDArray[np.bool_], least_s: float) -> list[Manoeuvre]:
+    return [_test(motion, kind, name, first, end)
             for first, end in stretches(rows, max(2, round(least_s / motion.step_s)))]  # fmt: skip
 
 
-def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: float | None) -> Manoeuvre:
+def _test(motion: Motion, kind: str, name: str, first: int, end: int) -> Manoeuvre:
     span = np.array([motion.time_s[first], motion.time_s[end - 1]])
     part = motion.around(span[0], span[1], 10.0)
     inside = motion.rows(first, end)
@@ -351,7 +342,7 @@ def _test(motion: Motion, kind: str, name: str, first: int, end: int, length_m: 
         end=motion.utc(span[1]),
         side=side_of(sideways),
         settings=means_of(inside.drives) | means_of(inside.tunnels) | {"duration_s": float(span[1] - span[0])},
-        indices=indices_of(found, length_m),
+        indices=indices_of(found, motion.length_m),
     )  # fmt: skip
 
 

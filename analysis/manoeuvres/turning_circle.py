@@ -54,7 +54,7 @@ def is_turn(motion: Motion, each: Plateau, fastest_mps: float, least_deg: float)
     return turned >= least_deg and with_way and straight
 
 
-def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float | None) -> Manoeuvre:
+def turning_circle(motion: Motion, helm: Floats, each: Plateau) -> Manoeuvre:
     """The turning circle, or the turn of less than half a circle, of a held helm, with its indices."""
     start, half = helm_execute_s(motion, helm, each)
     end = float(motion.time_s[each.end - 1])
@@ -70,7 +70,7 @@ def turning_circle(motion: Motion, helm: Floats, each: Plateau, length_m: float 
         "turning_rpm": float(part.between(start, end).main_rpm.mean()),
         **approach_settings(part, start),
     }
-    indices = indices_of(found, length_m)
+    indices = indices_of(found, motion.length_m)
     whole = abs(turned) >= LEAST_CIRCLE_DEG
     return Manoeuvre(
         kind="turning_circle" if whole else "course_change",

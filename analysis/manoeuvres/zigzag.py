@@ -92,7 +92,7 @@ def executes_of(motion: Motion, helm: Floats, chain: list[Plateau]) -> Floats:
     return np.array([*times, (end, end)]).T
 
 
-def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float | None) -> Manoeuvre:
+def zigzag(motion: Motion, helm: Floats, chain: list[Plateau]) -> Manoeuvre:
     """The zigzag of a chain of swings, with its indices."""
     both = executes_of(motion, helm, chain)
     executes = counting_times(motion, both)
@@ -100,7 +100,7 @@ def zigzag(motion: Motion, helm: Floats, chain: list[Plateau], length_m: float |
     swing_s = float(np.median(np.diff(executes[:-1])))
     found = bootstrap_indices(part, both, half_width_s(part, swing_s), zigzag_indices)
     settings = _settings(part, chain, both)
-    indices = indices_of(found, length_m)
+    indices = indices_of(found, motion.length_m)
     angle, switch = settings[f"{motion.steering}_deg"], settings["switch_deg"]
     steady = () if "reach_s" in found else ("the approach was not steady",)
     if steady == () and "speed_loss" not in found:

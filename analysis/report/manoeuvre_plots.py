@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -26,6 +24,7 @@ from analysis.report.plots import FAINT, PALETTE, ship
 BLUE, ORANGE, GREEN, PURPLE, RED = PALETTE[:5]
 _MARGIN_S = 15.0
 _LONG_SHARE = 0.15  # of the picture's extent: outlines of two turns lie on each other beyond that
+_OUTLINE_EVERY_DEG = 45.0
 _MARGINS = {"left": 0.09, "right": 0.92, "bottom": 0.1, "top": 0.88, "hspace": 0.22, "wspace": 0.22}
 
 
@@ -41,14 +40,14 @@ def counted_s(motion: Motion, manoeuvre: Manoeuvre) -> float:
     return start + manoeuvre.settings["half_command_s"] if motion.orders_are_events else start
 
 
-def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+def draw(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The picture of a manoeuvre, as its kind has it."""
     start, end = seconds_of(motion, manoeuvre)
     part = motion.around(start, end, _MARGIN_S)
     smooth = smooth_motion(part, half_width_s(part, 0.1 * (end - start)))
     drawing = {"zigzag": draw_zigzag, "turning_circle": draw_circle, "course_change": draw_circle}
     figure.set_layout_engine("none")  # margins that are known: to find them would take as long as to draw
-    drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre, length_m)
+    drawing.get(manoeuvre.kind, draw_run)(figure, smooth, manoeuvre)
     figure.suptitle(title_of(manoeuvre), x=0.01, ha="left", fontsize=11)
 
 
@@ -57,7 +56,7 @@ def title_of(manoeuvre: Manoeuvre) -> str:
     return f"{manoeuvre.sided_name} · {manoeuvre.start:%Y-%m-%d %H:%M:%S} UTC"
 
 
-def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+def draw_zigzag(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Heading and helm with the overshoots, over yaw rate and speed, against the time from the execute."""
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3), gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
@@ -111,7 +110,7 @@ def _rate_and_speed(axes: Axes, motion: Motion, time_s: Floats) -> None:
     axes.set_xlabel("time since the execute [s]")
 
 
-def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """The track in the frame of the approach with advance, transfer and diameter, and motion against time."""
     left, right = figure.subplots(1, 2, width_ratios=(1.7, 1), gridspec_kw=_MARGINS)
     first, end = seconds_of(motion, manoeuvre)
@@ -125,7 +124,7 @@ def draw_circle(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: 
         left.plot(*_across_ahead(shown, start, ahead_deg), color=FAINT, label="as measured")
     left.plot(*_across_ahead(main, start, ahead_deg), color=BLUE, linewidth=1.8,
               label="current removed" if current else "track")  # fmt: skip
-    _outlines(left, main, start, ahead_deg, length_m)
+    _outlines(left, main, start, ahead_deg)
     _dimensions(left, main, manoeuvre, start, end, ahead_deg, "_current_removed" if current else "")
     left.plot(0.0, 0.0, "o", color=RED, markersize=5, label="execute")
     left.set_aspect("equal", adjustable="datalim")
@@ -142,20 +141,18 @@ def _across_ahead(motion: Motion, start: float, ahead_deg: float) -> tuple[Float
     return east * np.cos(ahead) - north * np.sin(ahead), north * np.cos(ahead) + east * np.sin(ahead)
 
 
-def _outlines(
-    axes: Axes, motion: Motion, start: float, ahead_deg: float, length_m: float | None, every_deg: float = 45.0
-) -> None:
+def _outlines(axes: Axes, motion: Motion, start: float, ahead_deg: float) -> None:
     """The ship to scale at the execute and every 45 deg of turn; a twentieth of the picture without a length.
 
     Of one that is long beside her circle only the first turn is shown: the next would lie on it.
     """
     across, ahead = _across_ahead(motion, start, ahead_deg)
     extent = max(float(np.ptp(across)), float(np.ptp(ahead)))
-    length = length_m or extent / 20.0
+    length = motion.length_m or extent / 20.0
     most = 17 if length < _LONG_SHARE * extent else 8
     turned = np.abs(motion.heading_deg - motion.at("heading_deg", start))
     turned[motion.time_s < start] = 0.0
-    steps = np.floor(np.maximum.accumulate(turned) / every_deg)
+    steps = np.floor(np.maximum.accumulate(turned) / _OUTLINE_EVERY_DEG)
     rows = [int(np.searchsorted(motion.time_s, start)), *(np.flatnonzero(np.diff(steps) > 0) + 1)]
     for row in rows[:most]:
         ship(axes, across[row], ahead[row], np.deg2rad(motion.heading_deg[row] - ahead_deg), length)
@@ -191,7 +188,7 @@ def _dimension(
     axes.annotate(text, middle, color=RED, fontsize=8, ha="center", va="center", bbox=box, zorder=4)
 
 
-def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre, length_m: float | None = None) -> None:
+def draw_run(figure: Figure, motion: Motion, manoeuvre: Manoeuvre) -> None:
     """Speed, shafts and heading against time, of what goes straight or is a test of a drive."""
     above, middle, below = figure.subplots(3, 1, sharex=True, gridspec_kw=_MARGINS)
     start, end = seconds_of(motion, manoeuvre)
@@ -218,8 +215,6 @@ SIZES_INCH: dict[str, tuple[float, float]] = {"zigzag": (10.0, 5.5), "turning_ci
 _OTHER_INCH = (9.0, 5.5)
 
 
-def drawer(
-    motion: Motion, manoeuvre: Manoeuvre, length_m: float | None
-) -> tuple[Callable[[Figure], None], tuple[float, float]]:
-    """What fills a page's figure with a manoeuvre, and the figure's size."""
-    return (lambda figure: draw(figure, motion, manoeuvre, length_m)), SIZES_INCH.get(manoeuvre.kind, _OTHER_INCH)
+def size_inch_of(manoeuvre: Manoeuvre) -> tuple[float, float]:
+    """The size of a manoeuvre's picture on a page."""
+    return SIZES_INCH.get(manoeuvre.kind, _OTHER_INCH)

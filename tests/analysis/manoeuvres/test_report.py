@@ -112,7 +112,7 @@ def test_pictures_are_to_scale_and_mark_every_overshoot(sail: Sail) -> None:
         found = next(each for each in find_manoeuvres(table) if each.kind == kind)
         with mpl.rc_context(STYLE):
             figure = Figure()
-            draw(figure, motion_of(table), found, 28.9)
+            draw(figure, motion_of(table, 28.9), found)
         first = figure.axes[0]
         texts = [text.get_text() for text in first.texts]
         if kind == "zigzag":
