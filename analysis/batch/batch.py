@@ -16,7 +16,6 @@ from typing import Any
 import pandas as pd
 
 from acquisition.core.errors import DataShortageError, InputError
-from acquisition.core.files import atomic_file
 from acquisition.core.progress import Progress
 from analysis.batch.one_recording import SUMMARY, Row, process_recording, reusable_row
 from analysis.batch.workers import (
@@ -245,10 +244,7 @@ def write_index(rows: Sequence[Mapping[str, Any]], out: Path, title: str) -> Pat
     """
     rows = [{**row, "report": (out / row["name"] / REPORT).is_file()} for row in rows]
     write_parquet(index_table(rows), out / "index.parquet", MEASURES, {"batch": json.dumps({"of": title})})
-    page = out / "index.html"
-    with atomic_file(page) as partial:
-        partial.write_text(index_page(rows, failures_of(rows), title), encoding="utf-8")
-    return page
+    return index_page(rows, failures_of(rows), title).write(out / "index.html")
 
 
 def read_index(path: Path | str) -> pd.DataFrame:

@@ -8,7 +8,6 @@ working folder in it.
 from __future__ import annotations
 
 import json
-import math
 import sys
 import tempfile
 from collections import Counter
@@ -23,6 +22,7 @@ import numpy as np
 import pandas as pd
 
 from acquisition.core.errors import InputError, SeatrialError, StorageError, storage_error
+from acquisition.core.serialisation import to_json
 from acquisition.core.trial import software_version
 from analysis.manoeuvres import Manoeuvre, as_json
 from analysis.products import Options, Products, analyse
@@ -126,9 +126,9 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     """All files of a result, each with its origin and history in it."""
     from analysis.report.pages import recording_page
 
-    origin = {"provenance": json_value(provenance), "history": json_value(history_of(products.one_hz))}
+    origin = {"provenance": to_json(provenance), "history": to_json(history_of(products.one_hz))}
     about = {key: json.dumps(value) for key, value in origin.items()}
-    trial = {"trial": json.dumps(json_value(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
+    trial = {"trial": json.dumps(to_json(products.recording.trial.as_metadata())), "rate_hz": "1.0"}
     units = {str(name): unit for name in products.one_hz.columns if (unit := unit_of(str(name)))}
     write_parquet(products.one_hz, folder / "table.parquet", units, {**about, **trial})
     write_parquet(products.quality.flags, folder / "flags.parquet", {}, {**about, "meaning": FLAG_MEANING})
@@ -137,7 +137,7 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
     write_json(folder / "manoeuvres.json", {"manoeuvres": as_json(products.manoeuvres), **origin})
     if products.windows is not None:
         whence = provenance_of(products.one_hz, provenance["options"], products.recording.path)
-        named = {provenance["recording"]: json_value(whence)}
+        named = {provenance["recording"]: to_json(whence)}
         write_windows(replace(products.windows, provenance=named), folder / "windows.parquet")
     recording_page(products, row).write(folder / "page.html")
     write_json(folder / SUMMARY, row)
@@ -145,7 +145,7 @@ def _write(products: Products, row: Row, provenance: Mapping[str, Any], folder: 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write values as JSON for people and programs."""
-    path.write_text(json.dumps(json_value(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(to_json(content), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
@@ -178,7 +178,7 @@ def row_of(products: Products, provenance: Mapping[str, Any]) -> Row:
         "track": thumbnail(one_hz),
         "provenance": dict(provenance),
     }
-    return dict(json_value(row))
+    return dict(to_json(row))
 
 
 def missing_channels(table: pd.DataFrame) -> list[str]:
@@ -221,16 +221,3 @@ def thumbnail(one_hz: pd.DataFrame) -> str:
     chosen = track[np.unique(np.linspace(0, len(track) - 1, _THUMBNAIL_POINTS).astype(int))]
     middle, size = (chosen.max(axis=0) + chosen.min(axis=0)) / 2.0, max(np.ptp(chosen, axis=0).max(), 1.0)
     return " ".join(f"{x:.0f},{y:.0f}" for x, y in 50.0 + 92.0 * (chosen - middle) / size)
-
-
-def json_value(value: Any) -> Any:
-    """A value as JSON has it: numbers of Python, no NaN, times as ISO 8601."""
-    if isinstance(value, Mapping):
-        return {str(key): json_value(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [json_value(each) for each in value]
-    if isinstance(value, np.generic):
-        return json_value(value.item())
-    if isinstance(value, pd.Timestamp):
-        return value.isoformat()
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,10 +20,8 @@ from acquisition.core.angles import in_turn
 from acquisition.core.arrays import Floats, Ints
 from acquisition.core.channels import BY_NAME, is_circular
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
-from acquisition.core.files import atomic_file
 from analysis.report.pages import duration_text
-from analysis.report.rendering import TEMPLATES, render
-from analysis.tables.files import expect_suffix
+from analysis.report.rendering import TEMPLATES, Page, render
 from analysis.tables.table import NANO, table_actuators, times_ns, trial_channels
 from analysis.windows.held import held_spans_ns
 
@@ -61,8 +58,8 @@ def interactive_page(
     manoeuvres: Iterable[Manoeuvre] = (),
     title: str = "",
     subtitle: str = "",
-) -> str:
-    """The whole page as text: track and time series of one trial, to be written with the suffix ``.html``.
+) -> Page:
+    """The whole page: track and time series of one trial.
 
     ``table`` is indexed by UTC, as resampled to 1 Hz or faster, and holds any channels of a trial in their own
     units; above 20,000 rows it is thinned with all extremes kept, and the page says so. ``windows`` is the long
@@ -88,28 +85,7 @@ def interactive_page(
         policy=Markup(_NOTHING_LOADED), css=css, library=Markup(library), script=script,
         held=held_words(table), track_px=_track_px(data),
         series_px=_FRAME_PX + _PANEL_PX * len(data["style"]["panels"]),
-    ).html  # fmt: skip
-
-
-def write_interactive(
-    path: Path | str,
-    table: pd.DataFrame,
-    windows: pd.DataFrame | None = None,
-    predicted: Mapping[str, pd.DataFrame] | None = None,
-    manoeuvres: Iterable[Manoeuvre] = (),
-    title: str = "",
-    subtitle: str = "",
-) -> Path:
-    """Write :func:`interactive_page` to ``path``, complete or not at all; the path that was written.
-
-    Raises what :func:`interactive_page` raises, :class:`InputError` for another suffix than ``.html``, and
-    :class:`StorageError` for what the system refuses.
-    """
-    expect_suffix(path, ".html")
-    html = interactive_page(table, windows, predicted, manoeuvres, title, subtitle)
-    with atomic_file(path) as partial:
-        partial.write_text(html, encoding="utf-8")
-    return Path(path)
+    )  # fmt: skip
 
 
 def _plotly() -> str:

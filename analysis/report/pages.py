@@ -293,8 +293,8 @@ _STATUSES = {
 _NUMERIC = {"duration_s", "distance_m", "samples", "repairs", "windows_kept"}
 
 
-def index_page(rows: Sequence[Row], failures: Sequence[tuple[str, list[str]]], title: str) -> str:
-    """The page as text, of rows as of :func:`analysis.batch.one_recording.row_of` and failures by their cause."""
+def index_page(rows: Sequence[Row], failures: Sequence[tuple[str, list[str]]], title: str) -> Page:
+    """The page of rows as of :func:`analysis.batch.one_recording.row_of` and failures by their cause."""
     filled = [
         {**dict.fromkeys([*_COLUMNS, *_OTHERS]), **row, **{name: row.get(name) or {} for name in _COUNTS}}
         for row in rows
@@ -304,7 +304,7 @@ def index_page(rows: Sequence[Row], failures: Sequence[tuple[str, list[str]]], t
         numeric=_NUMERIC, ordered=_NUMERIC | {"status", "grade", "findings"}, quote=quote,
         broken=_broken, status_of=lambda row: _STATUSES[_status(row)],
         status_class=lambda row: _status(row).replace(" ", "-"), duration=duration_text, grade_order=_grade_order,
-    ).html  # fmt: skip
+    )  # fmt: skip
 
 
 def _figures(rows: Sequence[Row]) -> dict[str, str]:

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from acquisition.core.errors import storage_error
+from acquisition.core.files import atomic_file
 from acquisition.core.trial import software_version
+from analysis.tables.files import expect_suffix
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,12 +38,14 @@ class Page:
         return self.html
 
     def write(self, path: Path) -> Path:
-        """Write the page. Raises :class:`StorageError`."""
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(self.html, encoding="utf-8")
-        except OSError as error:
-            raise storage_error(path, error) from error
+        """Write the page, complete or not at all.
+
+        Raises :class:`InputError` for another suffix than ``.html``, :class:`StorageError` for what the system
+        refuses.
+        """
+        expect_suffix(path, ".html")
+        with atomic_file(path) as partial:
+            partial.write_text(self.html, encoding="utf-8")
         return path
 
 

@@ -212,7 +212,7 @@ def parameter_rows(parameters: Sequence[Parameter]) -> list[list[str]]:
 def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
     """A page to zoom into for each recording, in ``folder``; what they are called and where, for links, or why
     not."""
-    from analysis.report.interactive import write_interactive
+    from analysis.report.interactive import interactive_page
 
     pages = {}
     for trial, products in case.products.items():
@@ -220,8 +220,9 @@ def write_interactive_pages(case: Case, folder: Path | str) -> dict[str, str]:
         page = Path(folder) / (f"{INTERACTIVE}.html" if len(case.paths) == 1 else f"{INTERACTIVE}_{trial}.html")
         predicted = {} if windows is None or case.why_not else case.predicted(trial)
         try:
-            write_interactive(page, products.one_hz, windows, predicted, products.manoeuvres, trial,
-                              products.recording.path.name)  # fmt: skip
+            interactive_page(
+                products.one_hz, windows, predicted, products.manoeuvres, trial, products.recording.path.name
+            ).write(page)
         except (ConfigurationError, DataShortageError) as error:
             pages[f"no page to zoom into: {error}"] = ""
             continue

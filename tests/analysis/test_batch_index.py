@@ -74,14 +74,14 @@ def test_the_index_is_written_the_same_each_time_and_read_back(tmp_path: Path) -
 
 def test_what_recordings_call_themselves_is_text_and_no_markup() -> None:
     evil = "<script>alert(1)</script>\"'&"
-    page = index_page([row(1, name=evil, vessel=evil), failed(evil, evil)], [(evil, [evil])], evil)
+    page = index_page([row(1, name=evil, vessel=evil), failed(evil, evil)], [(evil, [evil])], evil).html
     assert "<script>alert" not in page
     assert 'href="%3Cscript%3Ealert%281%29%3C/script%3E%22%27%26/page.html"' in page
 
 
 def test_the_page_has_its_look() -> None:
     """The colours are the first rule of the style; a stray character before it would lose them all."""
-    assert re.search(r"<style>\s*:root\{--ink:", index_page(ROWS, [], "season"))
+    assert re.search(r"<style>\s*:root\{--ink:", index_page(ROWS, [], "season").html)
 
 
 def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None:
@@ -91,7 +91,7 @@ def test_what_was_cut_off_lacks_channels_or_is_gone_is_seen_in_its_row() -> None
         row(3, missing=list(CHANNELS[:9]), channels=4),
         row(4, status="gone", cause="its recording is not there any more"),
     ]
-    page = index_page(rows, failures_of(rows), "batch")
+    page = index_page(rows, failures_of(rows), "batch").html
     seen = dict(zip((1, 2, 3, 4), page.split("<tbody>")[1].split("</tr>"), strict=False))
     assert "done, cut off" in seen[1]
     assert "without heading_deg" in seen[2]
@@ -115,7 +115,7 @@ def test_results_without_a_recording_are_told_from_other_peoples_files(tmp_path:
 
 
 def test_a_page_of_200_rows_is_small_and_needs_no_network() -> None:
-    page = index_page([row(number) for number in range(200)], [], "batch")
+    page = index_page([row(number) for number in range(200)], [], "batch").html
     assert len(page) < 600_000
     assert "http:" not in page
     assert "https:" not in page

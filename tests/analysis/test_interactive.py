@@ -23,7 +23,6 @@ from analysis.report.interactive import (
     page_data,
     round_values,
     select_rows,
-    write_interactive,
 )
 from analysis.windows.held import held_windows
 from tests.analysis.conftest import START_S, steady_table, table_at
@@ -67,7 +66,7 @@ def data_of(html: str) -> dict[str, Any]:
 
 def test_the_pages_values_are_the_tables() -> None:
     table = circling()
-    data = data_of(interactive_page(table))
+    data = data_of(interactive_page(table).html)
     assert data["start_ms"] == START_S * 1000
     assert data["time_s"] == list(range(SECONDS))
     assert list(data["channels"]) == list(NAMES)
@@ -76,7 +75,7 @@ def test_the_pages_values_are_the_tables() -> None:
 
 
 def test_nothing_is_fetched_and_the_browser_is_told_so() -> None:
-    html = interactive_page(circling())
+    html = interactive_page(circling()).html
     own = re.sub(r"<script>.*?</script>", "", html, count=1, flags=re.DOTALL)  # the library in it is plotly's
     assert "plotly.js v" in html
     assert len(own) < 400_000
@@ -86,7 +85,7 @@ def test_nothing_is_fetched_and_the_browser_is_told_so() -> None:
 
 def test_what_a_trial_calls_itself_is_text_and_no_markup() -> None:
     windows = held_windows(circling(), trial=EVIL).rows
-    html = interactive_page(circling(), windows, {EVIL: predictions(windows)}, [manoeuvre(EVIL)], EVIL, EVIL)
+    html = interactive_page(circling(), windows, {EVIL: predictions(windows)}, [manoeuvre(EVIL)], EVIL, EVIL).html
     assert "<script>alert" not in html
     assert html.count("<script") == html.count("</script>") == 3
     assert data_of(html)["manoeuvres"][0]["name"] == EVIL
@@ -94,7 +93,7 @@ def test_what_a_trial_calls_itself_is_text_and_no_markup() -> None:
 
 def test_missing_channels_are_named_and_their_panels_left_out() -> None:
     table = circling().drop(columns=["north_m", "wind_speed_mps"]).assign(sway_mps=np.nan)
-    html = interactive_page(table)
+    html = interactive_page(table).html
     titles = [panel["title"] for panel in data_of(html)["style"]["panels"]]
     assert "Without north_m, sway_mps, wind_speed_mps." in html
     assert "there is no track" in html
@@ -132,7 +131,7 @@ def test_thinning_keeps_every_extreme_and_the_page_says_so() -> None:
     for name, (row, value) in peaks.items():
         table.iloc[row, table.columns.get_loc(name)] = value
     table.iloc[52_003:52_006, table.columns.get_loc("sway_mps")] = np.nan
-    html = interactive_page(table)
+    html = interactive_page(table).html
     data = data_of(html)
     shown = len(data["time_s"])
     assert 0.3 * MOST_ROWS < shown <= MOST_ROWS
@@ -173,7 +172,7 @@ def test_predictions_are_lifted_between_windows_and_thinned_by_whole_ones() -> N
     assert few["lifts"]["heading_deg"]
     times = 1 + MOST_PREDICTED // len(windows)
     many = pd.concat([windows.assign(window=windows["window"] + 1000 * turn) for turn in range(times)])
-    html = interactive_page(circling(), windows, {"hybrid": predictions(many)})
+    html = interactive_page(circling(), windows, {"hybrid": predictions(many)}).html
     assert "Of the predictions (hybrid) one window in 2 is shown." in html
     assert len(data_of(html)["predicted"]["hybrid"]["time_s"]) % 16 == 0
     plain = predictions(windows[windows["window"] % 4 == 0]).drop(columns="window")
@@ -182,11 +181,11 @@ def test_predictions_are_lifted_between_windows_and_thinned_by_whole_ones() -> N
 
 
 def test_the_file_is_written_whole_and_only_as_html(tmp_path: Path) -> None:
-    path = write_interactive(tmp_path / "deep" / "page.html", circling(60), title="Trial 7")
+    path = interactive_page(circling(60), title="Trial 7").write(tmp_path / "deep" / "page.html")
     assert "<title>Trial 7</title>" in path.read_text(encoding="utf-8")
     assert [each.name for each in path.parent.iterdir()] == ["page.html"]
     with pytest.raises(InputError, match=r"name it \.html"):
-        write_interactive(tmp_path / "page.pdf", circling(60))
+        interactive_page(circling(60)).write(tmp_path / "page.pdf")
 
 
 def test_tables_that_cannot_be_shown_are_refused() -> None:
@@ -220,9 +219,8 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     table = circling()
     windows = held_windows(table).rows
     predicted = {name: predictions(windows) for name in ("reference", "hybrid")}
-    path = write_interactive(
-        folder / "page.html", table, windows, predicted, [manoeuvre()], "Circling", "for tests"
-    )
+    page = interactive_page(table, windows, predicted, [manoeuvre()], "Circling", "for tests")
+    path = page.write(folder / "page.html")
     with running_browser() as browser:
         browser.open(path, READY)
         yield browser
@@ -410,14 +408,14 @@ def test_pages_without_positions_with_holes_and_with_positions_only_still_read(
     table = circling().drop(columns=["north_m", "east_m", "wind_speed_mps"])
     table.iloc[50, table.columns.get_loc("heading_deg")] = np.nan
     back = opened.evaluate("location.href")
-    opened.open(write_interactive(tmp_path / "page.html", table.drop(table.index[51:60])), READY)
+    opened.open(interactive_page(table.drop(table.index[51:60])).write(tmp_path / "page.html"), READY)
     opened.evaluate("moveTo(50)")
     assert values_read(opened)["heading_deg"] == "–"
     assert values_read(opened)["surge_mps"] == f"{table['surge_mps'].iloc[50]:.3f}"
     opened.press("ArrowRight")
     assert second_of(opened) == 60.0  # over the hole, and not stuck before it
     assert opened.errors == []
-    opened.open(write_interactive(tmp_path / "track.html", circling()[["north_m", "east_m"]]), READY)
+    opened.open(interactive_page(circling()[["north_m", "east_m"]]).write(tmp_path / "track.html"), READY)
     opened.click(*opened.evaluate(f"{ON_TRACK}(90)"))
     assert values_read(opened)["north_m"] == "200.00"
     assert opened.errors == []

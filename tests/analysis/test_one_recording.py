@@ -18,7 +18,7 @@ from acquisition.core.errors import InputError, StorageError
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.batch import one_recording
-from analysis.batch.one_recording import SUMMARY, distance_m, json_value, process_recording, reusable_row, thumbnail
+from analysis.batch.one_recording import SUMMARY, distance_m, process_recording, reusable_row, thumbnail
 from analysis.products import cause_of
 from analysis.tables.files import read_parquet
 from analysis.windows.recordings import read_windows
@@ -203,18 +203,6 @@ def test_one_cause_reads_the_same_for_every_recording_that_has_it() -> None:
         json.loads("{")
     assert cause_of(caught.value).startswith("JSONDecodeError: ")
     assert "(decoder.py:" in cause_of(caught.value)
-
-
-@given(
-    st.recursive(st.none() | st.floats() | st.integers() | st.text(), lambda inner: st.lists(inner), max_leaves=20)
-)
-def test_whatever_comes_out_is_json(value: object) -> None:
-    json.loads(json.dumps(json_value(value), allow_nan=False))
-
-
-def test_numbers_and_times_of_other_libraries_become_plain() -> None:
-    value = {"a": np.float32(np.nan), "b": np.arange(2), "c": pd.Timestamp("2022-10-27T00:00:00Z")}
-    assert json_value(value) == {"a": None, "b": [0, 1], "c": "2022-10-27T00:00:00+00:00"}
 
 
 def test_windows_and_their_starts_say_where_they_come_from(recording: Path, result: Path) -> None:

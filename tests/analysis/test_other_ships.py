@@ -106,7 +106,7 @@ def test_plots_show_every_actuator(zigzags: dict[str, pd.DataFrame], ship: str) 
 def test_the_interactive_page_has_every_actuator(zigzags: dict[str, pd.DataFrame], ship: str) -> None:
     one_hz = resample(zigzags[ship], 1.0)
     assert set(CONTROLS[ship]) <= set(page_data(one_hz)["channels"])
-    html = interactive_page(one_hz)
+    html = interactive_page(one_hz).html
     assert "Without" not in re.sub(r"<script.*?</script>", "", html, flags=re.DOTALL)
     found = re.search(r'id="data">(.*?)</script>', html, re.DOTALL)
     assert found is not None

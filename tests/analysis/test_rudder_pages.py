@@ -83,7 +83,7 @@ def test_the_picture_of_a_zigzag_shows_the_rudder(table: pd.DataFrame) -> None:
 def test_the_interactive_page_groups_the_controls(table: pd.DataFrame) -> None:
     one_hz = resample(table, 1.0)
     assert set(control_names(table_actuators(table))) <= set(page_data(one_hz)["channels"])
-    html = interactive_page(one_hz)
+    html = interactive_page(one_hz).html
     found = re.search(r'id="data">(.*?)</script>', html, re.DOTALL)
     assert found is not None
     titles = [each["title"] for each in json.loads(found[1])["style"]["panels"]]
