@@ -32,6 +32,14 @@ def in_turn(name: str, values: ArrayLike) -> Floats:
     return wrap_180(values) if BY_NAME[name].low < 0 else wrap_360(values)
 
 
+def is_possible(name: str, values: Floats) -> Bools:
+    """As :meth:`acquisition.core.channel.Channel.holds`, of many values."""
+    channel = BY_NAME[name]
+    beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
+    below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
+    return np.asarray(beyond_low & below_high)
+
+
 def are_angles(values: Floats) -> Bools:
     """Which of a series of angles [deg] are measured ones and not codes for no value, in whatever turn: [n].
 

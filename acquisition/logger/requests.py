@@ -34,8 +34,6 @@ PATIENCE_S = 3.0
 _MOST_CLIENTS = 16  # at once; one more, and whoever has kept us waiting longest must go
 _LOOK_S = 0.2
 
-Answer = Callable[[bytes], bytes]
-"""What answers a client; any error that rubbish can cause means that there is no answer."""
 _MOST_LETTERS = 500
 _MOST_APART_NS = 60_000_000_000
 Mark = Callable[[str, int], None]
@@ -53,6 +51,25 @@ def runtime_folder() -> Path:
     return Path(f"/tmp/seatrial-{os.getuid()}")
 
 
+@dataclass(frozen=True, slots=True)
+class RecorderState:
+    """A recorder at work: the trial's name, its configuration's path, the part that it writes, and its process.
+
+    ``paused`` says that nothing is written at the moment; ``predictions`` and ``predictions_refused`` count.
+    """
+
+    trial: str
+    configuration: str
+    recording: str
+    paused: bool
+    process: int
+    predictions: int
+    predictions_refused: int
+
+
+Who = Callable[[], RecorderState]
+
+
 @dataclass(slots=True)
 class _Client:
     """Somebody who is still speaking: what was said so far, and until when it must be over."""
@@ -62,19 +79,19 @@ class _Client:
     said: bytearray = field(default_factory=bytearray)
 
 
-class LocalServer:
-    """Answers clients while it is entered; a context manager.
+class RequestServer:
+    """Hears what others say to a recorder while it is entered; a context manager.
 
     Raises :class:`StorageError` when the socket's folder cannot be had or belongs to somebody else.
     """
 
-    def __init__(self, answer: Answer, folder: Path | None = None) -> None:
-        self._answer = answer
+    def __init__(self, mark: Mark, who: Who, predictions: Predictions, folder: Path | None = None) -> None:
+        self._mark, self._who, self._predictions = mark, who, predictions
         self.path = (folder or runtime_folder()) / f"{os.getpid()}-{time.monotonic_ns():x}.sock"
         self._stopping = threading.Event()
         self._clients: list[_Client] = []  # in the order in which they came
 
-    def __enter__(self) -> LocalServer:
+    def __enter__(self) -> RequestServer:
         folder = self.path.parent
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -104,6 +121,17 @@ class LocalServer:
         self._socket.close()
         with suppress(OSError):
             self.path.unlink()
+
+    def answer(self, said: bytes) -> bytes:
+        """The answer to what a client said. Raises any error that rubbish can cause."""
+        message = json.loads(said)  # which reads what some programs write and orjson does not
+        if "ask" in message:
+            return orjson.dumps(asdict(self._who()))
+        if "prediction" in message:
+            refused = self._predictions.offer(message)
+            return _REFUSED + refused.encode() if refused else b"ok"
+        self._mark(*parse_mark(message))
+        return b"ok"
 
     def _serve(self) -> None:
         with selectors.DefaultSelector() as selector:
@@ -139,7 +167,7 @@ class LocalServer:
         if not more:
             # whoever sends rubbish gets no answer; what is nested too deeply is a RecursionError
             with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
-                client.socket.send(self._answer(bytes(client.said)))  # short: it fits into the socket
+                client.socket.send(self.answer(bytes(client.said)))  # short: it fits into the socket
         if not more or len(client.said) > MOST_BYTES:
             self._part_with(client, selector)
 
@@ -209,43 +237,6 @@ def send_mark(text: str, folder: Path | None = None) -> int:
             fix="start `seatrial record`, or set SEATRIAL_RUNTIME to the folder that it uses",
         )
     return heard
-
-
-@dataclass(frozen=True, slots=True)
-class RecorderState:
-    """A recorder at work: the trial's name, its configuration's path, the part that it writes, and its process.
-
-    ``paused`` says that nothing is written at the moment; ``predictions`` and ``predictions_refused`` count.
-    """
-
-    trial: str
-    configuration: str
-    recording: str
-    paused: bool
-    process: int
-    predictions: int
-    predictions_refused: int
-
-
-Who = Callable[[], RecorderState]
-
-
-class RequestServer(LocalServer):
-    """Hears what others say to a recorder; a context manager. Raises :class:`StorageError` as its parent does."""
-
-    def __init__(self, mark: Mark, who: Who, predictions: Predictions, folder: Path | None = None) -> None:
-        super().__init__(self._answered, folder)
-        self._mark, self._who, self._predictions = mark, who, predictions
-
-    def _answered(self, said: bytes) -> bytes:
-        message = json.loads(said)  # which reads what some programs write and orjson does not
-        if "ask" in message:
-            return orjson.dumps(asdict(self._who()))
-        if "prediction" in message:
-            refused = self._predictions.offer(message)
-            return _REFUSED + refused.encode() if refused else b"ok"
-        self._mark(*parse_mark(message))
-        return b"ok"
 
 
 def running_recorders(folder: Path | None = None, patience_s: float = 1.0) -> list[tuple[Path, RecorderState]]:

@@ -29,6 +29,16 @@ def open_bus(config: CanSource) -> can.BusABC:
         ) from error
 
 
+def flags_of(message: can.Message) -> FrameFlag:
+    """What kind of frame python-can's message was."""
+    flags = FrameFlag.NONE if message.is_extended_id else FrameFlag.STANDARD_ID
+    if message.is_remote_frame:
+        flags |= FrameFlag.REMOTE
+    if message.is_error_frame:
+        flags |= FrameFlag.ERROR
+    return flags
+
+
 class CanBus:
     """One bus; frames are stamped when python-can hands them over."""
 
@@ -61,14 +71,4 @@ class CanBus:
             self._bus = None
 
     def _frame(self, message: can.Message) -> Frame:
-        received_ns, monotonic_ns = now_ns()
-        flags = FrameFlag.NONE
-        if not message.is_extended_id:
-            flags |= FrameFlag.STANDARD_ID
-        if message.is_remote_frame:
-            flags |= FrameFlag.REMOTE
-        if message.is_error_frame:
-            flags |= FrameFlag.ERROR
-        return Frame(
-            self.name, "can", bytes(message.data), received_ns, monotonic_ns, message.arbitration_id, flags
-        )
+        return Frame(self.name, "can", bytes(message.data), *now_ns(), message.arbitration_id, flags_of(message))

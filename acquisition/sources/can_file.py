@@ -18,8 +18,9 @@ from typing import BinaryIO
 import can
 
 from acquisition.config.sections import CanFileSource
-from acquisition.core.frames import Frame, FrameFlag, iso, now_ns
+from acquisition.core.frames import Frame, iso, now_ns
 from acquisition.sources import LogReader
+from acquisition.sources.can_bus import flags_of
 from acquisition.sources.can_text import LineReader, LogEntry
 
 _MOST_FRAMES_AT_ONCE = 300
@@ -206,10 +207,5 @@ def _is_cut(message: can.Message) -> bool:
 
 
 def _logged(message: can.Message) -> LogEntry:
-    flags = FrameFlag.NONE if message.is_extended_id else FrameFlag.STANDARD_ID
-    if message.is_remote_frame:
-        flags |= FrameFlag.REMOTE
-    if message.is_error_frame:
-        flags |= FrameFlag.ERROR
     time_ns = round(message.timestamp * 1e6) * 1000  # no finer than the microsecond that a float of today holds
-    return LogEntry(time_ns, message.arbitration_id, bytes(message.data), flags)
+    return LogEntry(time_ns, message.arbitration_id, bytes(message.data), flags_of(message))

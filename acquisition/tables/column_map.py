@@ -374,9 +374,5 @@ def true_wind(
 
     ``angle_rad`` is where the apparent wind comes from, from the bow and positive to starboard.
     """
-    psi = np.deg2rad(heading_deg)
-    ahead = speed_mps * np.cos(angle_rad) - surge_mps
-    starboard = speed_mps * np.sin(angle_rad) - sway_mps
-    north = ahead * np.cos(psi) - starboard * np.sin(psi)
-    east = ahead * np.sin(psi) + starboard * np.cos(psi)
-    return wrap_360(np.rad2deg(np.arctan2(east, north))), np.hypot(north, east)
+    true = speed_mps * np.exp(1j * angle_rad) - (surge_mps + 1j * sway_mps)  # ahead + i to starboard
+    return wrap_360(np.rad2deg(np.angle(true)) + heading_deg), np.abs(true)

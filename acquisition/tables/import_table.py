@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from acquisition.config.toml_file import line_of, read_text
 from acquisition.config.vessel_file import actuators_of_ship, load_actuators, name_of_ship
 from acquisition.core.actuators import DEFAULT, Actuators, as_text, channel_by_rule, from_text
-from acquisition.core.angles import counted_on, in_turn
+from acquisition.core.angles import counted_on, in_turn, is_possible
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import BY_NAME, actuators_of, channel_names, trial_names
+from acquisition.core.channels import actuators_of, channel_names, trial_names
 from acquisition.core.errors import ConfigurationError, InputError
 from acquisition.core.frames import Quality
 from acquisition.recording.tables import write_table
@@ -224,9 +224,7 @@ def quality_flags(table: pd.DataFrame) -> dict[str, NDArray[np.uint8]]:
     """Flags by channel [rows]: bad for a number that the channel cannot hold, not evaluated for all others."""
     flags = {}
     for name, column in table.items():
-        channel, values = BY_NAME[str(name)], column.to_numpy(dtype=float)
-        outside = np.isfinite(values) & ((values < channel.low) | (values > channel.high))
-        if channel.circular:
-            outside |= values == (channel.low if channel.low < 0 else channel.high)
+        values = column.to_numpy(dtype=float)
+        outside = np.isfinite(values) & ~is_possible(str(name), values)
         flags[str(name)] = np.where(outside, Quality.BAD, Quality.NOT_EVALUATED).astype(np.uint8)
     return flags

@@ -20,6 +20,7 @@ from acquisition.core.angles import difference
 from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME
 from analysis.estimation.kalman import Start, Steps
+from analysis.kinematics import to_ship
 from analysis.tables.resample import own_gap_s
 from analysis.tables.table import NANO, times_ns
 
@@ -191,19 +192,22 @@ BODY = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_d
 """The states of the result: pose, body-fixed velocity, and its rate of change."""
 
 
-def body_states(mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
-    """Pose, body-fixed velocity and its time derivative [k, 9] with covariance [k, 9, 9], SI, from the filter's.
+def body_states(mean: Floats) -> Floats:
+    """Pose, body-fixed velocity and its time derivative [k, 9], SI, from the filter's states.
 
     The derivatives are those of the numbers surge, sway and yaw rate: u' = a along the bow + r v, and so on
     (Fossen 2011, section 2.2).
     """
-    cos, sin = np.cos(mean[:, PSI]), np.sin(mean[:, PSI])
-    vn, ve, an, ae, r = (mean[:, state] for state in (VN, VE, AN, AE, R))
-    surge, sway = cos * vn + sin * ve, cos * ve - sin * vn
-    ahead, abeam = cos * an + sin * ae, cos * ae - sin * an
-    body = np.stack(
+    (surge, sway), (ahead, abeam), r = _in_body_axes(mean)
+    return np.stack(
         [mean[:, N], mean[:, E], mean[:, PSI], surge, sway, r, ahead + r * sway, abeam - r * surge,
          mean[:, R_DOT]], axis=1)  # fmt: skip
+
+
+def body_covariance(mean: Floats, covariance: Floats) -> Floats:
+    """The covariance [k, 9, 9] of :func:`body_states` from that of the filter's states."""
+    cos, sin = np.cos(mean[:, PSI]), np.sin(mean[:, PSI])
+    (surge, sway), (ahead, abeam), r = _in_body_axes(mean)
     jacobian = np.zeros((mean.shape[0], 9, 9))
     jacobian[:, [0, 1, 2, 5, 8], [N, E, PSI, R, R_DOT]] = 1.0
     jacobian[:, 3, VN], jacobian[:, 3, VE], jacobian[:, 3, PSI] = cos, sin, sway
@@ -214,7 +218,13 @@ def body_states(mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
     jacobian[:, 7] -= r[:, None] * jacobian[:, 3]
     jacobian[:, 6, R] += sway
     jacobian[:, 7, R] -= surge
-    return body, jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
+
+
+def _in_body_axes(mean: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Floats]:
+    """Velocity and acceleration forward and to starboard, and the yaw rate: each [k]."""
+    velocity = to_ship(mean[:, VN], mean[:, VE], mean[:, PSI])
+    return velocity, to_ship(mean[:, AN], mean[:, AE], mean[:, PSI]), mean[:, R]
 
 
 def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
@@ -223,8 +233,7 @@ def apart_from(values: Floats, state: Floats, offset_s: Floats) -> Floats:
     moved = state.copy()
     moved[:, [0, 3, 6]] += offset_s[:, None] * (state[:, [1, 4, 7]] + 0.5 * offset_s[:, None] * state[:, [2, 5, 8]])
     moved[:, [1, 4, 7]] += offset_s[:, None] * state[:, [2, 5, 8]]
-    body, _ = body_states(moved, np.zeros((len(moved), 9, 9)))
-    apart = values - body[:, [BODY.index(name) for name in CHANNELS]]
+    apart = values - body_states(moved)[:, [BODY.index(name) for name in CHANNELS]]
     apart[:, HEADING] = np.remainder(apart[:, HEADING] + np.pi, 2 * np.pi) - np.pi
     return apart
 

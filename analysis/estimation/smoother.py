@@ -35,6 +35,7 @@ from analysis.estimation.motion_model import (
     CHANNELS,
     MotionSamples,
     apart_from,
+    body_covariance,
     body_states,
     combine_samples,
     first_state,
@@ -153,8 +154,8 @@ class SmoothedMotion:
 
     ``states`` [rows] has the columns :data:`.motion_model.BODY`: pose and velocity in the units of the
     channels, and the rates of change of surge, sway [m/s2] and yaw rate [deg/s2]. ``covariance`` [rows, 9, 9] is
-    theirs in the same order in SI, angles in radians. ``slow`` and ``slow_covariance`` are the same without the
-    swing in waves, and the same altogether where the data show none. Rows inside long gaps are NaN. ``rejected``
+    theirs in the same order in SI, angles in radians. ``slow`` is the same as ``states`` without the swing in
+    waves, and the same altogether where the data show none. Rows inside long gaps are NaN. ``rejected``
     has the index of the table it was made from and a column for each motion channel, true where a sample was
     refused.
     """
@@ -162,7 +163,6 @@ class SmoothedMotion:
     states: pd.DataFrame
     covariance: Floats
     slow: pd.DataFrame
-    slow_covariance: Floats
     noise: NoiseLevels
     rejected: pd.DataFrame
     consistency: Consistency
@@ -213,23 +213,25 @@ def smooth(
     first_ns, last_ns = (data.epoch_ns + round(float(each) * NANO) for each in data.time_s[[0, -1]])
     grid_ns = grid(first_ns, last_ns, rate_fraction(rate_hz))
     grid_s = (grid_ns - data.epoch_ns) / NANO
-    motion, slow = ((np.full((grid_s.size, 9), np.nan), np.full((grid_s.size, 9, 9), np.nan)) for _ in range(2))
+    motion, slow = np.full((2, grid_s.size, 9), np.nan)
+    spread = np.full((grid_s.size, 9, 9), np.nan)
     innovations = _Innovations.empty(data)
     for block in _blocks(data.time_s):
         track = _smoothed_block(data.part(block.first, block.last), noise, rules, engine)
         innovations.keep(block, track)
         some = slice(*np.searchsorted(grid_s, [data.time_s[block.core_first], block.until_s(data.time_s)]))
         mean, covariance = track.at(grid_s[some])
-        for whole, sums in ((motion, track.model.sums), (slow, track.model.sums * track.model.may_jump)):
-            whole[0][some], whole[1][some] = body_states(mean @ sums.T, sums @ covariance @ sums.T)
+        sums = track.model.sums
+        motion[some] = body_states(mean @ sums.T)
+        spread[some] = body_covariance(mean @ sums.T, sums @ covariance @ sums.T)
+        slow[some] = body_states((mean * track.model.may_jump) @ sums.T)
     hidden = in_gaps(table, data.epoch_ns, grid_s, longest_gap_s)
-    for values in (*motion, *slow):
+    for values in (motion, spread, slow):
         values[hidden] = np.nan
     return SmoothedMotion(
-        _as_table(motion[0], grid_ns, rate_hz, table),
-        motion[1],
-        _as_table(slow[0], grid_ns, rate_hz, table),
-        slow[1],
+        _as_table(motion, grid_ns, rate_hz, table),
+        spread,
+        _as_table(slow, grid_ns, rate_hz, table),
         noise,
         _rejected(table, data, noise, rules, innovations),
         consistency_of(data.time_s, innovations.innovation, innovations.deviation, innovations.refused),

@@ -24,7 +24,6 @@ from acquisition.logger.record import record
 from acquisition.logger.redecode import redecode
 from acquisition.logger.requests import (
     MOST_BYTES,
-    LocalServer,
     RecorderState,
     RequestServer,
     ask,
@@ -48,6 +47,7 @@ BODY: dict[str, Any] = {
     },
     "running": {"over_s": 300.0, "predictions": 0, "left_out": 0},
 }  # fmt: skip
+WHO = RecorderState("bay", "/bay.toml", "/out/bay.mcap", False, 7, 0, 0)
 GEOJSON = '{"type":"LineString","coordinates":[[10.0,63.0],[10.00001,63.00002]]}'
 
 
@@ -58,11 +58,9 @@ class Ear:
         self.marks: list[str] = []
         self.health = Health({})
         self.predictions = Predictions(self.health)
-        who = RecorderState("bay", "/bay.toml", "/out/bay.mcap", False, 7, 0, 0)
         self.hearing = RequestServer(
-            lambda text, at_ns: self.marks.append(text), lambda: who, self.predictions, folder
+            lambda text, at_ns: self.marks.append(text), lambda: WHO, self.predictions, folder
         )
-        self.who = who
 
 
 @pytest.fixture
@@ -87,7 +85,7 @@ def changed(path: str, value: Any) -> dict[str, Any]:
 
 
 def test_a_recorder_says_who_it_is_and_still_takes_marks(ear: Ear, tmp_path: Path) -> None:
-    assert running_recorders(tmp_path) == [(ear.hearing.path, ear.who)]
+    assert running_recorders(tmp_path) == [(ear.hearing.path, WHO)]
     assert send_mark("start", tmp_path) == 1
     assert ear.marks == ["start"]
 
@@ -95,13 +93,14 @@ def test_a_recorder_says_who_it_is_and_still_takes_marks(ear: Ear, tmp_path: Pat
 def test_who_does_not_know_the_question_is_no_recorder_to_follow(tmp_path: Path) -> None:
     """A recorder of an older version, which knows marks only, and a socket that was left behind."""
 
-    def marks_only(said: bytes) -> bytes:
-        return b"ok" if json.loads(said)["text"] else b""
+    class MarksOnly(RequestServer):
+        def answer(self, said: bytes) -> bytes:
+            return b"ok" if json.loads(said)["text"] else b""
 
     stale = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     stale.bind(str(tmp_path / "1-a.sock"))
     stale.close()
-    with LocalServer(marks_only, tmp_path):
+    with MarksOnly(lambda text, at_ns: None, lambda: WHO, Predictions(Health({})), tmp_path):
         assert running_recorders(tmp_path) == []
 
 
