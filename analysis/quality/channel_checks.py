@@ -1,7 +1,6 @@
-"""Checks of one channel: from its samples in the order of receipt to flags of the same length.
+"""Checks of one channel: from its samples in the order of receipt to masks of the same length, or stretches.
 
 Thresholds come from the channel's own noise, rate and habits, so that no ship and no sensor is the standard.
-A flag of 1 says that the check saw nothing wrong, 3 that the value deserves a look, 4 that it is wrong.
 All checks together give the channel its flags, its counts and its grade.
 """
 
@@ -13,18 +12,16 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import counted_on
+from acquisition.core.angles import counted_on, is_possible
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
 from acquisition.core.channels import BY_NAME
 from acquisition.core.frames import Quality, iso
 from analysis.quality.findings import Flags
-from analysis.quality.repeated_values import flag_stuck, quantisation_step
+from analysis.quality.repeated_values import find_stuck, quantisation_step
 from analysis.quality.samples import (
     Stretch,
-    flags_where,
     interval_ns,
-    is_possible,
     judged_as,
     sort_by_time,
     stretches_of,
@@ -61,10 +58,9 @@ def find_gaps(samples: Series, start_ns: int | None = None, end_ns: int | None =
     return sorted(found)
 
 
-def flag_out_of_range(samples: Series, channel: Channel) -> Flags:
-    """Bad where the value is impossible by :meth:`Channel.holds`."""
-    values = samples.value
-    return flags_where(~is_possible(channel.name, values) & ~np.isnan(values), Quality.BAD, values)
+def find_out_of_range(samples: Series, channel: Channel) -> Bools:
+    """Where the value is impossible by :meth:`Channel.holds`."""
+    return ~is_possible(channel.name, samples.value) & ~np.isnan(samples.value)
 
 
 def is_other_convention(samples: Series, channel: Channel) -> bool:
@@ -95,19 +91,19 @@ def find_duplicates(samples: Series) -> Bools:
     return pd.Index(samples.measured_ns).duplicated()
 
 
-def flag_time_backwards(samples: Series) -> tuple[Flags, list[Stretch]]:
-    """Suspect where a sample is measured before one that came earlier; the steps back are listed."""
+def find_backwards(samples: Series) -> tuple[Bools, list[Stretch]]:
+    """Where a sample is measured before one that came earlier; the steps back are listed."""
     times = samples.measured_ns
     behind = np.zeros(times.size, dtype=bool)
     if times.size:
         behind[1:] = times[1:] < np.maximum.accumulate(times)[:-1]
     steps = np.flatnonzero(np.diff(times) < 0)
     found = [Stretch(int(times[at + 1]), int(times[at]), float(times[at] - times[at + 1]) / NANO) for at in steps]
-    return flags_where(behind, Quality.SUSPECT, samples.value), found
+    return behind, found
 
 
-def flag_spikes(samples: Series, channel: Channel) -> Flags:
-    """Bad where one to three samples leave their neighbours and return.
+def find_spikes(samples: Series, channel: Channel) -> Bools:
+    """Where one to three samples leave their neighbours and return.
 
     What they leave is the line between the samples before and after. Leaving is more than 5 times what 80 % of
     the neighbourhood does (7.8 standard deviations of white noise; waves and manoeuvres raise it themselves; where
@@ -138,7 +134,7 @@ def flag_spikes(samples: Series, channel: Channel) -> Flags:
             for offset in range(width):
                 found[starts + offset] = True
         bad[places[found]] = True
-    return flags_where(bad, Quality.BAD, samples.value)
+    return bad
 
 
 def _smallest_step(values: Floats) -> float:
@@ -251,40 +247,32 @@ class ChannelQuality:
 
 @dataclass(frozen=True, slots=True)
 class ChannelFaults:
-    """What the checks of one channel found: masks over its samples, stretches, sizes (0 where there is nothing)."""
+    """What the checks of one channel found, by the code of the finding: ``masks`` over its samples, and ``listed``
+    stretches, sized in the unit that the finding speaks of.
+
+    ``other_turn`` says that what is out of range is an angle in the other convention.
+    """
 
     channel: Channel
     samples: Series
-    gaps: list[Stretch]
-    stuck: Bools
-    spikes: Bools
-    out_of_range: Bools
-    duplicates: Bools
-    behind: Bools
-    steps_back: list[Stretch]
-    step: float
-    jitter_s: float
+    masks: dict[str, Bools]
+    listed: dict[str, list[Stretch]]
     other_turn: bool = False
-    """Whether what is out of range is an angle in the other convention."""
 
     def flags(self) -> Flags:
         """The graver flag of all checks, sample by sample; a value that its decoder called bad is bad."""
+        found = self.masks
         flags = np.full(self.samples.value.size, Quality.GOOD, dtype=np.uint8)
-        flags[self.duplicates | self.behind] = Quality.SUSPECT
-        flags[self.stuck | self.spikes | self.out_of_range | np.isnan(valid_values(self.samples))] = Quality.BAD
+        flags[found["duplicate"] | found["time_backwards"]] = Quality.SUSPECT
+        unknown = np.isnan(valid_values(self.samples))
+        flags[found["stuck"] | found["spike"] | found["out_of_range"] | unknown] = Quality.BAD
         return flags
 
     def stretches(self, code: str) -> list[Stretch]:
         """Where the channel has this kind of trouble, sized in the unit that the finding speaks of."""
-        if code in ("gap", "time_backwards"):
-            return self.gaps if code == "gap" else self.steps_back
-        if code in ("quantised", "time_jitter"):
-            size = self.step if code == "quantised" else self.jitter_s
-            times = self.samples.measured_ns
-            return [Stretch(int(times.min()), int(times.max()), size)] if size else []
-        mask = {"stuck": self.stuck, "spike": self.spikes, "out_of_range": self.out_of_range,
-                "duplicate": self.duplicates}[code]  # fmt: skip
-        found = stretches_of(self.samples.measured_ns, mask)
+        if code in self.listed:
+            return self.listed[code]
+        found = stretches_of(self.samples.measured_ns, self.masks[code])
         return [self._sized(each) for each in found] if code == "spike" else found
 
     def _sized(self, stretch: Stretch) -> Stretch:
@@ -297,23 +285,23 @@ class ChannelFaults:
 
     def quality(self, named: bool, jumps: list[ClockJump]) -> ChannelQuality:
         """The channel in figures; ``named`` is whether a finding is about it."""
-        times = self.samples.measured_ns
+        times, gaps = self.samples.measured_ns, self.listed["gap"]
         span_s = float(times.max() - times.min()) / NANO if times.size else 0.0
-        flags, interval = self.flags(), interval_ns(times) / NANO
+        interval = interval_ns(times) / NANO
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
-        silent_s = sum(each.size for each in self.gaps if (each.start_ns, each.end_ns) not in jumped)
+        silent_s = sum(each.size for each in gaps if (each.start_ns, each.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
-        kinds, counts = np.unique(flags, return_counts=True)
+        kinds, counts = np.unique(self.flags(), return_counts=True)
         flagged = {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
         return ChannelQuality(
             count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
-            gaps=tuple(self.gaps),
+            gaps=tuple(gaps),
             stuck=tuple(self.stretches("stuck")),
             spikes=len(self.stretches("spike")),
-            out_of_range=int(self.out_of_range.sum()),
-            duplicates=int(self.duplicates.sum()),
-            time_backwards=len(self.steps_back),
+            out_of_range=int(self.masks["out_of_range"].sum()),
+            duplicates=int(self.masks["duplicate"].sum()),
+            time_backwards=len(self.listed["time_backwards"]),
             grade=grade_of(flagged, missing, named),
             missing=missing,
             flagged=flagged,
@@ -333,25 +321,30 @@ def channel_faults(
     An assumed constant is neither stuck nor quantised.
     """
     channel, times = BY_NAME[name], samples.measured_ns
-    outside = flag_out_of_range(samples, channel) == Quality.BAD
+    outside = find_out_of_range(samples, channel)
     sound = replace(samples, value=np.where(outside, np.nan, valid_values(samples)))
-    none = np.zeros(times.size, dtype=bool)
-    behind, steps_back = flag_time_backwards(samples)
+    behind, steps_back = find_backwards(samples)
     jitter = jitter_s(times)
-    return ChannelFaults(
-        channel=channel,
-        samples=samples,
-        gaps=find_gaps(samples, *(bounds_ns or (None, None))),
-        stuck=none if assumed else flag_stuck(sound, channel, rate) == Quality.BAD,
-        spikes=none.copy() if assumed else flag_spikes(sound, channel) == Quality.BAD,
-        out_of_range=outside,
-        duplicates=find_duplicates(samples),
-        behind=behind == Quality.SUSPECT,
-        steps_back=steps_back,
-        step=0.0 if assumed else quantisation_step(sound, channel),
-        other_turn=is_other_convention(samples, channel),
-        jitter_s=jitter if jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times) else 0.0,
-    )
+    jitters = jitter * np.sqrt(2.0) * NANO > JITTER_SHARE * interval_ns(times)
+    masks = {
+        "stuck": np.zeros(times.size, dtype=bool) if assumed else find_stuck(sound, channel, rate),
+        "spike": np.zeros(times.size, dtype=bool) if assumed else find_spikes(sound, channel),
+        "out_of_range": outside,
+        "duplicate": find_duplicates(samples),
+        "time_backwards": behind,
+    }
+    listed = {
+        "gap": find_gaps(samples, *(bounds_ns or (None, None))),
+        "time_backwards": steps_back,
+        "quantised": _throughout(times, 0.0 if assumed else quantisation_step(sound, channel)),
+        "time_jitter": _throughout(times, jitter if jitters else 0.0),
+    }
+    return ChannelFaults(channel, samples, masks, listed, is_other_convention(samples, channel))
+
+
+def _throughout(times: Ints, size: float) -> list[Stretch]:
+    """All of a channel's time as a stretch of this size; none where there is nothing."""
+    return [Stretch(int(times.min()), int(times.max()), size)] if size else []
 
 
 def grade_of(flagged: dict[int, int], missing: int, named: bool) -> Grade:

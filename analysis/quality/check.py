@@ -15,7 +15,7 @@ from acquisition.core.channels import BY_NAME, channel_names
 from acquisition.core.frames import Quality
 from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
-from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, flag_spikes
+from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes
 from analysis.quality.commands import check_orders, check_thruster_feedback
 from analysis.quality.findings import (
     ALL,
@@ -177,14 +177,15 @@ def _drop_turns_of_faint_wind(faults: Mapping[str, ChannelFaults]) -> None:
         if np.array_equal(angle.measured_ns, size.measured_ns):
             wind = size.value * np.exp(1j * np.deg2rad(angle.value))
             parts = (replace(size, value=each) for each in (wind.real, wind.imag))
-            jumps = np.any([flag_spikes(each, BY_NAME[speed]) == Quality.BAD for each in parts], axis=0)
-            faults[direction].spikes[~jumps] = False
+            jumps = np.any([find_spikes(each, BY_NAME[speed]) for each in parts], axis=0)
+            faults[direction].masks["spike"][~jumps] = False
 
 
 def _possible(joined: pd.DataFrame, faults: Mapping[str, ChannelFaults], rows: Mapping[str, Ints]) -> pd.DataFrame:
     """The table without values out of range, which would dominate every estimate; angles of the other convention
     are brought into the channel's."""
-    spoilt = {name: each.out_of_range for name, each in faults.items() if each.out_of_range.any()}
+    spoilt = {name: each.masks["out_of_range"] for name, each in faults.items()}
+    spoilt = {name: outside for name, outside in spoilt.items() if outside.any()}
     if not spoilt:
         return joined
     cleaned = joined.copy()
@@ -205,7 +206,7 @@ def _drop_explained_spikes(
         named = {finding.channel for finding in each.findings if finding.code in _EXPLAINED_BY["spike"]}
         for name in named & set(faults) & set(each.flags.columns):
             known = each.flags[name].to_numpy()[rows[name]]
-            faults[name].spikes[(known == Quality.SUSPECT) | (known == Quality.BAD)] = False
+            faults[name].masks["spike"][(known == Quality.SUSPECT) | (known == Quality.BAD)] = False
 
 
 def _clock_jumps(series: Mapping[str, Series], joined: pd.DataFrame) -> tuple[list[ClockJump], list[Finding]]:

@@ -107,92 +107,80 @@ Troubles = Mapping[str, list[Stretch]]
 """By channel: where it has one kind of fault."""
 
 
-@dataclass(frozen=True, slots=True)
-class Wording:
-    """The text for one kind of fault: from the channel, the stretches and the largest of them to a sentence."""
-
-    sentence: Callable[[str, list[Stretch], Stretch], str]
-    remedy: str
-    estimate: Callable[[list[Stretch], Stretch], dict[str, float]] = field(
-        default=lambda found, largest: {"count": float(len(found)), "largest": largest.size}
-    )
-
-
-def _at(stretch: Stretch) -> str:
-    return f"{utc_time(stretch.start_ns):%H:%M:%S}"
-
-
-def _times(count: int) -> str:
-    return "once" if count == 1 else "twice" if count == 2 else f"{count} times"
-
-
-def _count(found: list[Stretch]) -> float:
-    """How many samples stretches hold that are sized by their number."""
-    return sum(each.size for each in found)
-
-
-def _samples(found: list[Stretch]) -> str:
-    count = _count(found)
-    return "1 sample" if count == 1 else f"{count:,.0f} samples"
-
-
-def _who(channel: str) -> str:
-    return "every channel" if channel == ALL else channel
-
-
 CERTAIN = frozenset({"out_of_range", "spike", "stuck", "duplicate"})
 """Codes whose flagged samples `--repair` may turn into gaps without asking."""
 
+
+@dataclass(frozen=True, slots=True)
+class Wording:
+    """The text for one kind of fault: a sentence of what :func:`_facts_of` says of the stretches, and what to do.
+
+    ``estimate`` says which of these facts the figures of the finding are.
+    """
+
+    sentence: str
+    remedy: str
+    estimate: Mapping[str, str] = field(default_factory=lambda: {"count": "count", "largest": "size"})
+
+
+def _facts_of(channel: str, found: list[Stretch], largest: Stretch) -> dict[str, Any]:
+    """What there is to say of a channel's stretches of one fault and the largest of them."""
+    count, samples = len(found), sum(each.size for each in found)
+    return {
+        "who": "every channel" if channel == ALL else channel,
+        "unit": channel_unit(channel),
+        "times": "once" if count == 1 else "twice" if count == 2 else f"{count} times",
+        "samples": "1 sample" if samples == 1 else f"{samples:,.0f} samples",
+        "count": float(count),
+        "total": samples,
+        "size": abs(largest.size),
+        "seconds": largest.seconds,
+        "at": f"{utc_time(largest.start_ns):%H:%M:%S}",
+        "first": f"{utc_time(min(found).start_ns):%H:%M:%S}",
+    }
+
+
 WORDING: dict[str, Wording] = {
     "gap": Wording(
-        lambda channel, found, largest: f"{_who(channel)} is silent {_times(len(found))}, "
-        f"{sum(each.size for each in found):.1f} s in all, the longest {largest.size:.1f} s from {_at(largest)}",
+        "{who} is silent {times}, {total:.1f} s in all, the longest {size:.1f} s from {at}",
         "Nothing is put across a gap; keep it out of windows",
-        lambda found, largest: {"seconds": largest.size, "count": float(len(found))},
+        {"seconds": "size", "count": "count"},
     ),
     "stuck": Wording(
-        lambda channel, found, largest: f"{_who(channel)} stands exactly still {_times(len(found))} although it "
-        f"should move, the longest for {largest.seconds:.1f} s from {_at(largest)}",
+        "{who} stands exactly still {times} although it should move, the longest for {seconds:.1f} s from {at}",
         "Do not use it there; look for a sensor or a converter that stopped",
-        lambda found, largest: {"seconds": largest.seconds, "count": float(len(found))},
+        {"seconds": "seconds", "count": "count"},
     ),
     "spike": Wording(
-        lambda channel, found, largest: f"{_who(channel)} leaves its neighbours and returns {_times(len(found))}, "
-        f"the furthest by {largest.size:.3g} {channel_unit(channel)} at {_at(largest)}",
+        "{who} leaves its neighbours and returns {times}, the furthest by {size:.3g} {unit} at {at}",
         "The samples are flagged bad and stay out of resampling",
     ),
     "out_of_range": Wording(
-        lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} with impossible values, the first "
-        f"at {_at(min(found))}",
+        "{who} has {samples} with impossible values, the first at {first}",
         "The samples are flagged bad; look at the unit and at the source's code for no value",
-        lambda found, largest: {"count": _count(found)},
+        {"count": "total"},
     ),
     "duplicate": Wording(
-        lambda channel, found, largest: f"{_who(channel)} has {_samples(found)} at a measured time that was there "
-        f"before, the first at {_at(min(found))}",
+        "{who} has {samples} at a measured time that was there before, the first at {first}",
         "Keep one of the samples of one time",
-        lambda found, largest: {"count": _count(found)},
+        {"count": "total"},
     ),
     "time_backwards": Wording(
-        lambda channel, found, largest: f"The measured time of {_who(channel)} runs back {_times(len(found))}, "
-        f"the furthest by {abs(largest.size):.3g} s at {_at(largest)}",
+        "The measured time of {who} runs back {times}, the furthest by {size:.3g} s at {at}",
         "Tables are sorted by measured time; look at how the source stamps",
-        lambda found, largest: {"seconds": abs(largest.size), "count": float(len(found))},
+        {"seconds": "size", "count": "count"},
     ),
     "time_jitter": Wording(
-        lambda channel, found, largest: f"The stamps of {_who(channel)} scatter about a regular clock by "
-        f"{largest.size:.3g} s",
+        "The stamps of {who} scatter about a regular clock by {size:.3g} s",
         "Take the source's own time if it has one, or put the samples back on a regular clock",
-        lambda found, largest: {"seconds": largest.size},
+        {"seconds": "size"},
     ),
     "quantised": Wording(
-        lambda channel, found, largest: f"{_who(channel)} moves in steps of {largest.size:.3g} "
-        f"{channel_unit(channel)}, "
-        "coarser than its noise",
+        "{who} moves in steps of {size:.3g} {unit}, coarser than its noise",
         "What lies between the steps is lost; take it from a finer source if there is one",
-        lambda found, largest: {"step": largest.size},
+        {"step": "size"},
     ),
-}  # fmt: skip
+}
 
 
 def utc_time(time_ns: int) -> pd.Timestamp:
@@ -220,9 +208,10 @@ def _shared(troubles: Troubles) -> tuple[list[Stretch], dict[str, list[Stretch]]
 def _finding(code: str, channel: str, found: list[Stretch]) -> Finding:
     words, largest = WORDING[code], max(found, key=lambda each: (abs(each.size), -each.start_ns))
     start, end = utc_time(min(each.start_ns for each in found)), utc_time(max(each.end_ns for each in found))
-    estimate = words.estimate(found, largest)
+    facts = _facts_of(channel, found, largest)
+    estimate = {key: facts[fact] for key, fact in words.estimate.items()}
     return Finding(
-        code, channel, start, end, words.sentence(channel, found, largest), words.remedy, estimate, code in CERTAIN
+        code, channel, start, end, words.sentence.format_map(facts), words.remedy, estimate, code in CERTAIN
     )
 
 

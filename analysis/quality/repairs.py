@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from acquisition.core.angles import in_turn, unwrap
+from acquisition.core.angles import in_turn, is_possible, unwrap
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.channels import BY_NAME, find_channel
 from acquisition.core.errors import InputError
@@ -31,7 +31,7 @@ from analysis.quality.findings import ALL, OTHER_TURN, Finding, Flags
 from analysis.quality.heading_wrap import WRAP_INTERPOLATED, is_judged, seam_line_mask
 from analysis.quality.motion.checks import delays_of
 from analysis.quality.motion.reconstruction import reconstruct_heading, reconstruct_positions
-from analysis.quality.samples import is_possible, rows_of, samples_of
+from analysis.quality.samples import rows_of, samples_of
 from analysis.quality.wind import true_wind
 from analysis.tables.files import expect_suffix
 from analysis.tables.table import (

@@ -15,12 +15,10 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from acquisition.core.arrays import Floats, Ints, Series
+from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
-from acquisition.core.frames import Quality
 from analysis.kinematics import to_earth
-from analysis.quality.findings import Flags
-from analysis.quality.samples import flags_where, judged_as, runs_of_equal, sort_by_time, steps_between, white_noise
+from analysis.quality.samples import judged_as, runs_of_equal, sort_by_time, steps_between, white_noise
 from analysis.tables.table import NANO, TimedValues, times_ns
 
 _SHORTEST, _BESIDE = 8, 100
@@ -29,8 +27,8 @@ _TURNING = 0.3
 _LEAST_TRAVEL = {"m": 1.0, "deg": 1.0}
 
 
-def flag_stuck(samples: Series, channel: Channel, rate: TimedValues | None = None) -> Flags:
-    """Bad where the value stands still, from the second of the repeated values on.
+def find_stuck(samples: Series, channel: Channel, rate: TimedValues | None = None) -> Bools:
+    """Where the value stands still, from the second of the repeated values on.
 
     ``rate`` is how fast related channels say that this one changes [its unit per s], at times of its own: yaw
     rate for the heading, speed over ground for a position.
@@ -50,7 +48,7 @@ def flag_stuck(samples: Series, channel: Channel, rate: TimedValues | None = Non
         )
         if silent or _should_have_moved(times[inside], values, channel, rate):
             bad[places[start + 1 : start + length]] = True
-    return flags_where(bad, Quality.BAD, samples.value)
+    return bad
 
 
 def _repeats(values: Floats, channel: Channel) -> tuple[Ints, Ints]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from acquisition.core.angles import unwrap, wrap_180
 from acquisition.core.arrays import Bools, Floats, Ints, Series
 from acquisition.core.channel import Channel
-from acquisition.core.channels import BY_NAME, is_setting
+from acquisition.core.channels import is_setting
 from acquisition.core.frames import Quality
 from analysis.tables.table import NANO, seconds_of, times_ns
 
@@ -51,14 +51,6 @@ def rows_of(table_ns: Ints, measured_ns: Ints) -> Ints:
     rows = np.empty(times.size, dtype=np.int64)
     rows[order] = np.searchsorted(table_ns, times) + np.arange(times.size) - np.searchsorted(times, times)
     return np.minimum(rows, table_ns.size - 1)
-
-
-def is_possible(name: str, values: Floats) -> Bools:
-    """As :meth:`acquisition.core.channels.Channel.holds`, of many values."""
-    channel = BY_NAME[name]
-    beyond_low = values > channel.low if channel.circular and channel.low < 0.0 else values >= channel.low
-    below_high = values < channel.high if channel.circular and channel.low >= 0.0 else values <= channel.high
-    return np.asarray(beyond_low & below_high)
 
 
 def judged_as(channel: Channel) -> tuple[str, str]:
@@ -102,14 +94,6 @@ def steps_between(values: Floats, circular: bool) -> Floats:
     """The steps from value to value; on a circle the shorter way."""
     steps = np.diff(values)
     return wrap_180(steps) if circular else steps
-
-
-def flags_where(condition: Bools, flag: Quality, values: Floats) -> NDArray[np.uint8]:
-    """``flag`` where the condition holds, missing where there is no value, good elsewhere."""
-    flags = np.full(values.size, Quality.GOOD, dtype=np.uint8)
-    flags[condition] = flag
-    flags[np.isnan(values)] = Quality.MISSING
-    return flags
 
 
 def stretches_of(times: Ints, flagged: Bools) -> list[Stretch]:

@@ -9,20 +9,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from acquisition.core.angles import wrap_180, wrap_360
-from acquisition.core.arrays import Floats, Series
+from acquisition.core.arrays import Bools, Floats, Series
 from acquisition.core.channels import BY_NAME
-from acquisition.core.frames import Quality
 from analysis.quality.channel_checks import (
+    find_backwards,
     find_duplicates,
     find_gaps,
-    flag_out_of_range,
-    flag_spikes,
-    flag_time_backwards,
+    find_out_of_range,
+    find_spikes,
 )
-from analysis.quality.repeated_values import flag_stuck
+from analysis.quality.repeated_values import find_stuck
 from analysis.quality.samples import series_of, stretches_of
 from analysis.tables.table import NANO, valid_values
 
@@ -40,8 +39,8 @@ def noise(size: int, seed: int = 0) -> Floats:
     return np.random.default_rng(seed).standard_normal(size)
 
 
-def places(flags: NDArray[np.uint8], flag: Quality = Quality.BAD) -> list[int]:
-    return np.flatnonzero(flags == flag).tolist()
+def places(found: Bools) -> list[int]:
+    return np.flatnonzero(found).tolist()
 
 
 def test_gaps_are_judged_by_the_channels_own_rate() -> None:
@@ -69,8 +68,8 @@ def test_a_late_start_and_an_early_end_are_gaps() -> None:
      ("wind_speed_mps", -0.1, False), ("north_m", np.inf, False)],
 )  # fmt: skip
 def test_out_of_range_is_what_the_channel_does_not_hold(name: str, value: float, possible: bool) -> None:
-    flags = flag_out_of_range(samples([value, np.nan]), BY_NAME[name])
-    assert flags.tolist() == [Quality.GOOD if possible else Quality.BAD, Quality.MISSING]
+    outside = find_out_of_range(samples([value, np.nan]), BY_NAME[name])
+    assert outside.tolist() == [not possible, False]
     assert possible == BY_NAME[name].holds(value)
 
 
@@ -78,8 +77,8 @@ def test_repeated_times_and_steps_back_are_counted_in_the_order_of_receipt() -> 
     given_s = [0.0, 1.0, 1.0, 2.0, 5.0, 3.0, 4.0, 6.0]
     received = samples(np.arange(8.0), at_s=given_s)
     assert np.flatnonzero(find_duplicates(received)).tolist() == [2]
-    flags, steps = flag_time_backwards(received)
-    assert places(flags, Quality.SUSPECT) == [5, 6]
+    behind, steps = find_backwards(received)
+    assert places(behind) == [5, 6]
     assert [each.size for each in steps] == [2.0]
 
 
@@ -88,13 +87,13 @@ def test_repeated_times_and_steps_back_are_counted_in_the_order_of_receipt() -> 
 def test_spikes_on_a_turning_heading_are_found_and_nothing_else(width: int, around_deg: float) -> None:
     turning = around_deg + 20.0 * np.sin(np.arange(600) / 40.0) + 0.1 * noise(600)
     turning[300 : 300 + width] += 25.0
-    assert places(flag_spikes(samples(wrap_360(turning)), HEADING)) == list(range(300, 300 + width))
+    assert places(find_spikes(samples(wrap_360(turning)), HEADING)) == list(range(300, 300 + width))
 
 
 def test_spikes_across_the_seam_of_an_azimuth() -> None:
     thrust_astern = 180.0 + 0.2 * noise(600)
     thrust_astern[200] -= 70.0
-    assert places(flag_spikes(samples(wrap_180(thrust_astern), rate_hz=10.0), AZIMUTH)) == [200]
+    assert places(find_spikes(samples(wrap_180(thrust_astern), rate_hz=10.0), AZIMUTH)) == [200]
 
 
 @settings(max_examples=25, deadline=None)
@@ -102,8 +101,8 @@ def test_spikes_across_the_seam_of_an_azimuth() -> None:
 def test_spikes_do_not_depend_on_where_the_circle_is_cut(seed: int, turn_deg: float) -> None:
     heading = 30.0 * np.sin(np.arange(200) / 30.0) + 0.1 * noise(200, seed)
     heading[[50, 120]] += 20.0
-    flags = [flag_spikes(samples(wrap_360(heading + turn)), HEADING) for turn in (0.0, turn_deg)]
-    assert places(flags[0]) == places(flags[1]) == [50, 120]
+    found = [find_spikes(samples(wrap_360(heading + turn)), HEADING) for turn in (0.0, turn_deg)]
+    assert places(found[0]) == places(found[1]) == [50, 120]
 
 
 SOUND: dict[str, Callable[[Floats], Floats]] = {
@@ -119,28 +118,28 @@ SOUND: dict[str, Callable[[Floats], Floats]] = {
 @pytest.mark.parametrize("rate_hz", [1.0, 5.0])
 def test_what_ships_and_seas_do_is_no_spike(what: str, rate_hz: float) -> None:
     values = SOUND[what](np.arange(0.0, 300.0, 1.0 / rate_hz))
-    assert places(flag_spikes(samples(values, rate_hz), SURGE)) == []
+    assert places(find_spikes(samples(values, rate_hz), SURGE)) == []
 
 
 def test_what_stands_alone_beside_a_gap_is_no_spike() -> None:
     at_s = np.concatenate([np.arange(300), 400 + np.arange(300)]) / 2.0
     values = 0.03 * noise(600)
     values[299] = 2.0
-    assert places(flag_spikes(samples(values, at_s=at_s), SURGE)) == []
+    assert places(find_spikes(samples(values, at_s=at_s), SURGE)) == []
 
 
 def test_a_thruster_that_is_stirred_is_no_spike() -> None:
     rpm = 0.1 * noise(600)
     rpm[300:312] += [12, 60, 150, 60, 120, 190, 120, 70, 72, 40, 12, 1]
-    assert places(flag_spikes(samples(rpm, 1.0), RPM)) == []
+    assert places(find_spikes(samples(rpm, 1.0), RPM)) == []
 
 
 def test_noise_that_goes_silent_is_stuck_from_the_first_repeat() -> None:
     speed = 4.0 + 0.03 * noise(600)
     speed[200:260] = speed[200]
-    flags = flag_stuck(samples(speed), SURGE)
-    assert places(flags) == list(range(201, 260))
-    (stretch,) = stretches_of(samples(speed).measured_ns, flags == Quality.BAD)
+    stuck = find_stuck(samples(speed), SURGE)
+    assert places(stuck) == list(range(201, 260))
+    (stretch,) = stretches_of(samples(speed).measured_ns, stuck)
     assert stretch.size == 59
 
 
@@ -148,9 +147,9 @@ def test_two_channels_that_hold_still_by_right_are_not_stuck() -> None:
     """A stopped shaft between two runs, and an order in whole degrees that is held for minutes at a time."""
     rpm = 120.0 + 0.3 * noise(900)
     rpm[300:600] = 0.0
-    assert places(flag_stuck(samples(rpm), RPM)) == []
+    assert places(find_stuck(samples(rpm), RPM)) == []
     order = np.repeat(np.random.default_rng(2).integers(-20, 20, 12), 75).astype(float)
-    assert places(flag_stuck(samples(order), AZIMUTH)) == []
+    assert places(find_stuck(samples(order), AZIMUTH)) == []
 
 
 def test_a_still_ship_on_a_coarse_sensor_is_not_stuck_but_one_that_sails_is() -> None:
@@ -158,10 +157,10 @@ def test_a_still_ship_on_a_coarse_sensor_is_not_stuck_but_one_that_sails_is() ->
     at_s = np.arange(0.0, 600.0)
     north = np.round(np.where(at_s < 300.0, 0.001, 2.0) * 0.0 + np.clip(at_s - 300.0, 0.0, None) * 2.0, 1)
     lying = samples(north, 1.0).measured_ns, np.where(at_s < 300.0, 0.0, 2.0)
-    assert places(flag_stuck(samples(north, 1.0), NORTH, lying)) == []
+    assert places(find_stuck(samples(north, 1.0), NORTH, lying)) == []
     frozen = north.copy()
     frozen[400:430] = frozen[400]
-    assert places(flag_stuck(samples(frozen, 1.0), NORTH, lying)) == list(range(401, 430))
+    assert places(find_stuck(samples(frozen, 1.0), NORTH, lying)) == list(range(401, 430))
 
 
 def test_a_heading_frozen_while_the_ship_turns_is_stuck_at_either_side_of_north() -> None:
@@ -169,15 +168,15 @@ def test_a_heading_frozen_while_the_ship_turns_is_stuck_at_either_side_of_north(
     heading = wrap_360(np.round(1.0 * at_s, 1))
     heading[100:160] = heading[100]
     turning = samples(heading).measured_ns, np.ones(at_s.size)
-    assert places(flag_stuck(samples(heading), HEADING, turning)) == list(range(101, 160))
+    assert places(find_stuck(samples(heading), HEADING, turning)) == list(range(101, 160))
 
 
 @pytest.mark.parametrize(
-    "check", [lambda s: flag_spikes(s, SURGE), lambda s: flag_stuck(s, SURGE), find_duplicates, find_gaps]
+    "check", [lambda s: find_spikes(s, SURGE), lambda s: find_stuck(s, SURGE), find_duplicates, find_gaps]
 )
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
 def test_next_to_nothing_is_no_trouble(check: Callable[[Series], Any], count: int) -> None:
-    assert not np.any(np.asarray(check(samples(np.zeros(count)))) == Quality.BAD)
+    assert not np.any(check(samples(np.zeros(count))))
 
 
 def test_values_that_a_decoder_doubted_are_no_samples(tmp_path: object) -> None:
