@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from acquisition.core.arrays import Floats
 
 
-def to_earth(forward: Floats, starboard: Floats, heading_rad: ArrayLike) -> tuple[Floats, Floats]:
+def to_earth(forward: Floats | float, starboard: Floats | float, heading_rad: ArrayLike) -> tuple[Floats, Floats]:
     """Components forward and to starboard as components to north and east, all of one shape."""
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     return forward * cosine - starboard * sine, forward * sine + starboard * cosine
 
 
-def to_ship(north: Floats, east: Floats, heading_rad: ArrayLike) -> tuple[Floats, Floats]:
+def to_ship(north: Floats | float, east: Floats | float, heading_rad: ArrayLike) -> tuple[Floats, Floats]:
     """Components to north and east as components forward and to starboard: the inverse of :func:`to_earth`."""
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     return north * cosine + east * sine, east * cosine - north * sine

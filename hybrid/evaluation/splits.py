@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import ConfigurationError, DataShortageError
+from analysis.kinematics import to_ship
 from hybrid.calibrators.train import HELD_OUT_SHARE
 from hybrid.prediction.prediction_windows import (
     WIND,
     PredictionWindows,
     clear_of,
     draw_windows,
-    in_ship_axes,
     unlike_groups,
 )
 
@@ -196,7 +196,7 @@ def winds(windows: PredictionWindows) -> NDArray[np.str_]:
 def _drift_deg(windows: PredictionWindows, steps: Floats) -> Floats:
     """The mean angle between course and heading over each window [N]."""
     heading = 0.5 * (windows.track[:, 1:, 2] + windows.track[:, :-1, 2])
-    ahead, aside = in_ship_axes(steps[..., 0], steps[..., 1], heading)
+    ahead, aside = to_ship(steps[..., 0], steps[..., 1], heading)
     return np.asarray(np.rad2deg(np.abs(np.arctan2(aside.sum(axis=1), ahead.sum(axis=1)))))
 
 

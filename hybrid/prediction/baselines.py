@@ -22,6 +22,7 @@ from hybrid.prediction.prediction_windows import PredictionWindows, hindcast_win
 from hybrid.prediction.scores import distances, mean_distances
 from hybrid.vessel.channels import check_ship
 from hybrid.vessel.plant import Plant
+from hybrid.vessel.sensors import arc
 from hybrid.vessel.simulate import simulate_batch
 
 
@@ -31,26 +32,8 @@ def constant_velocity(windows: PredictionWindows) -> Floats:
 
 
 def present_motion_held(states: Floats, horizon_s: int) -> Floats:
-    """Surge, sway and yaw rate of states [N, 6] held: a straight line or a circle, in closed form, [N, H+1, 3].
-
-    With yaw rate r the displacement in the start frame after t seconds is the integral of the turning body
-    velocity: (u sin rt - v (1 - cos rt)) / r ahead and (v sin rt + u (1 - cos rt)) / r to starboard.
-    """
-    seconds = np.arange(horizon_s + 1, dtype=float)
-    north, east, heading, surge, sway, rate = (column[:, None] for column in states.T)
-    turn = rate * seconds
-    # sinc and its companion stay exact for a yaw rate of zero
-    along = seconds * np.sinc(turn / np.pi)
-    across = seconds * np.sinc(turn / (2 * np.pi)) * np.sin(turn / 2)
-    ahead, aside = surge * along - sway * across, sway * along + surge * across
-    return np.stack(
-        [
-            north + ahead * np.cos(heading) - aside * np.sin(heading),
-            east + ahead * np.sin(heading) + aside * np.cos(heading),
-            heading + turn,
-        ],
-        axis=-1,
-    )
+    """Surge, sway and yaw rate of states [N, 6] held: a straight line or a circle (:func:`.arc`), [N, H+1, 3]."""
+    return np.asarray(states[:, None, :3] + arc(states[:, None], np.arange(horizon_s + 1.0)))
 
 
 def reference(windows: PredictionWindows, plant: Plant) -> Floats:

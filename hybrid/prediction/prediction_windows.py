@@ -210,12 +210,6 @@ def difference_rad(angle: Floats, other: Floats) -> Floats:
     return np.asarray(np.angle(np.exp(1j * (angle - other))))
 
 
-def in_ship_axes(north: Floats, east: Floats, heading: Floats) -> tuple[Floats, Floats]:
-    """Vectors to north and east in the axes of a ship that heads ``heading`` [rad]: ahead, and to starboard."""
-    cosine, sine = np.cos(heading), np.sin(heading)
-    return north * cosine + east * sine, east * cosine - north * sine
-
-
 def _start(value: dict[str, Floats], motion: pd.DataFrame | None) -> Floats:
     """North, east, heading, surge, sway and yaw rate at second 0 in SI units; the heading as the track's."""
     measured = {name: value[name][:, 0] for name in (*POSE, *VELOCITY)}

@@ -21,9 +21,10 @@ from acquisition.core.actuators import Actuators, names_of
 from acquisition.core.angles import difference, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
+from analysis.kinematics import to_ship
 from analysis.tables.table import NANO, index_of, trial_channels
 from hybrid.diagnosis.map import ANGLES
-from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad, in_ship_axes
+from hybrid.prediction.prediction_windows import PredictionWindows, difference_rad
 from hybrid.prediction.scores import LegBootstrap, distances
 from hybrid.report.words import plain
 from hybrid.vessel.channels import controls_of, states_of, wind_of
@@ -40,7 +41,7 @@ def speeds_of(track: Floats) -> Floats:
     """
     slope = np.gradient(track, axis=1)
     north, east = slope[..., 0], slope[..., 1]
-    surge, sway = in_ship_axes(north, east, track[..., 2])
+    surge, sway = to_ship(north, east, track[..., 2])
     return np.stack([surge, sway, slope[..., 2], np.hypot(north, east)], axis=-1)
 
 
@@ -113,7 +114,7 @@ def errors_of(predicted: Floats, horizons: PredictionWindows) -> Errors:
     """The errors of tracks [N, H+1, 3] of north, east [m], heading [rad]."""
     measured = horizons.track
     gap = (predicted - measured)[:, 1:, :2]
-    along, across = in_ship_axes(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
+    along, across = to_ship(gap[..., 0], gap[..., 1], measured[:, 1:, 2])
     turned = np.rad2deg(difference_rad(predicted[:, 1:, 2], measured[:, 1:, 2]))
     speed = (speeds_of(predicted)[..., 3] - speeds_of(measured)[..., 3])[:, 1:]
     if speed.shape[1] > 1:

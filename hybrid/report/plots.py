@@ -25,8 +25,9 @@ from scipy.spatial import ConvexHull
 
 from acquisition.core.arrays import Floats
 from acquisition.core.channels import is_circular
+from analysis.kinematics import to_ship
 from analysis.report.plots import INK, PALETTE, break_at_wrap, held_shade, label
-from hybrid.prediction.prediction_windows import PredictionWindows, in_ship_axes
+from hybrid.prediction.prediction_windows import PredictionWindows
 from hybrid.prediction.scores import Interval
 from hybrid.report.errors import QUANTITIES, Calibration, Errors, errors_of
 from hybrid.report.words import plain
@@ -56,7 +57,7 @@ def start_frame(track: Floats, start: Floats) -> Floats:
     """Starboard and ahead [..., H+1, 2] of tracks [..., H+1, 2 or 3] seen from their starts [..., 6], in metres."""
     north = track[..., 0] - start[..., 0, None]
     east = track[..., 1] - start[..., 1, None]
-    ahead, aside = in_ship_axes(north, east, start[..., 2, None])
+    ahead, aside = to_ship(north, east, start[..., 2, None])
     return np.stack([aside, ahead], axis=-1)
 
 

@@ -26,8 +26,10 @@ from scipy.signal import lfilter
 from acquisition.config.toml_file import load_toml
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
+from analysis.kinematics import to_ship
 from hybrid.vessel.parameters import Dimensions
 from hybrid.vessel.plant import Plant
+from hybrid.vessel.sensors import pose_rate
 
 SEA_STATES = Path(__file__).parents[2] / "trials" / "sea_states.toml"
 
@@ -181,7 +183,7 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
     amplitude = np.sqrt(2.0 * jonswap(even, sea.wave_height_m, sea.wave_period_s) * spacing)
     frequency = even + jitter * spacing  # uneven, so that the sea does not repeat itself
     times = np.arange(len(states), dtype=np.float64) * dt_s
-    pose, velocity = states[:, :3], _earth_velocity(states)
+    pose, velocity = states[:, :3], pose_rate(states)
     result = np.empty((len(states), 6))
     for first in range(0, len(states), _ROWS):
         rows = slice(first, first + _ROWS)
@@ -193,22 +195,12 @@ def wave_motion(generator: np.random.Generator, sea: SeaState, plant: Plant, sta
     return result
 
 
-def _earth_velocity(states: Floats) -> Floats:
-    """Rates of north, east [m/s] and heading [rad/s] of states [rows, 6]: [rows, 3]."""
-    cosine, sine = np.cos(states[:, 2]), np.sin(states[:, 2])
-    north = states[:, 3] * cosine - states[:, 4] * sine
-    east = states[:, 3] * sine + states[:, 4] * cosine
-    return np.column_stack([north, east, states[:, 5]])
-
-
 def with_waves(states: Floats, motion: Floats) -> Floats:
     """States [rows, 6] with a wave motion and its rates [rows, 6] in position, heading and all speeds."""
     moved = states.copy()
     moved[:, :3] += motion[:, :3]
-    north, east, turning = (_earth_velocity(states) + motion[:, 3:]).T
-    cosine, sine = np.cos(moved[:, 2]), np.sin(moved[:, 2])
-    moved[:, 3] = north * cosine + east * sine
-    moved[:, 4] = east * cosine - north * sine
+    north, east, turning = (pose_rate(states) + motion[:, 3:]).T
+    moved[:, 3], moved[:, 4] = to_ship(north, east, moved[:, 2])
     moved[:, 5] = turning
     return moved
 

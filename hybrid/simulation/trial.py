@@ -22,6 +22,7 @@ from acquisition.core.errors import ConfigurationError
 from acquisition.core.files import atomic_file
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
+from analysis.kinematics import to_ship
 from hybrid.effects import Catalogue, apply_effects, vessel_plant
 from hybrid.effects.size import growth, scale_of
 from hybrid.simulation.autopilot import drives_of, sail
@@ -294,6 +295,5 @@ def _start(vessel: Vessel, plant: Plant, leg: Leg, heading_deg: float) -> Floats
     order = handling_of(vessel).orders(shafts_rpm(leg, vessel), 0.0) * control_units(vessel.actuators)
     steady_mps = steady_speed_mps(bare_plant(vessel), order)
     heading = np.deg2rad(heading_deg)
-    ahead = plant.current_north_mps * np.cos(heading) + plant.current_east_mps * np.sin(heading)
-    aside = plant.current_east_mps * np.cos(heading) - plant.current_north_mps * np.sin(heading)
+    ahead, aside = to_ship(plant.current_north_mps, plant.current_east_mps, heading)
     return np.array([0.0, 0.0, heading, steady_mps + ahead, aside, 0.0])

@@ -17,11 +17,12 @@ import pandas as pd
 from acquisition.core.actuators import control_names
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats
+from analysis.kinematics import to_ship
 from analysis.tables.resample import MOTION_FILTER
 from analysis.tables.table import NANO, table_actuators, table_controls, times_ns
 from analysis.windows.held import steady_mask
 from hybrid.calibrators.predict import Prediction
-from hybrid.prediction.prediction_windows import difference_rad, in_ship_axes
+from hybrid.prediction.prediction_windows import difference_rad
 
 FILTER_REACH_S = MOTION_FILTER.reach
 """How long after a second its value at 1 Hz is final [s]: the reach of the filter."""
@@ -74,7 +75,7 @@ def track_error(prediction: Prediction, measured: Floats, thrusters_moved: bool)
     """The error of a prediction against the measured track [H+1, 3] of north, east [m] and heading [rad]."""
     gap = prediction.track[1:, :2] - measured[1:, :2]
     distance = np.hypot(gap[:, 0], gap[:, 1])
-    along_m, across_m = in_ship_axes(gap[-1, 0], gap[-1, 1], measured[-1, 2])
+    along_m, across_m = to_ship(gap[-1, 0], gap[-1, 1], measured[-1, 2])
     turn = difference_rad(prediction.track[1:, 2], measured[1:, 2])
     inside = None if prediction.band_m is None else float(np.mean(distance <= prediction.band_m[1:]))
     return TrackError(

@@ -22,9 +22,9 @@ from threadpoolctl import threadpool_limits
 from acquisition.config.configuration import TrialConfig
 from acquisition.core.angles import wrap_360
 from acquisition.logger.supervision import LOG, LogFormat, log_to
+from analysis.kinematics import to_ship
 from hybrid.calibrators.predict import Prediction
 from hybrid.calibrators.predictor import Predictor
-from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.twin.running_error import MeanErrors, TrackError
 from hybrid.twin.twin import Statistics, Twin, warm_up
 
@@ -199,7 +199,7 @@ def track_table(prediction: Prediction) -> Table:
     north, east, heading = prediction.track[0]
     for second in np.unique(np.linspace(0, horizon_s, _ROWS + 1).round().astype(int))[1:]:
         away_north, away_east = prediction.track[second, :2] - (north, east)
-        ahead, aside = in_ship_axes(away_north, away_east, heading)
+        ahead, aside = to_ship(away_north, away_east, heading)
         band = "–" if prediction.band_m is None else f"{prediction.band_m[second]:.1f}"
         there_deg = float(wrap_360(np.rad2deg(prediction.track[second, 2])))
         table.add_row(str(second), f"{ahead:.1f}", f"{aside:.1f}", f"{there_deg:.1f}", band)

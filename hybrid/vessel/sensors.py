@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from acquisition.core.arrays import Floats
+from analysis.kinematics import to_earth, to_ship
 from hybrid.vessel.plant import Plant
 
 NORTH, EAST, HEADING, SURGE, SWAY, YAW_RATE = range(6)
@@ -53,9 +54,7 @@ def _position(true: Floats, plant: Plant, dt_s: float) -> Floats:
     position = located[..., :2].copy()
     forward, starboard = plant.antenna_forward_m, plant.antenna_starboard_m
     if forward or starboard:
-        cosine, sine = np.cos(located[..., HEADING]), np.sin(located[..., HEADING])
-        position[..., NORTH] += forward * cosine - starboard * sine
-        position[..., EAST] += forward * sine + starboard * cosine
+        position += np.stack(to_earth(forward, starboard, located[..., HEADING]), axis=-1)
     return position
 
 
@@ -70,8 +69,7 @@ def _speeds(true: Floats, plant: Plant, dt_s: float) -> Floats:
     surge -= plant.speed_sensor_starboard_m * yaw_rate
     sway += plant.speed_sensor_forward_m * yaw_rate
     if plant.speed_sensor_angle_rad:
-        cosine, sine = np.cos(plant.speed_sensor_angle_rad), np.sin(plant.speed_sensor_angle_rad)
-        speeds[..., :2] = np.stack([surge * cosine + sway * sine, sway * cosine - surge * sine], axis=-1)
+        speeds[..., :2] = np.stack(to_ship(surge, sway, plant.speed_sensor_angle_rad), axis=-1)
     speeds[..., :2] *= plant.speed_scale
     sway += plant.sway_bias_mps
     yaw_rate *= plant.yaw_rate_scale
@@ -87,12 +85,12 @@ def _before(states: Floats, delay_s: float, dt_s: float) -> Floats:
     """
     last = states.shape[-2] - 1
     times = np.arange(last + 1) - delay_s / dt_s
-    rate = _pose_rate(states)
+    rate = pose_rate(states)
     covered = _covered(rate * dt_s)
     at_times = _interpolated(covered, rate * dt_s, np.clip(times, 0.0, last))
     early, late = times < 0.0, times > last
-    at_times[..., early, :] += _arc(states[..., :1, :], times[early] * dt_s)
-    at_times[..., late, :] += _arc(states[..., -1:, :], (times[late] - last) * dt_s)
+    at_times[..., early, :] += arc(states[..., :1, :], times[early] * dt_s)
+    at_times[..., late, :] += arc(states[..., -1:, :], (times[late] - last) * dt_s)
     return np.asarray(states[..., :3] + at_times - covered)
 
 
@@ -129,11 +127,10 @@ def _interpolated(values: Floats, slope: Floats, times: Floats) -> Floats:
     return _hermite(values[..., lower, :], values[..., upper, :], slope[..., lower, :], slope[..., upper, :], part)
 
 
-def _pose_rate(states: Floats) -> Floats:
-    """North, east [m/s] and turning speed [rad/s] of states [..., 6]."""
-    cosine, sine = np.cos(states[..., HEADING]), np.sin(states[..., HEADING])
-    u, v = states[..., SURGE], states[..., SWAY]
-    return np.stack([u * cosine - v * sine, u * sine + v * cosine, states[..., YAW_RATE]], axis=-1)
+def pose_rate(states: Floats) -> Floats:
+    """North, east [m/s] and turning speed [rad/s] of states [..., 6]: [..., 3]."""
+    speeds = to_earth(states[..., SURGE], states[..., SWAY], states[..., HEADING])
+    return np.stack([*speeds, states[..., YAW_RATE]], axis=-1)
 
 
 def _hermite(left: Floats, right: Floats, left_slope: Floats, right_slope: Floats, part: Floats) -> Floats:
@@ -144,12 +141,14 @@ def _hermite(left: Floats, right: Floats, left_slope: Floats, right_slope: Float
     )
 
 
-def _arc(states: Floats, ahead_s: Floats) -> Floats:
-    """How the pose changes in ``ahead_s`` [n] at the constant speeds of ``states`` [..., 1, 6]: [..., n, 3]."""
+def arc(states: Floats, ahead_s: Floats) -> Floats:
+    """How the pose changes in ``ahead_s`` [n] at the constant speeds of ``states`` [..., 1, 6]: [..., n, 3].
+
+    With yaw rate r the ship goes along the chord of a circle, t sin(r t / 2) / (r t / 2) times her speed, in the
+    axes of her heading half way; sinc stays exact for a yaw rate of zero.
+    """
     turned = states[..., YAW_RATE] * ahead_s
     middle = states[..., HEADING] + 0.5 * turned
     chord = ahead_s * np.sinc(turned / (2.0 * np.pi))
-    u, v = states[..., SURGE], states[..., SWAY]
-    north = chord * (u * np.cos(middle) - v * np.sin(middle))
-    east = chord * (u * np.sin(middle) + v * np.cos(middle))
-    return np.stack([north, east, turned], axis=-1)
+    north, east = to_earth(states[..., SURGE], states[..., SWAY], middle)
+    return np.stack([chord * north, chord * east, turned], axis=-1)

@@ -18,8 +18,8 @@ import numpy as np
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.progress import Progress
+from analysis.kinematics import to_ship
 from hybrid.calibrators.adaptive.adaptation import Observations, parameter_names, run_observer
-from hybrid.prediction.prediction_windows import in_ship_axes
 from hybrid.vessel.plant import Plant
 
 STEPS = 8
@@ -104,7 +104,7 @@ def _median_where(known: Bools, squares: Floats) -> Floats:
 
 def _ahead_aside(gap: Floats, heading: Floats) -> Floats:
     """Differences of north, east and heading [N, H, 3] as ahead, aside and heading."""
-    return np.stack([*in_ship_axes(gap[..., 0], gap[..., 1], heading), gap[..., 2]], axis=-1)
+    return np.stack([*to_ship(gap[..., 0], gap[..., 1], heading), gap[..., 2]], axis=-1)
 
 
 def _weights(whitened: Floats, overlap: float) -> Floats:
