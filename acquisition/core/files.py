@@ -29,3 +29,10 @@ def atomic_file(path: Path | str) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
+
+
+def write_text(path: Path | str, text: str) -> Path:
+    """Write a text file by :func:`atomic_file` and return its path."""
+    with atomic_file(path) as partial:
+        partial.write_text(text, encoding="utf-8")
+    return Path(path)

@@ -23,6 +23,10 @@ SeaStateOption = Annotated[
     str, typer.Option(help="A sea state of trials/sea_states.toml; for a ship's model at her scale.")
 ]
 CalibratorOption = Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")]
+HorizonOption = Annotated[
+    int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
+]
+AllowSeenOption = Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")]
 PartOption = Annotated[str, typer.Option(help="A part of each recording's time in percent, e.g. 0..70.")]
 StrideOption = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]
 AnyOption = Annotated[

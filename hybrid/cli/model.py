@@ -14,8 +14,10 @@ from acquisition.cli import AsJson
 from acquisition.core.process import stop_on_signals
 from analysis.cli import RebuildPositions
 from hybrid.cli import (
+    AllowSeenOption,
     AnyOption,
     CalibratorOption,
+    HorizonOption,
     PartOption,
     Recordings,
     RepairOption,
@@ -71,15 +73,13 @@ def validate(
     files: Recordings,
     calibrator: CalibratorOption = None,
     vessel: VesselOption = None,
-    horizon: Annotated[
-        int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
-    ] = None,
+    horizon: HorizonOption = None,
     stride: StrideOption = 5,
     part: PartOption = "0..100",
     any_commands: AnyOption = False,
     repair: RepairOption = False,
     rebuild_positions: RebuildPositions = False,
-    allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
+    allow_seen: AllowSeenOption = False,
     as_json: AsJson = False,
 ) -> None:
     """Score every baseline, and the calibrator if one is given."""
@@ -165,8 +165,8 @@ def predict(
 
 def watch(
     config: Annotated[Path, typer.Argument(help="The configuration that `seatrial record` runs with.")],
-    calibrator: Annotated[Path | None, typer.Option(help="The folder that `seatrial train` wrote.")] = None,
-    vessel: Annotated[str | None, typer.Option(help="A vessel of trials/vessels, or a vessel file.")] = None,
+    calibrator: CalibratorOption = None,
+    vessel: VesselOption = None,
     horizon: Annotated[
         int | None,
         typer.Option(min=2, max=300, help="How far is predicted in seconds; 30, or what the calibrator does."),

@@ -11,7 +11,9 @@ import typer
 from acquisition.cli import AsJson
 from analysis.cli import RebuildPositions
 from hybrid.cli import (
+    AllowSeenOption,
     EffectsOption,
+    HorizonOption,
     PartOption,
     Recordings,
     RepairOption,
@@ -229,12 +231,10 @@ def report(
         Path | None, typer.Option(help="The folder that `seatrial train` wrote; without it the one in the folder.")
     ] = None,
     vessel: VesselOption = None,
-    horizon: Annotated[
-        int | None, typer.Option(min=2, help="How far is predicted in seconds; 15, or what the calibrator does.")
-    ] = None,
+    horizon: HorizonOption = None,
     part: PartOption = "0..100",
     no_repair: Annotated[bool, typer.Option("--no-repair", help="Leave what is certainly wrong as it is.")] = False,
-    allow_seen: Annotated[bool, typer.Option(help="Also recordings that the calibrator was trained on.")] = False,
+    allow_seen: AllowSeenOption = False,
     recordings: Annotated[
         Path | None, typer.Option(help="For the results of a batch: the folder that it went through.")
     ] = None,

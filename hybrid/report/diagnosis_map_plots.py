@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from acquisition.core.arrays import Floats
 from analysis.report.plots import FAINT, INK, PALETTE
 from hybrid.diagnosis.result import FORCES, Map, Place
+from hybrid.report.words import quantity_title
 
 QUANTITIES = {
     "speed_mps": "speed [m/s]",
@@ -22,35 +23,23 @@ QUANTITIES = {
     "relative_wind_deg": "wind from, off the bow [deg]",
     "rpm": "shafts, mean [rpm]",
     "pitch_percent": "pitch, mean [%]",
-    "azimuth_deg": "azimuths [deg]",
-    "rudder_deg": "rudders [deg]",
-    "nozzle_deg": "nozzles [deg]",
+    "azimuth_deg": "azimuths, mean [deg]",
+    "rudder_deg": "rudders, mean [deg]",
+    "nozzle_deg": "nozzles, mean [deg]",
     "time_s": "time [min]",
     "place": "place north, east [m]",
 }
 """What the cells are of, for people."""
 
 
-def quantity_title(name: str) -> str:
+def axis_title(name: str) -> str:
     """What a cell is of, for people; the shafts of a ship's actuators by their names."""
     if name in QUANTITIES:
         return QUANTITIES[name]
-    words = name.removesuffix("_rpm").replace("_", " ")
-    return f"{words} [rpm]" if "_less_" in name else f"{words} thruster [rpm]"
+    if name.endswith("_rpm") and "_less_" not in name:
+        return f"{name.removesuffix('_rpm').replace('_', ' ')} thruster [rpm]"
+    return quantity_title(name)
 
-
-CHANNELS = {
-    "surge_force_n": "surge force [N]",
-    "sway_force_n": "sway force [N]",
-    "yaw_moment_nm": "yaw moment [N m]",
-    "north_m": "north [m]",
-    "east_m": "east [m]",
-    "heading_deg": "heading [deg]",
-    "surge_mps": "surge [m/s]",
-    "sway_mps": "sway [m/s]",
-    "yaw_rate_dps": "yaw rate [deg/s]",
-}
-"""What may be off there, for people."""
 
 FORCE_TITLES = ("surge [kN]", "sway [kN]", "yaw [kN m]")
 _KILO, _MINUTE_S = 1e3, 60.0
@@ -98,7 +87,7 @@ def residual_force(axes: Axes, made: Map, channel: str, quantity: str) -> list[A
     reach = 1.96 * np.abs(error / np.array([each.z or 1.0 for each in cells]))
     drawn = axes.errorbar(middle, error, yerr=reach, fmt="o", color=PALETTE[0], capsize=3, label="mean of a cell")
     axes.axhline(0.0, color=INK, linewidth=0.8)
-    axes.set_xlabel(quantity_title(quantity))
+    axes.set_xlabel(axis_title(quantity))
     axes.set_ylabel("force that lacks: " + FORCE_TITLES[axis])
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderpad=0.0)
     return [*artists, drawn.lines[0]]
@@ -165,7 +154,7 @@ def _rows(places: Sequence[Place]) -> Rows:
         mine = [each for each in places if each.channel in FORCES and quantity_of(each) == quantity]
         spans = sorted({tuple(each.cell.values()) for each in mine})
         if spans:
-            result.append((quantity_title(quantity), []))
+            result.append((axis_title(quantity), []))
         for span in spans:
             row = {each.channel: each for each in mine if tuple(each.cell.values()) == span}
             result.append((cell_name(next(iter(row.values()))), [row[channel] for channel in FORCES]))

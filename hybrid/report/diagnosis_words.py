@@ -28,7 +28,7 @@ from hybrid.diagnosis.result import (
 )
 from hybrid.prediction.scores import FEW_LEGS, Interval
 from hybrid.report.notebook import templates
-from hybrid.report.words import join_words, plain
+from hybrid.report.words import join_words, plain, quantity_title
 
 _SMALL = 0.001
 _NOTABLE = 0.1  # of itself: as many percent as a regression leaves in doubt of the best known numbers
@@ -433,11 +433,10 @@ def _gain(ladder: Ladder, name: str) -> str:
 
 def cell_row(place: Place) -> list[str]:
     """A cell of the map."""
-    from hybrid.report.diagnosis_map_plots import CHANNELS, cell_name, quantity_of, quantity_title
+    from hybrid.report.diagnosis_map_plots import axis_title, cell_name, quantity_of
 
-    cell = f"{quantity_title(quantity_of(place))}: {cell_name(place)}"
-    channel = CHANNELS.get(place.channel, plain(place.channel))
-    return [channel, cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
+    cell = f"{axis_title(quantity_of(place))}: {cell_name(place)}"
+    return [quantity_title(place.channel), cell, str(place.windows), number(place.error), f"{place.z:.1f}"]
 
 
 def suspect_rows(suspects: Sequence[Suspect]) -> list[list[str]]:

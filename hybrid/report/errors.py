@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from acquisition.core.actuators import Actuators, names_of
-from acquisition.core.angles import difference, wrap_180, wrap_360
+from acquisition.core.angles import circular_mean, wrap_180, wrap_360
 from acquisition.core.arrays import Floats
 from analysis.estimation.smoother import SmoothedMotion
 from analysis.kinematics import to_ship
@@ -231,8 +231,7 @@ def _angles(table: pd.DataFrame, actuators: Actuators) -> dict[str, Floats]:
     for kind, quantity in ANGLES.items():
         angles = [table[f"{name}_angle_deg"].to_numpy(dtype=float) for name in names_of(actuators, kind)]
         if angles:
-            turned = [difference(each, angles[0]) for each in angles[1:]]
-            found[quantity] = np.asarray(wrap_180(angles[0] + sum(turned, np.zeros(len(table))) / len(angles)))
+            found[quantity] = circular_mean(angles, axis=0)
     return found
 
 

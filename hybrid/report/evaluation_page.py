@@ -12,7 +12,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from analysis.report.plots import FAINT, INK, PALETTE
 from analysis.report.rendering import Page, render
 from hybrid.evaluation.study import BASELINES
@@ -156,10 +156,7 @@ HEADER = ["method", "mean distance [m]", "end [m]", "north, east [m]", "heading 
 
 def write_evaluation(evaluation: Evaluation, text: str, about: Mapping[str, Any], folder: Path) -> list[Path]:
     """Write the JSON ``text`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
-    path = folder / JSON_FILE
-    with atomic_file(path) as partial:
-        partial.write_text(text + "\n", encoding="utf-8")
-    return [path, page_of(evaluation, about).write(folder / PAGE_FILE)]
+    return [write_text(folder / JSON_FILE, text + "\n"), page_of(evaluation, about).write(folder / PAGE_FILE)]
 
 
 def page_of(evaluation: Evaluation, about: Mapping[str, Any]) -> Page:

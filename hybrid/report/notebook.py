@@ -15,7 +15,8 @@ import re
 import shutil
 import tempfile
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -145,7 +146,7 @@ def executed_notebook(
             progress(cell_index / (len(cells.cells) + 1))
 
         try:
-            with _Importing():
+            with _importable():
                 # in an empty folder: Python files beside a recording are nothing that a report may import
                 notebook = papermill.execute_notebook(
                     unrun, running, dict(parameters), kernel_name="python3", progress_bar=False,
@@ -176,21 +177,17 @@ def _error_of(error: PapermillExecutionError, executed: Path) -> SeatrialError:
     )  # fmt: skip
 
 
-class _Importing:
-    """Let the notebook's process import the packages that this one runs from, quietly."""
-
-    def __enter__(self) -> None:
-        self._before = {name: os.environ.get(name) for name in ("PYTHONPATH", "PYDEVD_DISABLE_FILE_VALIDATION")}
-        root = str(SOURCES.parent)
-        os.environ["PYTHONPATH"] = os.pathsep.join([root, *filter(None, [self._before["PYTHONPATH"]])])
-        os.environ["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"
-
-    def __exit__(self, *_: object) -> None:
-        for name, value in self._before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+@contextmanager
+def _importable() -> Iterator[None]:
+    """The notebook's process imports the packages that this one runs from, quietly."""
+    before = dict(os.environ)
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(SOURCES.parent), before.get("PYTHONPATH")]))
+    os.environ["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def title_of(notebook: NotebookNode) -> str:

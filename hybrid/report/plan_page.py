@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from analysis.report.rendering import Page, render
 from hybrid.planning.information import TOLD_APART
 from hybrid.planning.plan import Plan, Programme
@@ -30,10 +30,8 @@ _LEAST = 1.0
 
 def write_plan(plan: Plan, folder: Path) -> list[Path]:
     """Write ``plan.json`` and the page into a folder and return their paths. Raises :class:`StorageError`."""
-    path = folder / JSON_FILE
-    with atomic_file(path) as partial:
-        partial.write_text(json.dumps(plan.as_dict()) + "\n", encoding="utf-8")
-    return [path, page_of(plan).write(folder / PAGE_FILE)]
+    text = json.dumps(plan.as_dict()) + "\n"
+    return [write_text(folder / JSON_FILE, text), page_of(plan).write(folder / PAGE_FILE)]
 
 
 def page_of(plan: Plan) -> Page:

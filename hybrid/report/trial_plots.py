@@ -19,6 +19,7 @@ from hybrid.calibrators.calibrator import DomainOfApplicability
 from hybrid.prediction.scores import distances
 from hybrid.report import plots
 from hybrid.report.case import Case
+from hybrid.report.diagnosis_map_plots import axis_title
 from hybrid.report.errors import (
     ACCELERATIONS,
     QUANTITIES,
@@ -33,15 +34,6 @@ from hybrid.report.words import plain, quantity_title
 
 __all__ = ["residual_maps", "training_range"]  # for the template
 
-TITLES = {
-    "surge_mps": "surge [m/s]",
-    "sway_mps": "sway [m/s]",
-    "yaw_rate_dps": "yaw rate [deg/s]",
-    "azimuth_deg": "azimuths, mean [deg]",
-    "rudder_deg": "rudders, mean [deg]",
-    "nozzle_deg": "nozzles, mean [deg]",
-    "relative_wind_deg": "wind from, off the bow [deg]",
-}
 LACKS = ("surge lacks\n[m/s\u00b2]", "sway lacks\n[m/s\u00b2]", "yaw lacks\n[deg/s\u00b2]")
 _LESS_MORE = LinearSegmentedColormap.from_list("less_more", [PALETTE[0], "#FFFFFF", PALETTE[4]])
 _NOTHING = "#DFE4E8"  # of a cell of too few seconds
@@ -69,11 +61,11 @@ def residual_maps(figure: Figure, residuals: Residuals) -> list[Artist]:
     for axes, each, (x, _) in zip(grid[-1], cells, planes, strict=True):
         counted = np.where(each.seconds > 0, each.seconds, np.nan)
         artists.append(_mesh(axes, each, counted, cmap=_FEW_MANY, norm=LogNorm(1.0, max(most, 2.0))))
-        axes.set_xlabel(TITLES[x])
+        axes.set_xlabel(axis_title(x))
     figure.colorbar(artists[-1], ax=list(grid[-1]), pad=0.01, label="in a cell [s]")  # type: ignore[arg-type]
     for row in grid:
         for axes, (_, y) in zip(row, planes, strict=True):
-            axes.set_ylabel(TITLES[y], fontsize=8)
+            axes.set_ylabel(axis_title(y), fontsize=8)
     return artists
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 _UNITS = {"mps": "m/s", "radps": "rad/s", "dps": "deg/s", "rps": "rev/s", "rpm": "rpm", "deg": "deg", "m": "m",
-          "cos": "cosine", "sin": "sine"}  # fmt: skip
+          "n": "N", "nm": "N m", "cos": "cosine", "sin": "sine"}  # fmt: skip
 
 
 def plain(name: str) -> str:

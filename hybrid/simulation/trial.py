@@ -19,7 +19,7 @@ import pandas as pd
 from acquisition.core.actuators import Actuators, as_text
 from acquisition.core.arrays import Floats
 from acquisition.core.errors import ConfigurationError
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.trial import Trial, software_version
 from acquisition.recording.tables import write_table
 from analysis.kinematics import to_ship
@@ -274,8 +274,7 @@ def write_truth(truth: Mapping[str, Any], path: str | Path) -> None:
     """Write what was hidden as JSON, without the arrays. Raises :class:`StorageError`."""
     plain = {key: value for key, value in truth.items() if not isinstance(value, np.ndarray | Plant)}
     text = json.dumps({**plain, "software_version": software_version()}, indent=2)
-    with atomic_file(path) as partial:
-        partial.write_text(text + "\n", encoding="utf-8")
+    write_text(path, text + "\n")
 
 
 def _timing(duration_s: float, rate_hz: float) -> tuple[int, int]:

@@ -17,7 +17,8 @@ from typing import Any
 from acquisition.config.toml_file import line_of, read_text, validate
 from acquisition.config.vessel_file import Tree, find_vessel, vessel_names, vessel_tree
 from acquisition.core.actuators import DEFAULT_VESSEL, VESSELS, check_actuators
-from acquisition.core.errors import ConfigurationError, storage_error
+from acquisition.core.errors import ConfigurationError
+from acquisition.core.files import write_text
 from hybrid.vessel.actuators import KINDS
 from hybrid.vessel.parameters import Vessel
 from hybrid.vessel.wind import TABLE_SIZE
@@ -80,10 +81,7 @@ def save_vessel(vessel: Vessel, path: str | Path) -> None:
         tree |= {"base": vessel.base, "name": vessel.name}
     else:
         tree = {key: value for key, value in tree.items() if value not in ({}, "")} | {"base": ""}
-    try:
-        Path(path).write_text(_toml(tree), encoding="utf-8")
-    except OSError as error:
-        raise storage_error(path, error) from error
+    write_text(path, _toml(tree))
 
 
 def _stated(part: Any) -> Any:

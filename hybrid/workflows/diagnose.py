@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from acquisition.core.files import atomic_file
+from acquisition.core.files import write_text
 from acquisition.core.progress import Progress
 from acquisition.core.trial import software_version
 from acquisition.recording.reader import read_recording
@@ -148,11 +148,10 @@ def write_diagnosis(run: DiagnosisRun, vessel: Vessel, folder: Path) -> Path:
 
 def _write_regimes(conclusion: Conclusion, path: Path) -> None:
     found = {each.name: (each.regime, each.value) for each in conclusion.regimes}
-    if not found:
+    if found:
+        write_text(path, as_file(found))
+    else:
         path.unlink(missing_ok=True)
-        return
-    with atomic_file(path) as partial:
-        partial.write_text(as_file(found), encoding="utf-8")
 
 
 def vessel_with_effects(vessel: Vessel, diagnosis: Diagnosis) -> Vessel:

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Literal
 
 from acquisition.core.actuators import Actuator, check_actuators
-from acquisition.core.errors import InputError, storage_error
+from acquisition.core.errors import InputError
+from acquisition.core.files import write_text
 from hybrid.vessel.estimate import devices, resistance, wind
 from hybrid.vessel.estimate import hull as hulls
 from hybrid.vessel.estimate.given import Azimuth, Propeller, Rudder, Tunnel, device
@@ -37,11 +38,7 @@ class NewVessel:
 
     def save(self, path: str | Path) -> Path:
         """Write the vessel file. Raises :class:`StorageError`."""
-        try:
-            Path(path).write_text(self.text, encoding="utf-8")
-        except OSError as error:
-            raise storage_error(path, error) from error
-        return Path(path)
+        return write_text(path, self.text)
 
 
 def new_vessel(

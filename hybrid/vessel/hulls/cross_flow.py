@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel
+from hybrid.vessel.hulls.kind import HullModel, coefficients_of
 
 EVEN_FLOW = 1e-3
 """Where the flow across differs by less than this share along the ship, the integral is its series."""
@@ -44,7 +44,7 @@ class CrossFlow:
     C_rN: Number
 
 
-NUMBERS = ("X_0F", "X_0A", "X_vr", "Y_v", "Y_r", "C_D", "C_rY", "N_v", "N_r", "C_rN")
+NUMBERS = coefficients_of(CrossFlow)
 X_0F, X_0A, X_VR, Y_V, Y_R, C_D, C_RY, N_V, N_R, C_RN = range(len(NUMBERS))
 
 

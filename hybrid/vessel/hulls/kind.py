@@ -6,8 +6,13 @@ The compiled core sees a hull as the code of its model and one row of coefficien
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
+
+
+def coefficients_of(entry: type) -> tuple[str, ...]:
+    """The names of the coefficients in a model's ``[hull]`` table: its numbers that have no usual value."""
+    return tuple(each.name for each in fields(entry) if each.name != "model" and each.default is MISSING)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel
+from hybrid.vessel.hulls.kind import HullModel, coefficients_of
 
 ASTERN_SHARE = 0.3
 """The published resistance goes with the speed squared; below this share of it ahead, it fades and turns around."""
@@ -46,10 +46,7 @@ class Mmg:
     N_rrr: Number
 
 
-NUMBERS = (
-    "R_0", "X_vv", "X_vr", "X_rr", "X_vvvv", "Y_v", "Y_r", "Y_vvv", "Y_vvr", "Y_vrr", "Y_rrr",
-    "N_v", "N_r", "N_vvv", "N_vvr", "N_vrr", "N_rrr",
-)  # fmt: skip
+NUMBERS = coefficients_of(Mmg)
 (
     R_0, X_VV, X_VR, X_RR, X_VVVV, Y_V, Y_R, Y_VVV, Y_VVR, Y_VRR, Y_RRR, N_V, N_R, N_VVV, N_VVR, N_VRR, N_RRR,
 ) = range(len(NUMBERS))  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Literal
 from pydantic import StrictFloat as Number
 
 from analysis.compiling import Record, compiled
-from hybrid.vessel.hulls.kind import HullModel
+from hybrid.vessel.hulls.kind import HullModel, coefficients_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +61,7 @@ class Polynomial:
     reference_speed_mps: Number = 1.0
 
 
-NUMBERS = (
-    "Xuu", "Xvv", "Xrr", "Xrv", "Xuvv", "Xrvu", "Xurr", "Xu_absv", "Yuv", "Yur", "Yuur", "Yuuv", "Yvvv", "Yrrr",
-    "Yrrv", "Yvvr", "Y_absr_v", "Y_absv_v", "Y_absr_r", "Y_absv_r", "Nuv", "Nur", "Nuur", "Nuuv", "Nvvv",
-    "Nrrr", "Nrrv", "Nvvr", "N_absr_v", "N_absv_v", "N_absr_r", "N_absv_r",
-)  # fmt: skip
+NUMBERS = coefficients_of(Polynomial)
 (
     XUU, XVV, XRR, XRV, XUVV, XRVU, XURR, XU_ABSV, YUV, YUR, YUUR, YUUV, YVVV, YRRR, YRRV, YVVR, Y_ABSR_V,
     Y_ABSV_V, Y_ABSR_R, Y_ABSV_R, NUV, NUR, NUUR, NUUV, NVVV, NRRR, NRRV, NVVR, N_ABSR_V, N_ABSV_V, N_ABSR_R,
