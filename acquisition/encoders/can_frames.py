@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import datetime as dt
 import threading
-from math import nan, pi
+from collections.abc import Callable
+from math import nan, pi, radians
 from typing import Any
 
 from cantools.database.can import Message as DbcMessage
@@ -23,7 +24,6 @@ from acquisition.encoders import Moment, Packet
 _LIBRARY = threading.Lock()  # its codec, one a process, raises when two threads meet in it
 _ADDRESS = 35
 _DAY_NS = 86_400_000_000_000
-_GROUND_REFERENCED_WIND = "True (ground referenced to North)"
 
 
 class CanEncoder:
@@ -51,19 +51,10 @@ class CanEncoder:
         for message, signals in self._dbc.values():
             packets += _dbc_frame(message, signals, values)
         packets += self._machinery(moment)
-        if "heading_deg" in values:
-            heading = {"heading": _turn_rad(values["heading_deg"]), "reference": "True"}
-            packets += self._group(127250, "vesselHeading", heading, ("heading_deg",))
-        if "yaw_rate_dps" in values:
-            rate = {"rate": values["yaw_rate_dps"] / DEG_PER_RAD}
-            packets += self._group(127251, "rateOfTurn", rate, ("yaw_rate_dps",))
-        if speeds := moment.both("surge_mps", "sway_mps"):
-            names = ("longitudinalSpeedGroundReferenced", "transverseSpeedGroundReferenced")
-            fields = dict(zip(names, speeds, strict=True))
-            packets += self._group(130578, "vesselSpeedComponents", fields, moment.present("surge_mps", "sway_mps"))
-        if wind := moment.both("wind_direction_deg", "wind_speed_mps"):
-            carries = moment.present("wind_direction_deg", "wind_speed_mps")
-            packets += self._group(130306, "windData", _wind(*wind), carries)
+        for group, (name, reference, fields) in _MOTION.items():
+            if carries := moment.present(*fields):
+                given = {fields[channel][0]: fields[channel][1](values[channel]) for channel in carries}
+                packets += self._group(group, name, given | reference, carries)
         return packets
 
     def _machinery(self, moment: Moment) -> list[Packet]:
@@ -133,9 +124,15 @@ def _turn_rad(angle_deg: float) -> float:
     return 0.0 if angle_rad > 2 * pi else angle_rad
 
 
-def _wind(direction_deg: float | None, speed_mps: float | None) -> dict[str, Any]:
-    angle_rad = None if direction_deg is None else _turn_rad(direction_deg)
-    return {"windSpeed": speed_mps, "windAngle": angle_rad, "reference": _GROUND_REFERENCED_WIND}
+_MOTION: dict[int, tuple[str, dict[str, str], dict[str, tuple[str, Callable[[float], float]]]]] = {
+    127250: ("vesselHeading", {"reference": "True"}, {"heading_deg": ("heading", _turn_rad)}),
+    127251: ("rateOfTurn", {}, {"yaw_rate_dps": ("rate", radians)}),
+    130578: ("vesselSpeedComponents", {}, {"surge_mps": ("longitudinalSpeedGroundReferenced", float),
+                                           "sway_mps": ("transverseSpeedGroundReferenced", float)}),
+    130306: ("windData", {"reference": "True (ground referenced to North)"},
+             {"wind_direction_deg": ("windAngle", _turn_rad), "wind_speed_mps": ("windSpeed", float)}),
+}  # fmt: skip
+"""The groups of motion and wind: the library's name, the reference, and the field of each channel in its unit."""
 
 
 def _dbc_frame(

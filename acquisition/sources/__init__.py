@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from importlib import import_module
-from typing import BinaryIO, Protocol
+from pathlib import Path
+from typing import Any, BinaryIO
 
-from acquisition.config.sections import AnySource, CanFileSource, FileSource, MavlinkFileSource
+from acquisition.config.sections import AnySource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame
 
@@ -28,34 +29,53 @@ _CLASSES = {
 }
 
 
-class Source(Protocol):
-    """What the pipeline asks of a transport."""
+class Source(ABC):
+    """One transport, as the pipeline asks for it; heirs say how it is opened and read.
 
-    name: str
-    lost: int
-    """How much the system had no room for, as far as it tells: datagrams, frames."""
+    ``lost`` is how much the system had no room for, as far as it tells: datagrams, frames.
+    """
+
+    lost = 0
+
+    def __init__(self, config: AnySource) -> None:
+        self.name = config.name
+        self._config: Any = config
+        self._link: Any = None
+
+    @abstractmethod
+    def _connect(self) -> Any:
+        """Open the transport: what can be read and closed. Raises :class:`SourceError`."""
+
+    @abstractmethod
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        """As :meth:`read`, of an open transport."""
 
     def open(self) -> None:
         """Connect. Raises :class:`~acquisition.core.errors.SourceError` if that cannot be done."""
+        self._link = self._connect()
 
     def read(self, timeout_s: float) -> list[Frame] | None:
         """What came within the time, perhaps nothing; None when nothing will ever come again.
 
         Raises :class:`~acquisition.core.errors.SourceError` when the transport has failed.
         """
+        if self._link is None:
+            raise self.failure("is not open")
+        return self._receive(timeout_s)
 
     def close(self) -> None:
         """Let go of the transport; harmless when it is not open."""
+        if self._link is not None:
+            self._link.close()
+            self._link = None
+
+    def failure(self, what: str, why: str = "", fix: str = "") -> SourceError:
+        """An error of this source."""
+        return SourceError(what, where=f"source {self.name!r}", why=why, fix=fix)
 
 
-class LogReader(ABC):
+class LogReader(Source):
     """A log file, read once, as fast as it is taken; heirs say what its bytes are."""
-
-    lost = 0
-
-    def __init__(self, config: CanFileSource | FileSource | MavlinkFileSource) -> None:
-        self.name, self._path = config.name, config.path
-        self._file: BinaryIO | None = None
 
     def _begin(self, file: BinaryIO) -> None:
         """Look at the beginning of an open file. Raises OSError or ValueError for what is no log."""
@@ -65,31 +85,22 @@ class LogReader(ABC):
     def _next(self, file: BinaryIO) -> list[Frame] | None:
         """The next frames, perhaps none; None at the end of the file."""
 
-    def open(self) -> None:
+    def _connect(self) -> BinaryIO:
+        path: Path = self._config.path
         try:
-            self._file = self._path.open("rb")
-            self._begin(self._file)
+            self._link = file = path.open("rb")
+            self._begin(file)
         except (OSError, ValueError) as error:
             self.close()
-            raise SourceError(
-                f"file {self._path} cannot be opened",
-                where=f"source {self.name!r}",
-                why=(error.strerror if isinstance(error, OSError) else None) or str(error),
-                fix="correct `path`",
-            ) from error
+            why = (error.strerror if isinstance(error, OSError) else None) or str(error)
+            raise self.failure(f"file {path} cannot be opened", why, "correct `path`") from error
+        return file
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._file is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
         try:
-            return self._next(self._file)
+            return self._next(self._link)
         except OSError as error:
-            raise SourceError("file failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
-
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+            raise self.failure("file failed", str(error.strerror)) from error
 
 
 def make_source(config: AnySource) -> Source:

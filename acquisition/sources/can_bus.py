@@ -7,6 +7,7 @@ import can
 from acquisition.config.sections import CanSource
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, FrameFlag, now_ns
+from acquisition.sources import Source
 
 _MOST_FRAMES_AT_ONCE = 200
 
@@ -39,36 +40,27 @@ def flags_of(message: can.Message) -> FrameFlag:
     return flags
 
 
-class CanBus:
+class CanBus(Source):
     """One bus; frames are stamped when python-can hands them over."""
 
-    lost = 0
+    def _connect(self) -> can.BusABC:
+        return open_bus(self._config)
 
-    def __init__(self, config: CanSource) -> None:
-        self.name = config.name
-        self._config = config
-        self._bus: can.BusABC | None = None
-
-    def open(self) -> None:
-        self._bus = open_bus(self._config)
-
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._bus is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
         frames: list[Frame] = []
         try:
-            message = self._bus.recv(timeout_s)
+            message = self._link.recv(timeout_s)
             while message is not None:
                 frames.append(self._frame(message))
-                message = self._bus.recv(0.0) if len(frames) < _MOST_FRAMES_AT_ONCE else None
+                message = self._link.recv(0.0) if len(frames) < _MOST_FRAMES_AT_ONCE else None
         except (can.CanError, OSError) as error:
-            raise SourceError("CAN bus failed", where=f"source {self.name!r}", why=str(error)) from error
+            raise self.failure("CAN bus failed", str(error)) from error
         return frames
 
     def close(self) -> None:
-        if self._bus is not None:
-            self._bus.shutdown()
-            self._bus = None
+        if self._link is not None:
+            self._link.shutdown()
+            self._link = None
 
     def _frame(self, message: can.Message) -> Frame:
         return Frame(self.name, "can", bytes(message.data), *now_ns(), message.arbitration_id, flags_of(message))

@@ -58,7 +58,7 @@ class CanFile(LogReader):
         return f"the log is damaged ({self._log.damage}); {where}"
 
     def _begin(self, file: BinaryIO) -> None:
-        self._log = _log(file, self._path)
+        self._log = _log(file, self._config.path)
         self._frames = iter(self._log)
         self._opened_ns, self._last_ns, self._count, self._newest_ns = now_ns()[0], 0, 0, None
 

@@ -7,9 +7,9 @@ import re
 import socket
 import struct
 import sys
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from acquisition.config.sections import (
     MavlinkLinks,
@@ -22,6 +22,7 @@ from acquisition.config.sections import (
 )
 from acquisition.core.errors import SourceError
 from acquisition.core.frames import Frame, now_ns
+from acquisition.sources import Source
 
 if TYPE_CHECKING:
     import serial
@@ -67,43 +68,29 @@ class LineAssembler:
         return self.push(b"\n") if self._pending else []
 
 
-class _Stream(ABC):
-    """One line or connection; heirs say how it is opened and read. MAVLink is cut into packets by its decoder."""
+class _Stream(Source):
+    """One line or connection. MAVLink is cut into packets by its decoder."""
 
     def __init__(self, config: StreamSource) -> None:
-        self.name = config.name
-        self.lost = 0
-        self._config: Any = config
-        self._link: Any = None
+        super().__init__(config)
         self._lines = None if isinstance(config, MavlinkLinks) else LineAssembler(config.name)
 
     @abstractmethod
-    def _connect(self) -> Any:
-        """Open the line: what can be read and closed. Raises :class:`SourceError`."""
-
-    @abstractmethod
-    def _receive(self, timeout_s: float) -> bytes:
+    def _bytes(self, timeout_s: float) -> bytes:
         """What has come, or nothing after the timeout. Raises what the line raises."""
 
     def open(self) -> None:
-        self._link = self._connect()
+        super().open()
         if self._lines is not None:
             self._lines.cut()
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._link is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
-        received = self._receive(timeout_s)
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
+        received = self._bytes(timeout_s)
         if not received:
             return []
         if self._lines is None:
             return [Frame(self.name, "mavlink", received, *now_ns())]
         return self._lines.push(received)
-
-    def close(self) -> None:
-        if self._link is not None:
-            self._link.close()
-            self._link = None
 
 
 def open_port(config: SerialSource | MavlinkSerialSource) -> serial.Serial:
@@ -127,14 +114,14 @@ class SerialPort(_Stream):
     def _connect(self) -> serial.Serial:
         return open_port(self._config)
 
-    def _receive(self, timeout_s: float) -> bytes:
+    def _bytes(self, timeout_s: float) -> bytes:
         try:
             if self._link.timeout != timeout_s:  # setting it asks the system for the line's settings each time
                 self._link.timeout = timeout_s
             first = bytes(self._link.read(1))
             return first + bytes(self._link.read(self._link.in_waiting)) if first else b""
         except (OSError, TypeError) as error:  # pyserial raises TypeError on unplug
-            raise SourceError("serial line failed", where=f"source {self.name!r}", why=str(error)) from error
+            raise self.failure("serial line failed", str(error)) from error
 
 
 class TcpConnection(_Stream):
@@ -146,23 +133,22 @@ class TcpConnection(_Stream):
             return socket.create_connection(address, timeout=_CONNECT_TIMEOUT_S)
         except OSError as error:
             unresolved = isinstance(error, socket.gaierror)
-            raise SourceError(
+            raise self.failure(
                 f"TCP {address[0]}:{address[1]} does not answer",
-                where=f"source {self.name!r}",
-                why=str(error.strerror) if unresolved else str(error),
-                fix="correct `address`" if unresolved else "start the gateway, or correct `address` and `port`",
+                str(error.strerror) if unresolved else str(error),
+                "correct `address`" if unresolved else "start the gateway, or correct `address` and `port`",
             ) from error
 
-    def _receive(self, timeout_s: float) -> bytes:
+    def _bytes(self, timeout_s: float) -> bytes:
         try:
             self._link.settimeout(timeout_s)
             received = bytes(self._link.recv(_DATAGRAM_BYTES))
         except (TimeoutError, BlockingIOError):
             return b""
         except OSError as error:
-            raise SourceError("connection failed", where=f"source {self.name!r}", why=str(error)) from error
+            raise self.failure("connection failed", str(error)) from error
         if not received:
-            raise SourceError("the other end closed the connection", where=f"source {self.name!r}")
+            raise self.failure("the other end closed the connection")
         return received
 
 
@@ -176,22 +162,20 @@ class UdpPort(_Stream):
         self._dropped = 0  # by this socket, as the system counts
         return _bind_udp(self._config)
 
-    def read(self, timeout_s: float) -> list[Frame] | None:
-        if self._link is None:
-            raise SourceError("is not open", where=f"source {self.name!r}")
+    def _receive(self, timeout_s: float) -> list[Frame] | None:
         frames: list[Frame] = []
         try:
             self._link.settimeout(timeout_s)
             for _ in range(_MOST_DATAGRAMS):
-                frames += self._frames(self._receive(timeout_s))
+                frames += self._frames(self._bytes(timeout_s))
                 self._link.settimeout(0.0)
         except (TimeoutError, BlockingIOError):
             pass
         except OSError as error:
-            raise SourceError("network failed", where=f"source {self.name!r}", why=str(error.strerror)) from error
+            raise self.failure("network failed", str(error.strerror)) from error
         return frames
 
-    def _receive(self, timeout_s: float) -> bytes:
+    def _bytes(self, timeout_s: float) -> bytes:
         data, more, *_ = self._link.recvmsg(_DATAGRAM_BYTES, 64)
         for level, kind, count in more:
             if (level, kind) == (socket.SOL_SOCKET, _SO_RXQ_OVFL):

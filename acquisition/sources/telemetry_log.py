@@ -71,7 +71,7 @@ class TelemetryLog(LogReader):
         file.seek(0)
         first = next_entry(beginning, 0, len(beginning))
         time_ns = None if first is None else time_at(beginning, first)
-        self._time_ns = time_ns or self._path.stat().st_mtime_ns
+        self._time_ns = time_ns or self._config.path.stat().st_mtime_ns
         self._monotonic_ns, self._data = 0, b""
 
     def _next(self, file: BinaryIO) -> list[Frame] | None:
