@@ -20,6 +20,9 @@ RebuildPositions = Annotated[
     ),
 ]
 
+Horizon = Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")]
+Stride = Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")]
+
 
 def mount(app: typer.Typer) -> None:
     """Add this package's commands to the command line; their help is what they say of themselves."""
@@ -113,8 +116,8 @@ def export(
 def windows(
     files: Annotated[list[Path], typer.Argument(help="Recordings.")],
     output: Output,
-    horizon: Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")] = 15,
-    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    horizon: Horizon = 15,
+    stride: Stride = 5,
     keep_moving: Annotated[
         bool,
         typer.Option(
@@ -231,8 +234,8 @@ def batch(
     output: Output,
     workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; one a core without it.")] = None,
     scheduler: Annotated[str | None, typer.Option(help="A scheduler that runs, like tcp://host:8786.")] = None,
-    horizon: Annotated[int, typer.Option(min=2, help="The length of a window in seconds.")] = 15,
-    stride: Annotated[int, typer.Option(min=1, help="A window is tried every so many seconds.")] = 5,
+    horizon: Horizon = 15,
+    stride: Stride = 5,
     length: Annotated[
         float | None, typer.Option(min=0.1, help="The ship's length in metres, for distances in lengths.")
     ] = None,

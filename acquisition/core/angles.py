@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from acquisition.core.arrays import Bools, Floats
+from acquisition.core.arrays import Bools, Floats, Ints
 from acquisition.core.channels import BY_NAME, is_circular
 
 _LEAST_STAY = 5
@@ -73,6 +73,16 @@ def unwrap(angle_deg: ArrayLike) -> Floats:
     valid = np.isfinite(angles)
     angles[valid] = np.unwrap(angles[valid], period=360.0)
     return angles
+
+
+def wraps_of(angle_deg: Floats) -> Ints:
+    """The rows at which a drawn line would cross the whole turn.
+
+    >>> wraps_of(np.array([350.0, 359.0, 1.0, np.nan, 359.0]))
+    array([2])
+    """
+    with np.errstate(invalid="ignore"):
+        return np.flatnonzero(np.abs(np.diff(angle_deg)) > 180.0) + 1
 
 
 def circular_mean(angle_deg: ArrayLike, axis: int | None = None) -> Floats:

@@ -82,7 +82,8 @@ POSE, VELOCITY, ENVIRONMENT, COMMAND = (
     tuple(channel.name for channel in CHANNELS if channel.group == group)
     for group in ("pose", "velocity", "environment", "command")
 )
-MOTION: tuple[str, ...] = (*POSE, *VELOCITY, *ENVIRONMENT)
+POSE_AND_VELOCITY: tuple[str, ...] = (*POSE, *VELOCITY)
+MOTION: tuple[str, ...] = (*POSE_AND_VELOCITY, *ENVIRONMENT)
 """The channels that every ship has: where she is, how she moves, the wind."""
 
 _FIXED = frozenset(channel.name for channel in (*MOTION_CHANNELS, *_AUXILIARY))

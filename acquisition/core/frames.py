@@ -11,7 +11,9 @@ from enum import IntEnum, IntFlag
 from typing import Literal, NamedTuple
 
 Protocol = Literal["can", "nmea0183", "mavlink"]
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+NANO = 1_000_000_000
+"""Nanoseconds in a second."""
 
 
 class Quality(IntEnum):
@@ -79,4 +81,4 @@ def now_ns() -> tuple[int, int]:
 
 def iso(time_ns: int) -> str:
     """A time in ns since 1970 as ISO 8601 with zone, to the microsecond."""
-    return (_EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat()
+    return (EPOCH + timedelta(microseconds=time_ns // 1000)).isoformat()

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from acquisition.config.sections import Clock
-from acquisition.core.frames import Frame, Group, Quality, Sample
+from acquisition.core.frames import NANO, Frame, Group, Quality, Sample
 from acquisition.decoders import Notices
 
 _LONGEST_EXTRAPOLATION_NS = 5_000_000_000
@@ -19,8 +19,7 @@ _EPOCH = dt.date(1970, 1, 1)
 _POSSIBLE_NS = range(
     (dt.date(2010, 1, 1) - _EPOCH).days * 86_400 * 10**9, (dt.date(2100, 1, 1) - _EPOCH).days * 86_400 * 10**9
 )
-_NANO = 1_000_000_000
-_DAY_NS = 86_400 * _NANO
+DAY_NS = 86_400 * NANO
 
 
 def utc_ns(date: dt.date, seconds_of_day: float) -> int:
@@ -29,7 +28,7 @@ def utc_ns(date: dt.date, seconds_of_day: float) -> int:
     >>> utc_ns(dt.date(1970, 1, 2), 0.5)
     86400500000000
     """
-    return (date - _EPOCH).days * _DAY_NS + round(seconds_of_day * 1e6) * 1000
+    return (date - _EPOCH).days * DAY_NS + round(seconds_of_day * 1e6) * 1000
 
 
 def is_possible(time_ns: int) -> bool:
@@ -43,7 +42,7 @@ def nearest_day(seconds_of_day: float, now_ns: int) -> int:
     >>> nearest_day(86_399.9, utc_ns(dt.date(2027, 1, 1), 0.1)) == utc_ns(dt.date(2026, 12, 31), 86_399.9)
     True
     """
-    day = _EPOCH + dt.timedelta(days=now_ns // _DAY_NS)
+    day = _EPOCH + dt.timedelta(days=now_ns // DAY_NS)
     candidates = (utc_ns(day + dt.timedelta(days=shift), seconds_of_day) for shift in (-1, 0, 1))
     return min(candidates, key=lambda time_ns: abs(time_ns - now_ns))
 

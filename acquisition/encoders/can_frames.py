@@ -17,13 +17,14 @@ from nmea2000.message import NMEA2000Field, NMEA2000Message
 from acquisition.config.sections import CanFrames
 from acquisition.core.actuators import Actuators, name_of_order, rudder_channels, shafts
 from acquisition.core.channels import BY_NAME
+from acquisition.core.frames import NANO
 from acquisition.core.units import DEG_PER_RAD, scale_to
+from acquisition.decoders.clock import DAY_NS
 from acquisition.decoders.dbc import find_signal, load_dbc, missing_by_rule
 from acquisition.encoders import Moment, Packet
 
 _LIBRARY = threading.Lock()  # its codec, one a process, raises when two threads meet in it
 _ADDRESS = 35
-_DAY_NS = 86_400_000_000_000
 
 
 class CanEncoder:
@@ -84,11 +85,11 @@ class CanEncoder:
             self._dbc.setdefault(message.name, (message, {}))[1][channel] = (signal, scale)
 
     def _system_time(self, moment: Moment) -> list[Packet]:
-        days, rest_ns = divmod(moment.time_ns, _DAY_NS)
+        days, rest_ns = divmod(moment.time_ns, DAY_NS)
         fields = {
             "source": "GPS",
             "date": dt.date(1970, 1, 1) + dt.timedelta(days=days),
-            "time": rest_ns / 1e9,
+            "time": rest_ns / NANO,
         }
         return self._group(126992, "systemTime", fields, (), priority=3)
 

@@ -13,11 +13,10 @@ from acquisition.core.actuators import (
     rudder_channels,
     shaft_numbers,
 )
+from acquisition.core.frames import EPOCH
 from acquisition.core.units import KNOT_MPS
 from acquisition.decoders.nmea0183 import checksum
 from acquisition.encoders import Moment, Packet
-
-_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 
 
 def sentence(body: str) -> bytes:
@@ -156,7 +155,7 @@ def _turn(angle_deg: float | None, digits: int) -> str:
 
 def _clock(time_ns: int) -> tuple[dt.datetime, str]:
     """The UTC date and ``hhmmss.ffffff`` of a time; whole microseconds, rounded down."""
-    moment = _EPOCH + dt.timedelta(microseconds=floor(time_ns / 1000))
+    moment = EPOCH + dt.timedelta(microseconds=floor(time_ns / 1000))
     return moment, moment.strftime("%H%M%S.%f")
 
 

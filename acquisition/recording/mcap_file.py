@@ -33,9 +33,9 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.storage import CommittedFile
 
-MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_CODE = int(Opcode.MESSAGE)
 _FIXED_BYTES = 2 + 4 + 8 + 8
@@ -72,7 +72,7 @@ class McapFile:
         self._attachments = self._metadata = 0
         self._span: tuple[int, int] | None = None
         self._begin_chunk()
-        stream.write(MAGIC + serialise(Header("", library)))
+        stream.write(MCAP_MAGIC + serialise(Header("", library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Define a schema and return its number."""
@@ -161,7 +161,7 @@ class McapFile:
         summary += offsets
         crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, _FOOTER_BYTES, start, offsets_start), zlib.crc32(summary))
         footer = Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
-        self._stream.write(bytes(summary) + serialise(footer) + MAGIC)
+        self._stream.write(bytes(summary) + serialise(footer) + MCAP_MAGIC)
 
     def _begin_chunk(self) -> None:
         due = len(self._indexes[Opcode.CHUNK_INDEX]) % _CHUNKS_TO_NEXT_DEFINITIONS == 0
@@ -221,4 +221,4 @@ class McapFile:
 
 def end_without_index() -> bytes:
     """What ends a file that there is no room to index: readers can do without an index."""
-    return serialise(DataEnd(0)) + serialise(Footer(0, 0, 0)) + MAGIC
+    return serialise(DataEnd(0)) + serialise(Footer(0, 0, 0)) + MCAP_MAGIC

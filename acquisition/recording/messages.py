@@ -10,7 +10,7 @@ from typing import Any
 
 import orjson
 
-from acquisition.core.frames import Frame, FrameFlag, Sample
+from acquisition.core.frames import NANO, Frame, FrameFlag, Sample
 from acquisition.core.trial import Trial
 from acquisition.recording.schemas import (
     CHANNEL_PREFIX,
@@ -22,7 +22,6 @@ from acquisition.recording.schemas import (
     raw_topic,
 )
 
-_NANO = 1_000_000_000
 _LEVELS = {"debug": 1, "info": 2, "warning": 3, "error": 4, "fatal": 5}
 
 
@@ -47,7 +46,7 @@ class MessageSink(ABC):
             "monotonic_ns": sample.monotonic_ns,
         }
         if sample.source_ns is not None:  # left out, for null is no number: some viewers know one type a field
-            body["source_time"] = sample.source_ns / _NANO
+            body["source_time"] = sample.source_ns / NANO
         self.write(CHANNEL_PREFIX + sample.quantity, orjson.dumps(body), sample.received_ns, sample.measured_ns)
 
     def write_raw(self, frame: Frame) -> None:
@@ -100,7 +99,7 @@ class MessageSink(ABC):
 
 
 def _timestamp(time_ns: int) -> dict[str, int]:
-    return {"sec": time_ns // _NANO, "nsec": time_ns % _NANO}
+    return {"sec": time_ns // NANO, "nsec": time_ns % NANO}
 
 
 def frame_of(topic: str, data: bytes, log_ns: int, publish_ns: int) -> Frame:

@@ -11,9 +11,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from acquisition.core.frames import FrameFlag
+from acquisition.core.frames import NANO, FrameFlag
 
-_NANO = 1_000_000_000
 _MOST_BYTES = 64
 _FAST_BYTES = 223  # the most that a message in several frames of NMEA 2000 can hold
 _ERROR_BIT = 0x20000000  # candump marks error frames by a bit above the 29 of the identifier
@@ -134,7 +133,7 @@ def _time_ns(text: str) -> int | None:
     seconds, _, fraction = text.partition(".")
     if not seconds.isdigit() or (fraction and not fraction.isdigit()) or len(seconds) > 10:
         return None
-    return int(seconds) * _NANO + int(fraction[:9].ljust(9, "0"))
+    return int(seconds) * NANO + int(fraction[:9].ljust(9, "0"))
 
 
 def _utc_ns(text: str, zone: dt.tzinfo | None) -> int | None:
@@ -145,4 +144,4 @@ def _utc_ns(text: str, zone: dt.tzinfo | None) -> int | None:
     except ValueError:
         return None
     seconds = round((whole.replace(tzinfo=zone) if zone else whole.astimezone()).timestamp())
-    return seconds * _NANO + int(fraction[:9].ljust(9, "0"))
+    return seconds * NANO + int(fraction[:9].ljust(9, "0"))

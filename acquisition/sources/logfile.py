@@ -12,14 +12,13 @@ import re
 from typing import BinaryIO
 
 from acquisition.config.sections import FileSource
-from acquisition.core.frames import Frame
+from acquisition.core.frames import EPOCH, Frame
 from acquisition.decoders.clock import is_possible
 from acquisition.decoders.nmea0183 import split_tag, unix_ns
 from acquisition.sources import LogReader
 from acquisition.sources.streams import LineAssembler
 
 _BLOCK_BYTES = 8192
-_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 _STAMP = re.compile(
     rb"(\d{13}|\d{10}(?:\.\d{1,9})?|\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(?:\.\d{1,9})?Z)[ \t,;]+(?=[$!\\])"
 )
@@ -76,6 +75,6 @@ def _stamp_ns(text: str) -> int | None:
     if "T" not in text:
         return unix_ns(text)
     try:
-        return (dt.datetime.fromisoformat(text) - _EPOCH) // dt.timedelta(microseconds=1) * 1000
+        return (dt.datetime.fromisoformat(text) - EPOCH) // dt.timedelta(microseconds=1) * 1000
     except ValueError:
         return None

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from acquisition.core.arrays import Bools, Floats
 from acquisition.core.errors import InputError
+from acquisition.core.frames import NANO
 from acquisition.core.trial import Trial
 
 _OPENERS: dict[str, Callable[[Path], Any]] = {
@@ -32,7 +33,7 @@ _OPENERS: dict[str, Callable[[Path], Any]] = {
     ".xz": lzma.open,
 }
 """How a CSV file is opened, by what comes after ``.csv``."""
-_NANO, _MICRO = 1_000_000_000, 1_000_000
+_MICRO = 1_000_000
 _DELIMITERS = (",", ";", "\t")
 _PROBE_BYTES = 8192
 _ZONED = r"\d[T ]\d\d.*(?:[Zz]|[+-]\d\d(?::?\d\d)?)\s*$"
@@ -316,7 +317,7 @@ def _from_seconds(seconds: Floats, start: str | None) -> pd.DatetimeIndex:
     begin = pd.Timestamp(start) if start else pd.Timestamp(0, tz="UTC")
     valid = np.isfinite(seconds) & (np.abs(seconds) < 9e9)
     whole = np.floor(np.where(valid, seconds, 0.0))
-    unit = _MICRO if start is None else _NANO
-    part = np.rint((np.where(valid, seconds, 0.0) - whole) * unit).astype(np.int64) * (_NANO // unit)
-    time_ns = whole.astype(np.int64) * _NANO + part + begin.as_unit("ns").value
+    unit = _MICRO if start is None else NANO
+    part = np.rint((np.where(valid, seconds, 0.0) - whole) * unit).astype(np.int64) * (NANO // unit)
+    time_ns = whole.astype(np.int64) * NANO + part + begin.as_unit("ns").value
     return pd.DatetimeIndex(np.where(valid, time_ns.astype("datetime64[ns]"), np.datetime64("NaT")), tz="UTC")

@@ -24,10 +24,9 @@ import pandas as pd
 
 from acquisition.core.angles import unwrap, wrap_360
 from acquisition.core.arrays import Floats
-from acquisition.core.channels import POSE, VELOCITY, is_circular
+from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
 from analysis.tables.table import NANO, times_ns
 
-MOTION = (*POSE, *VELOCITY)
 HALF_WIDTH_S, USUAL_LENGTH_M = 10.0, 25.0
 _LEAST_SAMPLES = 5
 _PARABOLIC = ("north_m", "east_m")
@@ -48,7 +47,7 @@ def smooth_motion(table: pd.DataFrame, half_width_s: float = HALF_WIDTH_S) -> pd
     times_ns = pd.DatetimeIndex(table.index).as_unit("ns").asi8
     step_s = float(np.median(np.diff(times_ns))) / 1e9 if len(table) > 1 else 1.0
     columns = {}
-    for name in MOTION:
+    for name in POSE_AND_VELOCITY:
         values = table[name].to_numpy(dtype=float)
         smooth = local_quadratic(unwrap(values) if is_circular(name) else values, half_width_s / step_s)
         columns[name] = wrap_360(smooth) if is_circular(name) else smooth
@@ -87,7 +86,7 @@ def _around(values: Floats, kernel: Floats) -> Floats:
 
 def motion_known_after(table: pd.DataFrame, at: pd.Timestamp) -> bool:
     """Whether all of the ship's motion is known at some time after ``at``."""
-    after = table.loc[table.index > at, list(MOTION)]
+    after = table.loc[table.index > at, list(POSE_AND_VELOCITY)]
     return bool(after.notna().all(axis=1).any())
 
 
@@ -99,7 +98,7 @@ def one_sided_motion(table: pd.DataFrame, at: pd.Timestamp, half_width_s: float 
     before_s = (times_ns(table) - at.as_unit("ns").value) / NANO
     near = (before_s > -half_width_s) & (before_s <= 0.0)
     row = {}
-    for name in MOTION:
+    for name in POSE_AND_VELOCITY:
         values = table[name].to_numpy(dtype=float)[near]
         series = unwrap(values) if is_circular(name) else values
         end = one_sided_value(before_s[near] / half_width_s, series, 2 if name in _PARABOLIC else 1)

@@ -36,7 +36,7 @@ from analysis.estimation.process_models import Law, Model, WaveMotion, WhiteJerk
 
 _QUARTILE_OF_ABSOLUTE_NORMAL = 0.31864  # a quarter of |z| lies below it
 STRETCHES, STEPS_OF_STRETCH = 10, 200
-LEAST = {"position": 1e-4, "heading": 1e-5, "speed": 1e-4, "yaw_rate": 1e-6}
+LEAST = {"position_m": 1e-4, "heading_rad": 1e-5, "speed_mps": 1e-4, "yaw_rate_radps": 1e-6}
 """The least noise that is searched for, SI."""
 LEAST_JERK, MOST_JERK = 1e-7, 1e2
 _CALM, _WAVY = 3, 6  # numbers without waves, and with them but without their direction
@@ -84,18 +84,15 @@ class NoiseLevels:
     @property
     def yaw_laws(self) -> tuple[Law, ...]:
         """How the heading moves: slowly, and in waves where there are any."""
-        waves = WaveMotion(self.yaw_wave_speed, self.yaw_wave_frequency_radps, self.yaw_wave_damping, _YAW_ORDER)
-        return (WhiteJerk(self.yaw_jerk), *([waves] if self.yaw_wave_speed > 0 else []))
+        waves = (self.yaw_wave_speed, self.yaw_wave_frequency_radps, self.yaw_wave_damping)
+        return _laws(self.yaw_jerk, *waves, _YAW_ORDER)
 
     @property
     def laws(self) -> tuple[tuple[Law, ...], tuple[Law, ...]]:
         """How north and east move, or swing along and across the waves."""
-        frequency, damping = self.wave_frequency_radps, self.wave_damping
-        slow = WhiteJerk(self.jerk)
-        if self.wave_speed <= 0:
-            return (slow,), (slow,)
-        along = WaveMotion(self.wave_speed, frequency, damping)
-        return (slow, along), (slow, WaveMotion(self.wave_speed * self.wave_across, frequency, damping))
+        shape = (self.wave_frequency_radps, self.wave_damping)
+        along, across = self.wave_speed, self.wave_speed * self.wave_across
+        return _laws(self.jerk, along, *shape), _laws(self.jerk, across, *shape)
 
     @property
     def heading_model(self) -> Model:
@@ -115,13 +112,17 @@ class NoiseLevels:
 
         A search that ends at its bound has not found a level: such data were made, filtered or held.
         """
-        least = {"position_m": LEAST["position"], "heading_rad": LEAST["heading"], "speed_mps": LEAST["speed"],
-                 "yaw_rate_radps": LEAST["yaw_rate"]}  # fmt: skip
-        found = {name for name, bound in least.items() if getattr(self, name) <= bound * (1.0 + _AT_BOUND)}
+        found = {name for name, bound in LEAST.items() if getattr(self, name) <= bound * (1.0 + _AT_BOUND)}
         for name in ("jerk", "yaw_jerk"):
             if not LEAST_JERK * (1.0 + _AT_BOUND) < getattr(self, name) < MOST_JERK * (1.0 - _AT_BOUND):
                 found.add(name)
         return tuple(sorted(found))
+
+
+def _laws(jerk: float, speed: float, frequency_radps: float, damping: float, order: int = 2) -> tuple[Law, ...]:
+    """How a quantity moves: slowly, and in waves where their ``speed`` is not zero."""
+    slow = WhiteJerk(jerk)
+    return (slow, WaveMotion(speed, frequency_radps, damping, order)) if speed > 0.0 else (slow,)
 
 
 def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevels:
@@ -136,12 +137,12 @@ def estimate_levels(data: MotionSamples, gate: Gate | None = None) -> NoiseLevel
     noise = np.array([first[[NORTH, EAST]].mean(), first[[SURGE, SWAY]].mean()])
     alone = [(heading_steps(part, 1.0, 1.0), first_state(part)) for part in parts]
     turning = Search(alone, (0,), np.array([0, 1]), first[[HEADING, YAW_RATE]],
-                      (LEAST["heading"], LEAST["yaw_rate"]), rules, order=_YAW_ORDER)  # fmt: skip
+                      (LEAST["heading_rad"], LEAST["yaw_rate_radps"]), rules, order=_YAW_ORDER)  # fmt: skip
     yaw_calm = _calm(turning)
     yaw = yaw_calm[0]
     given = [_given_heading(part, _levels(_NOTHING, yaw), rules) for part in parts]
     moving = Search([(steps, start) for steps, start, _ in given], (1, 2), np.array([0, 0, 1, 1]), noise,
-                     (LEAST["position"], LEAST["speed"]), rules, [added for *_, added in given])  # fmt: skip
+                     (LEAST["position_m"], LEAST["speed_mps"]), rules, [added for *_, added in given])  # fmt: skip
     calm = _calm(moving)
     horizontal = _with_waves(moving, calm, _SPEEDS, [2 * np.pi / period for period in _WAVE_PERIODS_S])
     if horizontal.size > _CALM:
@@ -268,11 +269,10 @@ class Search:
         """All innovations and their variances at the logarithms of levels, jerk and, if they go on, wave motion."""
         levels = np.exp(logs)
         across, direction_rad = across_of(logs)
-        laws: list[Law] = []
-        for share in (1.0, across)[: len(self.quantities)]:
-            laws.append(WhiteJerk(float(levels[2])))
-            if levels.size > _CALM:
-                laws.append(WaveMotion(share * float(levels[3]), float(levels[4]), float(levels[5]), self.order))
+        speed, frequency, damping = levels[_CALM:_WAVY].tolist() or _NO_WAVES
+        shares = (1.0, across)[: len(self.quantities)]
+        each = (_laws(float(levels[2]), share * speed, frequency, damping, self.order) for share in shares)
+        laws = [law for some in each for law in some]
         quantities = np.repeat(self.quantities, len(laws) // len(self.quantities))
         model = Model(tuple(quantities.tolist()), tuple(laws), direction_rad)
         steps, starts = self._view(model)

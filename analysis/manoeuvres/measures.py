@@ -20,10 +20,11 @@ import numpy as np
 
 from acquisition.core.angles import wrap_360
 from acquisition.core.arrays import Floats
+from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.kinematics import to_body
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.manoeuvres.indices import unit_of
-from analysis.manoeuvres.motion import MEASURED_COLUMNS, Motion, noise_of, running_median, stretches
+from analysis.manoeuvres.motion import Motion, noise_of, running_median, stretches
 
 APPROACH_S = 10.0
 
@@ -165,7 +166,7 @@ def half_width_s(motion: Motion, time_scale_s: float) -> float:
 def smooth_motion(motion: Motion, half_width: float) -> Motion:
     """Pose and speeds replaced by local second-degree fits over ``half_width`` [s] to either side."""
     rows = half_width / motion.step_s
-    return motion.with_columns({name: _quadratic(getattr(motion, name), rows) for name in MEASURED_COLUMNS})
+    return motion.with_columns({name: _quadratic(getattr(motion, name), rows) for name in POSE_AND_VELOCITY})
 
 
 def _quadratic(values: Floats, half_width: float) -> Floats:
@@ -213,11 +214,11 @@ def bootstrap_indices(
     smooth = smooth_motion(motion, half_width)
     values = measure(smooth, executes_s)
     spectra = {name: _spectrum(getattr(motion, name) - getattr(smooth, name), half_width / motion.step_s)
-               for name in MEASURED_COLUMNS}  # fmt: skip
+               for name in POSE_AND_VELOCITY}  # fmt: skip
     repeats = []
     for _ in range(REPLICATES):
         noisy = {name: getattr(smooth, name) + _draw(spectra[name], smooth.time_s.size, random)
-                 for name in MEASURED_COLUMNS}  # fmt: skip
+                 for name in POSE_AND_VELOCITY}  # fmt: skip
         again = smooth_motion(smooth.with_columns(noisy), half_width)
         shifts = random.uniform(-1.0, 1.0, executes_s.shape) + random.uniform(-1.0, 1.0)
         moved = executes_s + motion.step_s * unsure_rows * shifts

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from acquisition.core.actuators import KINDS, Actuator, Actuators
 from acquisition.core.angles import unwrap, wrap_180, wrap_360
 from acquisition.core.arrays import Complexes, Floats
-from acquisition.core.channels import POSE, VELOCITY, is_circular
+from acquisition.core.channels import POSE_AND_VELOCITY, is_circular
 from acquisition.core.errors import InputError
 from analysis.estimation.local_polynomial import local_quadratic
 from analysis.kinematics import integrate, to_earth
@@ -155,9 +155,6 @@ def _part(values: Any, part: slice) -> Any:
     return values[part] if isinstance(values, np.ndarray) else values
 
 
-MEASURED_COLUMNS = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
-
-
 def steering_of(actuators: Actuators) -> Actuators:
     """What a ship is steered by: her rudders, else the drives that turn their thrust; none where she has none."""
     able = tuple(each for each in actuators if each.angle is not None)
@@ -174,13 +171,13 @@ def motion_of(table: pd.DataFrame, length_m: float | None = None) -> Motion:
     steering, driving = steering_of(actuators), tuple(each for each in actuators if each.drives)
     if not driving:
         raise InputError("the ship has nothing that drives her ahead", fix="name the actuators in the trial")
-    require(table, (*POSE, *VELOCITY, *(channel.name for channel in (*steering, *driving)[0].channels)))
+    require(table, (*POSE_AND_VELOCITY, *(channel.name for channel in (*steering, *driving)[0].channels)))
     heading = _cleaned_heading(table)
     grid = _with_sharp_settings(resample(table.assign(heading_deg=heading), _rate_hz(table)), table)
     time_ns = times_ns(grid)
     time_s = (time_ns - time_ns[0]) / NANO
     step_s = float(time_s[1] - time_s[0]) if time_s.size > 1 else 1.0
-    known = grid[[*POSE, *VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
+    known = grid[[*POSE_AND_VELOCITY]].notna().all(axis=1).to_numpy(dtype=bool)
     yaw_rate = fill_gaps(grid["yaw_rate_dps"].to_numpy())
     turned = _continuous(grid["heading_deg"].to_numpy(), yaw_rate, step_s)
     surge, sway = (fill_gaps(grid[name].to_numpy()) for name in ("surge_mps", "sway_mps"))

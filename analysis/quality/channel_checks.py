@@ -291,8 +291,7 @@ class ChannelFaults:
         jumped = {(jump.start_ns, jump.end_ns) for jump in jumps}
         silent_s = sum(each.size for each in gaps if (each.start_ns, each.end_ns) not in jumped)
         missing = round(silent_s / interval) if interval else 0
-        kinds, counts = np.unique(self.flags(), return_counts=True)
-        flagged = {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
+        flagged = count_flags(self.flags())
         return ChannelQuality(
             count=times.size,
             rate_hz=(times.size - 1) / span_s if span_s > 0 else 0.0,
@@ -345,6 +344,12 @@ def channel_faults(
 def _throughout(times: Ints, size: float) -> list[Stretch]:
     """All of a channel's time as a stretch of this size; none where there is nothing."""
     return [Stretch(int(times.min()), int(times.max()), size)] if size else []
+
+
+def count_flags(flags: Flags) -> dict[int, int]:
+    """How many samples have each flag; what is missing is none."""
+    kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
+    return {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
 
 
 def grade_of(flagged: dict[int, int], missing: int, named: bool) -> Grade:

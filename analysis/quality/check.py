@@ -15,7 +15,7 @@ from acquisition.core.channels import BY_NAME, channel_names
 from acquisition.core.frames import Quality
 from acquisition.core.result import Result
 from acquisition.recording.reader import Recording
-from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, find_spikes
+from analysis.quality.channel_checks import ChannelFaults, ChannelQuality, channel_faults, count_flags, find_spikes
 from analysis.quality.commands import check_orders, check_thruster_feedback
 from analysis.quality.findings import (
     ALL,
@@ -132,14 +132,9 @@ def _check(series: Mapping[str, Series], joined: pd.DataFrame) -> DataQuality:
     columns = joined[list(series)]
     flags = columns.notna().astype(np.uint8).replace({1: int(Quality.BAD), 0: int(Quality.MISSING)})
     flags.loc[inside, list(parts)] = quality.flags.to_numpy()
-    channels = {name: replace(each, count=series[name].value.size, flagged=_count_flags(flags[name]))
+    channels = {name: replace(each, count=series[name].value.size, flagged=count_flags(flags[name].to_numpy()))
                 for name, each in quality.channels.items()}  # fmt: skip
     return replace(quality, channels=channels, flags=flags)
-
-
-def _count_flags(flags: pd.Series[Any]) -> dict[int, int]:
-    kinds, counts = np.unique(flags[flags != Quality.MISSING], return_counts=True)
-    return {int(kind): int(count) for kind, count in zip(kinds, counts, strict=True)}
 
 
 def _check_stretch(

@@ -15,11 +15,11 @@ import pandas as pd
 
 from acquisition.core.angles import unwrap
 from acquisition.core.arrays import Floats, Ints, Series
+from acquisition.core.channels import POSE_AND_VELOCITY
 from analysis.kinematics import to_earth
 from analysis.quality.samples import white_noise
 from analysis.tables.table import NANO, times_ns
 
-MOTION = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 _IRREGULAR, _MOST_PLACES = 0.3, 200
 _SURE, _FEWEST, _RARELY = 5.0, 20, 300
 
@@ -81,9 +81,9 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
     Needs position, heading, surge, sway and yaw rate in common rows; rows that lack one are passed over. Returns
     none where they are missing, where the stamps are irregular throughout, or where the ship lies still.
     """
-    if not set(MOTION) <= set(table.columns):
+    if not set(POSE_AND_VELOCITY) <= set(table.columns):
         return []
-    moving = table.loc[:, list(MOTION)].dropna()
+    moving = table.loc[:, list(POSE_AND_VELOCITY)].dropna()
     if len(moving) < 2 * _FEWEST:
         return []
     stamps = times_ns(moving)
@@ -100,7 +100,7 @@ def clock_jumps(table: pd.DataFrame) -> list[ClockJump]:
 
 
 def _track_of(moving: pd.DataFrame, stamps: Ints) -> _Track:
-    north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in MOTION)
+    north, east, heading, surge, sway, turning = (moving[name].to_numpy(dtype=float) for name in POSE_AND_VELOCITY)
     psi = np.deg2rad(heading)
     values = np.column_stack([north, east, unwrap(heading)])
     rates = np.column_stack([*to_earth(surge, sway, psi), turning])

@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from acquisition.core.angles import in_turn
+from acquisition.core.angles import in_turn, wraps_of
 from acquisition.core.arrays import Floats, Ints
-from acquisition.core.channels import BY_NAME, is_circular
+from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY, is_circular
 from acquisition.core.errors import ConfigurationError, DataShortageError, InputError
 from analysis.report.pages import duration_text
 from analysis.report.rendering import TEMPLATES, Page, render
@@ -32,7 +32,6 @@ MOST_ROWS = 20_000
 """Rows that a browser draws at once without a pause; of more, those with extremes are kept."""
 MOST_PREDICTED = 12_000
 """Rows of one method's predictions; of more, every second, third, ... window is kept."""
-PREDICTED = ("north_m", "east_m", "heading_deg", "surge_mps", "sway_mps", "yaw_rate_dps")
 DECIMALS = {"m": 2, "deg": 2, "m/s": 3, "deg/s": 3, "rpm": 1, "%": 1}
 """Decimals by unit: finer than any sensor aboard, and a third of the digits of a double."""
 
@@ -111,7 +110,7 @@ def _style(data: Mapping[str, Any], table: pd.DataFrame) -> dict[str, Any]:
     }
     groups = sorted(control_groups(actuators).items(), key=lambda each: "[rpm]" not in each[0])
     panels = [
-        *((label(name), (name,)) for name in PREDICTED[2:]),
+        *((label(name), (name,)) for name in POSE_AND_VELOCITY[2:]),
         *groups,
         (label("wind_speed_mps"), ("wind_speed_mps",)), ("wind from [deg]", ("wind_direction_deg",)),
     ]  # fmt: skip
@@ -186,7 +185,7 @@ def page_data(
     """Everything that the page draws, fit for JSON: NaN is null, times count from ``start_ms`` [ms since 1970].
 
     ``table`` holds any of the channels of a trial, in order of time. ``windows`` is the long table of held windows,
-    ``predicted`` has a table of :data:`PREDICTED` by method, with the number of the ``window``.
+    ``predicted`` has a table of pose and velocity by method, with the number of the ``window``.
     Raises :class:`InputError` for a table that is not in order of time, :class:`DataShortageError` for one
     without rows or without any channel.
     """
@@ -224,7 +223,7 @@ def _columns(table: pd.DataFrame, names: Iterable[str]) -> dict[str, Any]:
     shown = {name: round_values(name, table[name].to_numpy(dtype=float)) for name in names}
     return {
         "channels": {name: nullable(values) for name, values in shown.items()},
-        "lifts": {name: wraps_of(values) for name, values in shown.items() if is_circular(name)},
+        "lifts": {name: wraps_of(values).tolist() for name, values in shown.items() if is_circular(name)},
     }
 
 
@@ -253,16 +252,6 @@ def holes_of(time_ns: Ints) -> Ints:
     """The rows that come after a hole in time."""
     step = np.diff(time_ns)
     return np.flatnonzero(step > _HOLE * np.median(step)) + 1 if step.size else np.empty(0, dtype=np.int64)
-
-
-def wraps_of(angle_deg: Floats) -> list[int]:
-    """The rows at which a drawn line would cross the whole turn.
-
-    >>> wraps_of(np.array([350.0, 359.0, 1.0, np.nan, 359.0]))
-    [2]
-    """
-    with np.errstate(invalid="ignore"):
-        return (np.flatnonzero(np.abs(np.diff(angle_deg)) > 180.0) + 1).tolist()
 
 
 def select_rows(columns: Mapping[str, Floats], holes: Ints, rows: int, most: int = MOST_ROWS) -> Ints:
@@ -312,7 +301,7 @@ def _prediction(predicted: pd.DataFrame, start_ms: int) -> dict[str, Any]:
     return {
         "every": every,
         "time_s": seconds_since(times_ns(predicted)[chosen], start_ms),
-        **_columns(predicted.iloc[chosen], [name for name in PREDICTED if name in predicted]),
+        **_columns(predicted.iloc[chosen], [name for name in POSE_AND_VELOCITY if name in predicted]),
         "holes": (np.flatnonzero(np.diff(number[chosen])) + 1).tolist(),
     }
 

@@ -16,11 +16,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Affine2D, ScaledTranslation
-from numpy.typing import NDArray
 from rich.text import Text
 
 from acquisition.core.actuators import Actuators, control_names, part_of_control
-from acquisition.core.angles import difference
+from acquisition.core.angles import wraps_of
+from acquisition.core.arrays import Floats
 from acquisition.core.channels import BY_NAME
 from analysis.kinematics import mean_wind
 from analysis.tables.table import table_actuators, utc_index
@@ -210,11 +210,11 @@ def series(
     return artists
 
 
-def break_at_wrap(angle_deg: pd.Series) -> NDArray[np.float64]:
+def break_at_wrap(angle_deg: pd.Series) -> Floats:
     """The values of an angle with NaN where the drawn line would cross the whole turn."""
-    values = angle_deg.to_numpy(dtype=float)
-    turned = np.abs(np.diff(values) - difference(values[1:], values[:-1])) > 1.0
-    return np.concatenate([values[:1], np.where(turned, np.nan, values[1:])])
+    values = angle_deg.to_numpy(dtype=float, copy=True)
+    values[wraps_of(values)] = np.nan
+    return values
 
 
 def held_shade(axes: Axes, windows: pd.DataFrame) -> PolyCollection:

@@ -21,7 +21,7 @@ from pathlib import Path
 import pandas as pd
 
 from acquisition.core.actuators import from_text
-from acquisition.core.channels import BY_NAME, POSE, VELOCITY
+from acquisition.core.channels import BY_NAME, POSE_AND_VELOCITY
 from acquisition.core.errors import InputError
 from acquisition.recording.reader import read_recording
 from analysis.estimation.smoother import COVARIANCE_NAMES, SmoothedMotion, smooth
@@ -91,9 +91,8 @@ def trial_names(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-STATES = (*POSE, *VELOCITY)
-SLOW_STATES = tuple(f"slow_{name}" for name in STATES)
-START_COLUMNS = ("window", "trial", "leg", "start", *STATES, *COVARIANCE_NAMES, *SLOW_STATES)
+SLOW_STATES = tuple(f"slow_{name}" for name in POSE_AND_VELOCITY)
+START_COLUMNS = ("window", "trial", "leg", "start", *POSE_AND_VELOCITY, *COVARIANCE_NAMES, *SLOW_STATES)
 """The columns of the starts: states in the units of the channels, covariances in SI with angles in radians."""
 
 
@@ -130,9 +129,9 @@ def add_start_states(windows: HeldWindows, motion: Mapping[str, SmoothedMotion])
 def _starts(first: pd.DataFrame, motion: SmoothedMotion) -> pd.DataFrame:
     at = pd.DatetimeIndex(first["start"])
     columns = (
-        motion.states[list(STATES)],
+        motion.states[list(POSE_AND_VELOCITY)],
         motion.covariance_columns(),
-        motion.slow[list(STATES)].set_axis(list(SLOW_STATES), axis=1),
+        motion.slow[list(POSE_AND_VELOCITY)].set_axis(list(SLOW_STATES), axis=1),
     )
     values = [each.reindex(at).reset_index(drop=True) for each in columns]
     return pd.concat([first.reset_index(drop=True), *values], axis=1)[list(START_COLUMNS)]

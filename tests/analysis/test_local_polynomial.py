@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from acquisition.core.angles import difference, wrap_360
+from acquisition.core.channels import POSE_AND_VELOCITY
 from analysis.estimation.local_polynomial import (
-    MOTION,
     half_width_for,
     local_quadratic,
     motion_known_after,
@@ -25,7 +25,7 @@ SECONDS = np.arange(240.0)
 
 def motion_table(seconds: np.ndarray = SECONDS, **columns: np.ndarray) -> pd.DataFrame:
     """A table of the motion channels, zero where nothing is given."""
-    return table_at(seconds, {name: columns.get(name, np.zeros(seconds.size)) for name in MOTION})
+    return table_at(seconds, {name: columns.get(name, np.zeros(seconds.size)) for name in POSE_AND_VELOCITY})
 
 
 @settings(max_examples=40, deadline=None)
@@ -152,7 +152,7 @@ def test_only_motion_is_smoothed_and_the_table_is_left_alone() -> None:
     table = motion_table(surge_mps=np.sin(SECONDS)).assign(port_rpm=100.0)
     before = table.copy()
     smooth = smooth_motion(table)
-    assert list(smooth.columns) == list(MOTION)
+    assert list(smooth.columns) == list(POSE_AND_VELOCITY)
     assert smooth.index.equals(table.index)
     pd.testing.assert_frame_equal(table, before)
 
@@ -180,7 +180,7 @@ def test_lines_and_bent_positions_come_out_exactly_at_any_second() -> None:
     table = turning()
     for second in (10, 45, 59):
         row = one_sided_motion(table.iloc[: second + 1], INDEX[second]).iloc[0]
-        for name in MOTION:
+        for name in POSE_AND_VELOCITY:
             assert difference(row[name], table[name].iloc[second]) == pytest.approx(0.0, abs=1e-6), name
 
 

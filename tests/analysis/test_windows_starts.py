@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from acquisition.core.actuators import DEFAULT
+from acquisition.core.channels import POSE_AND_VELOCITY
 from acquisition.core.trial import Trial
 from acquisition.recording.tables import write_table
 from analysis.estimation.smoother import COVARIANCE_NAMES, smooth
@@ -20,7 +21,6 @@ from analysis.tables.resample import resample
 from analysis.windows.held import REASONS, columns_for, feedback_of, held_windows, join_windows
 from analysis.windows.recordings import (
     START_COLUMNS,
-    STATES,
     WindowOptions,
     add_start_states,
     read_windows,
@@ -54,8 +54,8 @@ def test_starts_are_the_smoothed_motion_at_second_0(voyage: pd.DataFrame, tmp_pa
     assert tuple(starts.columns) == START_COLUMNS
     assert len(COVARIANCE_NAMES) == 21
     assert starts["window"].tolist() == list(range(windows.kept))
-    expected = motion.states.loc[pd.DatetimeIndex(starts["start"]), list(STATES)]
-    assert np.array_equal(starts[list(STATES)].to_numpy(), expected.to_numpy())
+    expected = motion.states.loc[pd.DatetimeIndex(starts["start"]), list(POSE_AND_VELOCITY)]
+    assert np.array_equal(starts[list(POSE_AND_VELOCITY)].to_numpy(), expected.to_numpy())
     row = motion.states.index.get_loc(starts["start"].iloc[3])
     assert starts["cov_north_m_surge_mps"].iloc[3] == motion.covariance[row, 0, 3]
     assert (starts["cov_heading_deg_heading_deg"] > 0).all()
