@@ -13,8 +13,8 @@ from itertools import repeat
 
 import numpy as np
 import orjson
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import Chunk, McapRecord, Message
 from numpy.typing import NDArray
 
 from acquisition.core.arrays import Series
@@ -52,7 +52,7 @@ class Batch:
     end: NDArray[np.int64]
 
     @classmethod
-    def of_message(cls, message: Message) -> Batch:
+    def of_message(cls, message: mcap.Message) -> Batch:
         """A message that stands outside of all chunks."""
         return cls(
             np.array([message.channel_id], np.uint16),
@@ -71,12 +71,12 @@ class Batch:
         """The undecoded data of each message."""
         return [self.plain[start:end] for start, end in zip(self.start.tolist(), self.end.tolist(), strict=True)]
 
-    def messages(self) -> Iterator[Message]:
+    def messages(self) -> Iterator[mcap.Message]:
         """Each message by itself, as the library has them."""
         columns = (self.channel, self.log_ns, self.publish_ns, self.sequence)
         rows = zip(*(column.tolist() for column in columns), self.data(), strict=True)
         for channel, log_ns, publish_ns, sequence, data in rows:
-            yield Message(channel, log_ns, data, publish_ns, sequence)
+            yield mcap.Message(channel, log_ns, data, publish_ns, sequence)
 
     def of_channels(self, numbers: Iterable[int]) -> Batch:
         """Only the messages of some channels."""
@@ -85,7 +85,7 @@ class Batch:
         return Batch(*columns, self.plain, self.start[chosen], self.end[chosen])
 
 
-def batches(chunk: Chunk) -> Iterator[Batch | McapRecord]:
+def batches(chunk: mcap.Chunk) -> Iterator[Batch | mcap.McapRecord]:
     """The messages in a chunk, those that follow each other together, and its schemas and channels.
 
     Raises :class:`RecordError` where a record is not what it should be, after all that stands before it.

@@ -14,24 +14,9 @@ from collections import defaultdict
 from typing import Any
 
 import zstandard
+from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
 
 from acquisition.recording.scan import MCAP_MAGIC
 from acquisition.recording.storage import CommittedFile
@@ -45,7 +30,7 @@ _FOOTER_BYTES = 8 + 8 + 4
 _CHUNKS_TO_NEXT_DEFINITIONS = 300
 
 
-def serialise(record: McapRecord) -> bytes:
+def serialise(record: mcap.McapRecord) -> bytes:
     """One record as it stands in a file."""
     builder: Any = RecordBuilder()
     writable: Any = record
@@ -72,18 +57,18 @@ class McapFile:
         self._attachments = self._metadata = 0
         self._span: tuple[int, int] | None = None
         self._begin_chunk()
-        stream.write(MCAP_MAGIC + serialise(Header("", library)))
+        stream.write(MCAP_MAGIC + serialise(mcap.Header("", library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Define a schema and return its number."""
         number = len(self._schemas) + 1
-        self._schemas.append(self._define(Schema(id=number, name=name, encoding=encoding, data=data)))
+        self._schemas.append(self._define(mcap.Schema(id=number, name=name, encoding=encoding, data=data)))
         return number
 
     def register_channel(self, topic: str, message_encoding: str, schema_id: int) -> int:
         """Define a channel and return its number."""
         number = len(self._channels) + 1
-        channel = Channel(
+        channel = mcap.Channel(
             id=number, topic=topic, message_encoding=message_encoding, schema_id=schema_id, metadata={}
         )
         self._channels.append(self._define(channel))
@@ -102,18 +87,18 @@ class McapFile:
 
     def add_metadata(self, name: str, metadata: dict[str, str]) -> None:
         """Add a metadata record, outside all chunks."""
-        record, offset = serialise(Metadata(name=name, metadata=metadata)), self._stream.tell()
+        record, offset = serialise(mcap.Metadata(name=name, metadata=metadata)), self._stream.tell()
         self._stream.write(record)
-        index = MetadataIndex(offset=offset, length=len(record), name=name)
+        index = mcap.MetadataIndex(offset=offset, length=len(record), name=name)
         self._indexes[Opcode.METADATA_INDEX].append(serialise(index))
         self._metadata += 1
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Add an attachment, outside all chunks."""
-        attachment = Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
+        attachment = mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
         record, offset = serialise(attachment), self._stream.tell()
         self._stream.write(record)
-        index = AttachmentIndex(
+        index = mcap.AttachmentIndex(
             offset=offset, length=len(record), create_time=0, log_time=0, data_size=len(data), name=name,
             media_type=media_type,
         )  # fmt: skip
@@ -126,7 +111,7 @@ class McapFile:
             return
         start_ns = min(min(places[::2]) for places in self._index.values())
         end_ns = max(max(places[::2]) for places in self._index.values())
-        chunk = Chunk(
+        chunk = mcap.Chunk(
             compression="zstd",
             data=self._compressor.compress(bytes(self._chunk)),
             message_start_time=start_ns,
@@ -146,13 +131,13 @@ class McapFile:
     def finish(self) -> None:
         """Write the last chunk, the index and the end of the file."""
         self.end_chunk()
-        self._stream.write(serialise(DataEnd(0)))
+        self._stream.write(serialise(mcap.DataEnd(0)))
         start = self._stream.tell()
         summary = bytearray()
         offsets = bytearray()
         for opcode, records in self._summary():
             if records:
-                group = SummaryOffset(
+                group = mcap.SummaryOffset(
                     group_opcode=opcode, group_start=start + len(summary), group_length=sum(map(len, records))
                 )
                 offsets += serialise(group)
@@ -160,7 +145,7 @@ class McapFile:
         offsets_start = start + len(summary)
         summary += offsets
         crc = zlib.crc32(_FOOTER_HEAD.pack(Opcode.FOOTER, _FOOTER_BYTES, start, offsets_start), zlib.crc32(summary))
-        footer = Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
+        footer = mcap.Footer(summary_start=start, summary_offset_start=offsets_start, summary_crc=crc)
         self._stream.write(bytes(summary) + serialise(footer) + MCAP_MAGIC)
 
     def _begin_chunk(self) -> None:
@@ -168,13 +153,13 @@ class McapFile:
         self._chunk = bytearray(b"".join(self._schemas + self._channels) if due else b"")
         self._index: defaultdict[int, list[int]] = defaultdict(list)  # time, place, time, place ...
 
-    def _define(self, record: Schema | Channel) -> bytes:
+    def _define(self, record: mcap.Schema | mcap.Channel) -> bytes:
         data = serialise(record)
         self._chunk += data
         self._repeat.append(data)
         return data
 
-    def _index_chunk(self, chunk: Chunk, offset: int, length: int) -> None:
+    def _index_chunk(self, chunk: mcap.Chunk, offset: int, length: int) -> None:
         """Write where in the chunk each channel's messages are, and keep where the chunk is."""
         start = self._stream.tell()
         places: dict[int, int] = {}
@@ -183,7 +168,7 @@ class McapFile:
             head = _INDEX.pack(Opcode.MESSAGE_INDEX, 6 + 8 * len(entries), channel_id, 8 * len(entries))
             self._stream.write(head + struct.pack(f"<{len(entries)}Q", *entries))
             self._counts[channel_id] += len(entries) // 2
-        index = ChunkIndex(
+        index = mcap.ChunkIndex(
             message_start_time=chunk.message_start_time,
             message_end_time=chunk.message_end_time,
             chunk_start_offset=offset,
@@ -198,7 +183,7 @@ class McapFile:
 
     def _summary(self) -> list[tuple[Opcode, list[bytes]]]:
         start_ns, end_ns = self._span or (0, 0)
-        statistics = Statistics(
+        statistics = mcap.Statistics(
             attachment_count=self._attachments,
             channel_count=len(self._channels),
             channel_message_counts=self._counts,
@@ -221,4 +206,4 @@ class McapFile:
 
 def end_without_index() -> bytes:
     """What ends a file that there is no room to index: readers can do without an index."""
-    return serialise(DataEnd(0)) + serialise(Footer(0, 0, 0)) + MCAP_MAGIC
+    return serialise(mcap.DataEnd(0)) + serialise(mcap.Footer(0, 0, 0)) + MCAP_MAGIC

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import orjson
-from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Metadata, Statistics
+from mcap import records as mcap
 
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
@@ -98,10 +98,10 @@ class MessageStream:
                     raise self._damaged("a message of no topic")
                 messages += len(record)
                 yield record
-            elif isinstance(record, Channel):
+            elif isinstance(record, mcap.Channel):
                 if self.topics.setdefault(record.id, record.topic) != record.topic:
                     raise self._damaged("two topics of one number")
-            elif isinstance(record, Statistics):
+            elif isinstance(record, mcap.Statistics):
                 promised = record.message_count
             else:
                 self._note(record)
@@ -111,24 +111,24 @@ class MessageStream:
     def run_sheets(self) -> Iterator[Trial]:
         """What the file says of its trial, one word after the other."""
         for record in self._records():
-            if isinstance(record, Metadata) and record.name == "trial":
+            if isinstance(record, mcap.Metadata) and record.name == "trial":
                 self._note(record)
                 yield self.trial
 
-    def _note(self, record: McapRecord) -> None:
-        if isinstance(record, Metadata) and record.name != "trial":
+    def _note(self, record: mcap.McapRecord) -> None:
+        if isinstance(record, mcap.Metadata) and record.name != "trial":
             self.metadata[record.name] = record.metadata
-        elif isinstance(record, Metadata):
+        elif isinstance(record, mcap.Metadata):
             try:
                 self.trial = Trial.from_metadata(record.metadata)
             except ValueError as error:  # metadata have no checksum of their own
                 raise self._damaged(f"its run sheet: {error}") from error
-        elif isinstance(record, Attachment):
+        elif isinstance(record, mcap.Attachment):
             self.attachments[record.name] = record.data
-        elif isinstance(record, Footer):
+        elif isinstance(record, mcap.Footer):
             self.closed = True
 
-    def _records(self) -> Iterator[Batch | McapRecord]:
+    def _records(self) -> Iterator[Batch | mcap.McapRecord]:
         """Records, messages in batches, until the end or the cut; damage before the end is an InputError."""
         with open_recording(self.path) as stream:
             for found in scan(stream):
@@ -136,12 +136,12 @@ class MessageStream:
                     self.closed = False
                     if not found.cut:
                         raise self._damaged(found.why, f" near byte {found.start}")
-                elif isinstance(found.record, Chunk):
+                elif isinstance(found.record, mcap.Chunk):
                     try:
                         yield from batches(found.record)
                     except RecordError as error:
                         raise self._damaged(str(error), f" near byte {found.start}") from error
-                elif isinstance(found.record, Message):
+                elif isinstance(found.record, mcap.Message):
                     yield Batch.of_message(found.record)
                 elif found.record is not None:
                     yield found.record

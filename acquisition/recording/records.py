@@ -14,26 +14,10 @@ from dataclasses import replace
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
+from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    DataEnd,
-    Footer,
-    Header,
-    McapRecord,
-    Message,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
 
 LARGEST_BYTES = 64 * 1024 * 1024
 """A record, or a chunk once decompressed, beyond this is damage, not data."""
@@ -49,20 +33,20 @@ _CHUNK = struct.Struct("<QQQII")  # start, end, size, checksum, and the length o
 _INDEX = struct.Struct("<HI")
 _COMPRESSIONS = (b"", b"lz4", b"zstd")
 _FIRST_PRIVATE = 0x80  # from here on opcodes belong to applications
-_PARSERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
-    Opcode.HEADER: Header.read,
-    Opcode.FOOTER: Footer.read,
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.CHUNK: Chunk.read,
-    Opcode.CHUNK_INDEX: ChunkIndex.read,
-    Opcode.ATTACHMENT: Attachment.read,
-    Opcode.ATTACHMENT_INDEX: AttachmentIndex.read,
-    Opcode.STATISTICS: Statistics.read,
-    Opcode.METADATA: Metadata.read,
-    Opcode.METADATA_INDEX: MetadataIndex.read,
-    Opcode.SUMMARY_OFFSET: SummaryOffset.read,
-    Opcode.DATA_END: DataEnd.read,
+_PARSERS: dict[int, Callable[[ReadDataStream], mcap.McapRecord]] = {
+    Opcode.HEADER: mcap.Header.read,
+    Opcode.FOOTER: mcap.Footer.read,
+    Opcode.SCHEMA: mcap.Schema.read,
+    Opcode.CHANNEL: mcap.Channel.read,
+    Opcode.CHUNK: mcap.Chunk.read,
+    Opcode.CHUNK_INDEX: mcap.ChunkIndex.read,
+    Opcode.ATTACHMENT: mcap.Attachment.read,
+    Opcode.ATTACHMENT_INDEX: mcap.AttachmentIndex.read,
+    Opcode.STATISTICS: mcap.Statistics.read,
+    Opcode.METADATA: mcap.Metadata.read,
+    Opcode.METADATA_INDEX: mcap.MetadataIndex.read,
+    Opcode.SUMMARY_OFFSET: mcap.SummaryOffset.read,
+    Opcode.DATA_END: mcap.DataEnd.read,
 }
 _FORMAT_ERRORS = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError)  # lz4 raises the last
 
@@ -97,7 +81,7 @@ def is_known(opcode: int) -> bool:
     return Opcode.HEADER <= opcode <= Opcode.DATA_END or is_private(opcode)
 
 
-def parse(opcode: int, content: bytes) -> McapRecord | None:
+def parse(opcode: int, content: bytes) -> mcap.McapRecord | None:
     """The record with this content; a chunk comes decompressed; None for what is of no use to a reader.
 
     These are private records and the index of a chunk's messages. Raises :class:`RecordError`.
@@ -106,7 +90,7 @@ def parse(opcode: int, content: bytes) -> McapRecord | None:
         if len(content) < _MESSAGE.size:
             raise RecordError("a message too short")
         channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(content)
-        return Message(channel_id, log_ns, content[_MESSAGE.size :], publish_ns, sequence)
+        return mcap.Message(channel_id, log_ns, content[_MESSAGE.size :], publish_ns, sequence)
     if opcode == Opcode.MESSAGE_INDEX:
         if len(content) < _INDEX.size or _INDEX.unpack_from(content)[1] + _INDEX.size != len(content):
             raise RecordError("a record of a wrong length")
@@ -114,9 +98,9 @@ def parse(opcode: int, content: bytes) -> McapRecord | None:
     if is_private(opcode):
         return None
     record = _parse_fields(opcode, memoryview(content) if opcode == Opcode.CHUNK else content)
-    if isinstance(record, Attachment):
+    if isinstance(record, mcap.Attachment):
         _check_checksum(content[:-4], int.from_bytes(content[-4:], "little"), "an attachment")
-    if isinstance(record, Chunk):
+    if isinstance(record, mcap.Chunk):
         return replace(record, compression="", data=_decompressed(record))
     return record
 
@@ -136,7 +120,7 @@ def check_chunk_head(fields: bytes, length: int) -> None:
         raise RecordError(f"a chunk of more than {LARGEST_BYTES // 2**20} MiB")
 
 
-def _parse_fields(opcode: int, content: bytes | memoryview) -> McapRecord:
+def _parse_fields(opcode: int, content: bytes | memoryview) -> mcap.McapRecord:
     fields = _Fields(content)
     try:
         record = _PARSERS[opcode](fields)
@@ -147,7 +131,7 @@ def _parse_fields(opcode: int, content: bytes | memoryview) -> McapRecord:
     return record
 
 
-def _decompressed(chunk: Chunk) -> bytes:
+def _decompressed(chunk: mcap.Chunk) -> bytes:
     """A chunk's records, never more than it said that they are: what its data claim is not believed."""
     enough = chunk.uncompressed_size + 1  # one more, to notice that there is more
     try:

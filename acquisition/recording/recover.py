@@ -19,21 +19,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
 
+from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import (
-    Attachment,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    Footer,
-    Header,
-    McapRecord,
-    Message,
-    Metadata,
-    Schema,
-)
 from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
@@ -51,7 +40,7 @@ _KEY = struct.Struct("<QQQQ")
 _CHUNK_BYTES = 1024 * 1024
 _MESSAGE_HEAD_BYTES = HEAD.size + 22
 
-Definition = TypeVar("Definition", Channel, Schema)
+Definition = TypeVar("Definition", mcap.Channel, mcap.Schema)
 
 
 @dataclass(slots=True)
@@ -61,9 +50,9 @@ class Definitions:
     ``chunk_starts`` is where chunks begin by the word of the index, used for nothing but to count the lost ones.
     """
 
-    header: Header = field(default_factory=lambda: Header("", ""))
-    vouched: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
-    others: dict[tuple[type, int], Channel | Schema] = field(default_factory=dict)
+    header: mcap.Header = field(default_factory=lambda: mcap.Header("", ""))
+    vouched: dict[tuple[type, int], mcap.Channel | mcap.Schema] = field(default_factory=dict)
+    others: dict[tuple[type, int], mcap.Channel | mcap.Schema] = field(default_factory=dict)
     chunk_starts: array[int] = field(default_factory=lambda: array("Q"))
 
     def find(self, kind: type[Definition], number: int) -> Definition | None:
@@ -81,11 +70,11 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     for found in scan_definitions(stream, progress):
         if not isinstance(found, Intact):
             continue
-        if isinstance(found.record, Header):
+        if isinstance(found.record, mcap.Header):
             definitions.header = found.record
-        if isinstance(found.record, ChunkIndex):
+        if isinstance(found.record, mcap.ChunkIndex):
             definitions.chunk_starts.append(found.record.chunk_start_offset)
-        known = definitions.vouched if isinstance(found.record, Chunk) else definitions.others
+        known = definitions.vouched if isinstance(found.record, mcap.Chunk) else definitions.others
         for record in _definitions_in(found.record):
             first = known.setdefault((type(record), record.id), record)
             if first is record or first != record:
@@ -96,15 +85,15 @@ def collect_definitions(stream: BinaryIO, path: Path, progress: Progress) -> Def
     return definitions
 
 
-def _size_bytes(record: Channel | Schema) -> int:
-    return len(record.data) if isinstance(record, Schema) else len(record.topic) + len(str(record.metadata))
+def _size_bytes(record: mcap.Channel | mcap.Schema) -> int:
+    return len(record.data) if isinstance(record, mcap.Schema) else len(record.topic) + len(str(record.metadata))
 
 
-def _definitions_in(record: McapRecord | None) -> Iterator[Channel | Schema]:
-    within = batches(record) if isinstance(record, Chunk) else iter([record])
+def _definitions_in(record: mcap.McapRecord | None) -> Iterator[mcap.Channel | mcap.Schema]:
+    within = batches(record) if isinstance(record, mcap.Chunk) else iter([record])
     with suppress(RecordError):  # counted when the messages are copied
         for each in within:
-            if isinstance(each, Channel | Schema):
+            if isinstance(each, mcap.Channel | mcap.Schema):
                 yield each
 
 
@@ -159,7 +148,7 @@ def verify(partial: Path, target: Path, saved: Digest) -> None:
         raise _unlike(target, f"{ours.messages:,} and {theirs.messages:,} messages of {saved.messages:,}")
 
 
-def _by_index(stream: BinaryIO) -> Iterator[tuple[str, Message]]:
+def _by_index(stream: BinaryIO) -> Iterator[tuple[str, mcap.Message]]:
     """Topics and messages in file order, found by the library through the file's index.
 
     The library's own ``iter_messages`` in file order would first hold all of them.
@@ -169,8 +158,8 @@ def _by_index(stream: BinaryIO) -> Iterator[tuple[str, Message]]:
         raise ValueError("it has no summary")
     for index in summary.chunk_indexes:
         stream.seek(index.chunk_start_offset + HEAD.size)
-        for record in breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True):
-            if isinstance(record, Message):
+        for record in breakup_chunk(mcap.Chunk.read(ReadDataStream(stream)), validate_crc=True):
+            if isinstance(record, mcap.Message):
                 yield summary.channels[record.channel_id].topic, record
 
 
@@ -276,7 +265,7 @@ class _Saving:
         self._last_ns: int | None = None
         self._after_damage = False
         for record in list(definitions.vouched.values()):  # a topic without a message is to be kept too
-            if isinstance(record, Channel):
+            if isinstance(record, mcap.Channel):
                 self._channel(record.id)
 
     def take(self, found: Intact | Damage) -> None:
@@ -288,38 +277,38 @@ class _Saving:
             self._after_damage |= found.messages
         elif found.private:
             self.found.lose("a private record of another program", size_bytes)
-        elif isinstance(found.record, Chunk):
+        elif isinstance(found.record, mcap.Chunk):
             self._take_chunk(found.record, size_bytes)
-        elif isinstance(found.record, Message):
+        elif isinstance(found.record, mcap.Message):
             self._take_message(found.record)
-        elif isinstance(found.record, Metadata):
+        elif isinstance(found.record, mcap.Metadata):
             self._take_metadata(found.record)
-        elif isinstance(found.record, Attachment):
+        elif isinstance(found.record, mcap.Attachment):
             each = found.record
             self._writer.add_attachment(each.create_time, each.log_time, each.name, each.media_type, each.data)
             self.found.attachments += 1
-        elif isinstance(found.record, Footer):
+        elif isinstance(found.record, mcap.Footer):
             self.found.closed = True
 
-    def _take_chunk(self, chunk: Chunk, size_bytes: int) -> None:
+    def _take_chunk(self, chunk: mcap.Chunk, size_bytes: int) -> None:
         try:
             for record in batches(chunk):
                 if isinstance(record, Batch):
                     for message in record.messages():
                         self._take_message(message)
-                elif isinstance(record, Channel | Schema):
+                elif isinstance(record, mcap.Channel | mcap.Schema):
                     self._redefine(record)
         except RecordError as error:
             self.found.lose(str(error), size_bytes, chunks=1)
             self._after_damage = True
 
-    def _redefine(self, record: Channel | Schema) -> None:
+    def _redefine(self, record: mcap.Channel | mcap.Schema) -> None:
         key = (type(record), record.id)
         if self._definitions.vouched.get(key) != record:  # two files made into one use their numbers twice
             self._definitions.vouched[key] = record
             self._topics.clear()
 
-    def _take_message(self, message: Message) -> None:
+    def _take_message(self, message: mcap.Message) -> None:
         channel = self._topics.get(message.channel_id) or self._channel(message.channel_id)
         if channel is None:
             self.found.lose("a message of no known topic", _MESSAGE_HEAD_BYTES + len(message.data))
@@ -335,7 +324,7 @@ class _Saving:
             self._last_ns = self.found.recovered_until_ns = log_ns
         self._after_damage = False
 
-    def _take_metadata(self, metadata: Metadata) -> None:
+    def _take_metadata(self, metadata: mcap.Metadata) -> None:
         name = metadata.name
         if name == "trial":
             try:
@@ -348,7 +337,7 @@ class _Saving:
 
     def _channel(self, number: int) -> tuple[int, str] | None:
         """The copy's number of a channel, and its topic."""
-        channel = self._definitions.find(Channel, number)
+        channel = self._definitions.find(mcap.Channel, number)
         if channel is None:
             return None
         schema = self._schema(channel.schema_id)
@@ -361,7 +350,7 @@ class _Saving:
         return self._topics[number]
 
     def _schema(self, number: int) -> int:
-        schema = self._definitions.find(Schema, number)
+        schema = self._definitions.find(mcap.Schema, number)
         if schema is None:
             return 0  # MCAP's word for none
         key = (number, schema.name, schema.encoding, schema.data)

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import Chunk, DataEnd, McapRecord
 
 from acquisition.core.errors import InputError
 from acquisition.recording.records import (
@@ -53,7 +53,7 @@ class Intact:
 
     start: int
     end: int
-    record: McapRecord | None
+    record: mcap.McapRecord | None
     private: bool = False
 
 
@@ -156,7 +156,7 @@ class _Records:
             check_chunk_head(self._peek(offset + HEAD.size, CHUNK_HEAD_BYTES), length)
         return opcode, offset + HEAD.size + length
 
-    def _record(self, opcode: int, content: bytes, end: int) -> McapRecord | None:
+    def _record(self, opcode: int, content: bytes, end: int) -> mcap.McapRecord | None:
         """The record, if its surroundings make it one: not every kind has a checksum or a length of its own.
 
         After damage in a file of chunks no message outside a chunk counts: it is more likely out of the damaged
@@ -170,10 +170,10 @@ class _Records:
             raise RecordError("no magic bytes at the end")
         return parse(opcode, content)
 
-    def _account(self, record: McapRecord | None, head: bytes, content: bytes) -> None:
-        if isinstance(record, Chunk):
+    def _account(self, record: mcap.McapRecord | None, head: bytes, content: bytes) -> None:
+        if isinstance(record, mcap.Chunk):
             self._chunked, self._amid_damage = True, False
-        if isinstance(record, DataEnd):
+        if isinstance(record, mcap.DataEnd):
             if self._checksum is not None and record.data_section_crc not in (0, self._checksum):
                 raise RecordError("the checksum of the whole data is wrong")
             self._checksum = None  # it ends here

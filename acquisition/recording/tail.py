@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Footer, McapRecord, Metadata
 
 from acquisition.core.arrays import Series
 from acquisition.core.errors import InputError
@@ -126,7 +126,7 @@ class Tail:
         content = os.pread(self._descriptor, place.end - place.start - HEAD.size, place.start + HEAD.size)
         try:
             record = parse(place.opcode, content)
-            for each in batches(record) if isinstance(record, Chunk) else [record]:
+            for each in batches(record) if isinstance(record, mcap.Chunk) else [record]:
                 self._note(each, samples)
         except (RecordError, KeyError, TypeError, ValueError, OverflowError):
             if is_last and self._doubted != place.start:
@@ -135,18 +135,18 @@ class Tail:
             self.damaged += 1
         return True
 
-    def _note(self, record: Batch | McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
+    def _note(self, record: Batch | mcap.McapRecord | None, samples: dict[str, SeriesBuilder]) -> None:
         if isinstance(record, Batch):
             numbers = [
                 each for each in np.unique(record.channel).tolist() if self._topics[each].startswith(CHANNEL_PREFIX)
             ]
             if numbers:
                 add_samples(samples, record.of_channels(numbers), self._topics)
-        elif isinstance(record, Channel):
+        elif isinstance(record, mcap.Channel):
             self._topics[record.id] = record.topic
-        elif isinstance(record, Metadata) and record.name == "trial":
+        elif isinstance(record, mcap.Metadata) and record.name == "trial":
             self.trial = Trial.from_metadata(record.metadata)
-        elif isinstance(record, Metadata):
+        elif isinstance(record, mcap.Metadata):
             self.metadata[record.name] = record.metadata
-        elif isinstance(record, Footer):
+        elif isinstance(record, mcap.Footer):
             self.ended = True
